@@ -1,0 +1,162 @@
+"""What is pressed into what: the contact problem, without grids and without tolerances.
+
+Every model of this project takes a `Problem`. SI units; z points up out of the layer, whose free
+surface is z = 0; an approach is positive when a ball is pressed into the layer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+from linear_bem.errors import InvalidProblem
+
+LoadKind = Literal["approach", "force", "total_force"]
+Profile = Callable[..., object]
+"""f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """Isotropic elastic constants: Young's modulus [Pa] and Poisson's ratio [-]."""
+
+    young: float
+    poisson: float
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus [Pa]."""
+        return self.young / (2.0 * (1.0 + self.poisson))
+
+    @property
+    def lame_first(self) -> float:
+        """First Lame constant [Pa]; infinite for an incompressible material."""
+        if self.poisson == 0.5:
+            return math.inf
+        return self.young * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
+
+    @property
+    def contact_modulus(self) -> float:
+        """E / (1 - nu^2) [Pa], the modulus of frictionless contact with a rigid indenter."""
+        return self.young / (1.0 - self.poisson**2)
+
+
+@dataclass(frozen=True)
+class Layer(Elastic):
+    """The elastic layer: elastic constants and thickness [m] (``inf``: a homogeneous half-space)."""
+
+    thickness: float
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
+
+    ``shape`` is "paraboloid" (the paper's r^2 / 2R), "sphere", or a convex profile ``f(x, y)`` with
+    f(0, 0) = 0 that takes and returns numpy arrays.
+    """
+
+    position: tuple[float, float]
+    radius: float
+    shape: str | Profile = "paraboloid"
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is prescribed: one approach [m] or force [N] per ball, or one total force [N] on all.
+
+    ``total_force`` is the paper's problem 1 (one rigid holder, common approach), ``force`` its
+    problem 2, ``approach`` what its experiments impose.
+    """
+
+    kind: LoadKind
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FiniteStrain:
+    """Effect: a hyperelastic layer with contact in the deformed configuration."""
+
+    law: str = "neo_hookean"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rigid balls pressed into a layer on an elastic half-space (``substrate``) or a rigid base.
+
+    Raises `InvalidProblem` with every fault found.
+    """
+
+    layer: Layer
+    balls: tuple[Ball, ...]
+    load: Load
+    substrate: Elastic | None = None
+    finite_strain: FiniteStrain | None = None
+
+    def __post_init__(self) -> None:
+        faults = [*self._material_faults(), *self._ball_faults(), *self._load_faults()]
+        if faults:
+            raise InvalidProblem(*faults)
+
+    @property
+    def size(self) -> int:
+        """Number of balls."""
+        return len(self.balls)
+
+    def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
+        """Return the same bodies under another load."""
+        return Problem(self.layer, self.balls, Load(kind, tuple(values)), self.substrate, self.finite_strain)
+
+    def _material_faults(self) -> list[str]:
+        faults = []
+        if not self.layer.thickness > 0.0:
+            faults.append(f"layer.thickness: must be greater than 0, got {self.layer.thickness:g} m")
+        for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
+            if solid is None:
+                continue
+            if not (solid.young > 0.0 and math.isfinite(solid.young)):
+                faults.append(f"{name}.young: must be greater than 0 and finite, got {solid.young:g} Pa")
+            if not 0.0 <= solid.poisson <= 0.5:
+                faults.append(f"{name}.poisson: must lie between 0 and 0.5, got {solid.poisson:g}")
+        return faults
+
+    def _ball_faults(self) -> list[str]:
+        if not self.balls:
+            return ["balls.positions: at least one ball is needed, got none"]
+        faults = []
+        for i, ball in enumerate(self.balls):
+            if not (ball.radius > 0.0 and math.isfinite(ball.radius)):
+                faults.append(f"balls.radius[{i}]: must be greater than 0 and finite, got {ball.radius:g} m")
+            if not all(math.isfinite(c) for c in ball.position):
+                faults.append(f"balls.positions[{i}]: must be finite, got {ball.position}")
+            if isinstance(ball.shape, str) and ball.shape not in ("paraboloid", "sphere"):
+                faults.append(f'balls.shape: must be "paraboloid" or "sphere", got "{ball.shape}"')
+        for (i, a), (j, b) in combinations(enumerate(self.balls), 2):
+            # balls that rest on one plane touch when their axes are 2 sqrt(R_a R_b) apart
+            gap = math.dist(a.position, b.position)
+            touch = 2.0 * math.sqrt(max(a.radius * b.radius, 0.0))
+            if gap < touch * (1.0 - 1e-9):
+                faults.append(
+                    f"balls.positions: balls {i} and {j} overlap: their axes are {gap:g} m apart, "
+                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m"
+                )
+        return faults
+
+    def _load_faults(self) -> list[str]:
+        kind, values = self.load.kind, self.load.values
+        if kind not in ("approach", "force", "total_force"):
+            return [f'load: must be "approach", "force" or "total_force", got "{kind}"']
+        expected = 1 if kind == "total_force" else len(self.balls)
+        faults = []
+        if len(values) != expected:
+            faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}")
+        if not all(math.isfinite(v) for v in values):
+            faults.append(f"load.{kind}: must be finite, got {values}")
+        elif kind == "approach" and not any(v > 0.0 for v in values):
+            faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {values} m")
+        elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
+            faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")
+        return faults
