@@ -1,0 +1,159 @@
+#!/usr/bin/env bash
+# Proves the README's two commands on a bare Debian: a debootstrapped root with nothing but the base system.
+#
+#   tests/on_debian.sh RELEASE [quickstart|tests|both|setup] [options]
+#
+# RELEASE is 12, 13, sid or a code name. `both` is the default; `setup` is the set-up of both without their jobs.
+#   --user         run as an ordinary user without sudo, once before the Debian packages are there (the command must refuse,
+#                  in plain words) and once after root has installed them
+#   --commit REV   prove that commit; without it, the files of the working tree that git does not ignore
+#   --keep         go on in the root of the last run; without it, the root is a bare base system again
+#   --cache DIR    where the base system, the Debian packages and the root are kept (default /var/tmp/thirdbody-debian-RELEASE)
+#   --ca FILE      certificates that pip trusts inside (default: those PIP_CERT or SSL_CERT_FILE name here, if either is set)
+#
+# Needs root and the network (deb.debian.org, pypi.org). All runs in namespaces of its own: mounts and processes end with it.
+set -euo pipefail
+mirror=http://deb.debian.org/debian
+checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
+
+stop() {
+  printf 'on_debian: %s\n' "$@" >&2
+  exit 2
+}
+
+usage() {
+  sed -n '2,/^set -/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"
+  exit "$1"
+}
+
+release='' what=both account=root commit='' keep=no cache='' ca=${PIP_CERT:-${SSL_CERT_FILE:-}}
+arguments=("$@")
+while (($#)); do
+  case $1 in
+    --user) account=tester ;;
+    --commit) commit=${2:?--commit wants a revision} && shift ;;
+    --keep) keep=yes ;;
+    --cache) cache=${2:?--cache wants a folder} && shift ;;
+    --ca) ca=${2:?--ca wants a file} && shift ;;
+    quickstart | tests | both | setup) what=$1 ;;
+    -h | --help) usage 0 ;;
+    12 | bookworm) release=12 suite=bookworm ;;
+    13 | trixie) release=13 suite=trixie ;;
+    sid | unstable) release=sid suite=sid ;;
+    *) stop "what is '$1'?" "see: tests/on_debian.sh --help" ;;
+  esac
+  shift
+done
+[[ -n $release ]] || usage 2
+((EUID == 0)) || stop "needs root, for debootstrap and chroot: sudo $0 ${arguments[*]}"
+[[ -z $ca || -r $ca ]] || stop "cannot read the certificates $ca"
+cache=${cache:-/var/tmp/thirdbody-debian-$release}
+root=$cache/root base=$cache/base.tar inside=/srv/thirdbody
+if [[ $account != root ]]; then inside=/home/$account/thirdbody; fi
+
+if [[ ${THIRDBODY_NAMESPACE:-} != inside ]]; then
+  if ! command -v debootstrap >/dev/null; then
+    DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends debootstrap >/dev/null ||
+      stop "cannot install debootstrap; by hand: apt-get update && apt-get install debootstrap"
+  fi
+  mkdir -p "$cache/packages/partial"
+  exec 9>"$cache/lock"
+  flock -n 9 || stop "another run uses $cache: wait for it, or name another --cache"
+  export THIRDBODY_NAMESPACE=inside
+  exec unshare --mount --pid --fork --kill-child --propagation private bash "${BASH_SOURCE[0]}" "${arguments[@]}"
+fi
+trap 'exit 130' INT TERM
+
+make_base() {
+  local log=$cache/debootstrap.log script=()
+  if [[ ! -e /usr/share/debootstrap/scripts/$suite ]]; then script=(sid); fi # an older debootstrap than the release
+  echo "on_debian: making the base system of $suite"
+  rm -rf "$cache/base"
+  debootstrap --variant=minbase "$suite" "$cache/base" "$mirror" ${script[@]+/usr/share/debootstrap/scripts/"${script[@]}"} >"$log" 2>&1 ||
+    { tail -n 5 "$log" >&2 && stop "debootstrap failed; all it printed is in $log"; }
+  rm -f "$cache/base/var/cache/apt/archives/"*.deb
+  tar --numeric-owner -C "$cache/base" -cf "$base.part" . && mv "$base.part" "$base"
+  rm -rf "$cache/base"
+}
+
+make_root() {
+  if [[ $keep == no || ! -x $root/bin/bash ]]; then
+    rm -rf "$root"
+    mkdir "$root"
+    tar --numeric-owner -C "$root" -xpf "$base"
+  fi
+  mount -t proc proc "$root/proc"
+  mount -t sysfs -o ro sysfs "$root/sys"
+  mount -t tmpfs -o mode=1777 tmpfs "$root/dev/shm"
+  mount -t devpts -o newinstance,ptmxmode=0666,mode=0620,gid=5 devpts "$root/dev/pts"
+  mount --bind "$cache/packages" "$root/var/cache/apt/archives"
+  cp -L /etc/resolv.conf /etc/hosts "$root/etc/"
+  if [[ -n $ca ]]; then cp -L -- "$ca" "$root/etc/on-debian-ca.pem"; fi
+  if [[ $account != root ]] && ! chroot "$root" id "$account" >/dev/null 2>&1; then chroot "$root" useradd --create-home "$account"; fi
+}
+
+copy_checkout() {
+  mkdir -p "$root$inside"
+  find "$root$inside" -mindepth 1 -maxdepth 1 ! -name .venv ! -name out -exec rm -rf {} +
+  if [[ -n $commit ]]; then
+    git -C "$checkout" -c safe.directory="$checkout" archive "$commit" | tar -C "$root$inside" -x
+  else
+    git -C "$checkout" -c safe.directory="$checkout" ls-files -z --cached --others --exclude-standard |
+      tar -C "$checkout" --null --files-from=- --ignore-failed-read -c 2>/dev/null | tar -C "$root$inside" -x
+  fi
+  if [[ $account == root ]]; then
+    chown -R 0:0 "$root$inside"
+  else
+    chroot "$root" chown -R "$account:" "$inside"
+  fi
+}
+
+passed=()
+for name in http_proxy https_proxy no_proxy HTTP_PROXY HTTPS_PROXY NO_PROXY PIP_INDEX_URL PIP_EXTRA_INDEX_URL PIP_TRUSTED_HOST PIP_DEFAULT_TIMEOUT; do
+  if [[ -n ${!name:-} ]]; then passed+=("$name=${!name}"); fi
+done
+if [[ -n $ca ]]; then passed+=(PIP_CERT=/etc/on-debian-ca.pem); fi
+
+summary=() faults=0
+# run NAME EXPECTED ACCOUNT COMMAND...: in the root, with an environment as bare as a first login's; EXPECTED is `works` or `refuses`.
+run() {
+  local name=$1 expected=$2 who=$3 status=0 begin seconds verdict=ok home=/root
+  shift 3
+  if [[ $who != root ]]; then home=/home/$who; fi
+  echo "on_debian: $name: $* (as $who)"
+  begin=$(date +%s%N)
+  chroot "$root" runuser -u "$who" -- env -i HOME="$home" USER="$who" PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+    "${passed[@]}" "$@" </dev/null 2>&1 | tee "$cache/$name.log" | sed 's/^/  /' || status=$?
+  seconds=$((($(date +%s%N) - begin) / 100000000))
+  if [[ ($expected == works && $status != 0) || ($expected == refuses && $status == 0) ]]; then
+    verdict="NOT AS EXPECTED" faults=1
+  fi
+  summary+=("$(printf '%-22s %7s s   exit code %-3s (it %s: %s)' "$name" "$((seconds / 10)).$((seconds % 10))" "$status" "$expected" "$verdict")")
+}
+
+[[ -s $base ]] || make_base
+make_root
+copy_checkout
+
+case $what in
+  quickstart) commands=(runs/quickstart.sh) again=run ;;
+  tests) commands=(tests/run.sh) again=test ;;
+  both) commands=(runs/quickstart.sh tests/run.sh) again=test ;;
+  setup) commands=("runs/setup.sh run" "runs/setup.sh test") again=test ;;
+esac
+if [[ $account != root && $keep == no ]]; then
+  run without-packages refuses "$account" bash "$inside/${commands[0]%% *}"
+  run packages works root bash "$inside/runs/setup.sh" packages
+fi
+for command in "${commands[@]}"; do
+  read -ra words <<<"$command"
+  name=${words[0]##*/}
+  run "${name%.sh}${words[1]:+-${words[1]}}" works "$account" bash "$inside/${words[0]}" "${words[@]:1}"
+done
+run setup-again works "$account" bash "$inside/runs/setup.sh" "$again"
+
+echo
+echo "on_debian: Debian $(<"$root/etc/debian_version") ($suite), $(chroot "$root" dpkg-query -W -f='.' | wc -c) packages, as $account${commit:+, commit $commit}"
+printf '  %s\n' "${summary[@]}"
+echo "on_debian: logs are in $cache, the root is $root"
+exit "$faults"

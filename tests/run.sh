@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Installs what is missing, then runs every check: ruff, mypy, pytest (which starts its two-rank tests through mpirun).
+#
+#   bash tests/run.sh [options of pytest; paths are those of the checkout]
+#
+# All of them run even if one fails; the exit code is non-zero if any did.
+set -euo pipefail
+# shellcheck source=runs/setup.sh
+. "$(dirname -- "${BASH_SOURCE[0]}")/../runs/setup.sh"
+set_up test
+
+cd -- "$checkout"
+summary=() failed=0
+# check NAME COMMAND...
+check() {
+  local name=$1 status=0 begin=$SECONDS
+  shift
+  echo "tests: $name"
+  "$@" || status=$?
+  if ((status)); then
+    failed=1
+    summary+=("$name FAILED (exit code $status, $((SECONDS - begin)) s)")
+  else
+    summary+=("$name passed ($((SECONDS - begin)) s)")
+  fi
+}
+check ruff .venv/bin/python -m ruff check .
+check mypy .venv/bin/python -m mypy
+check pytest .venv/bin/python -m pytest "$@"
+printf 'tests: %s\n' "${summary[@]}"
+exit "$failed"
