@@ -1,1 +1,37 @@
-"""Small-strain contact of rigid balls with a layered half-space: the paper's model, on numpy and scipy."""
+"""Small-strain contact of rigid balls with a layered half-space: the paper's model, on numpy and scipy.
+
+>>> from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
+>>> pair = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+>>> scene = Problem(Layer(1.0, 0.48, 1.16), pair, Load("force", (2.66666e-3,) * 2), Elastic(1e3, 0.3))
+>>> print(f"{solve(scene).balls[0].tangential_force[0]:.4e}")
+-1.1613e-07
+"""
+
+from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
+from linear_bem.kernel import LayeredKernel
+from linear_bem.point_load import solve_point_load
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from linear_bem.result import BallResult, Result
+from linear_bem.solve import Solution, solve, solve_contact
+from linear_bem.square import uniform_square_displacement
+
+__all__ = [
+    "Ball",
+    "BallResult",
+    "Elastic",
+    "FiniteStrain",
+    "InvalidProblem",
+    "Layer",
+    "LayeredKernel",
+    "Load",
+    "NotConverged",
+    "Problem",
+    "Result",
+    "Solution",
+    "ThirdBodyError",
+    "UnsupportedProblem",
+    "solve",
+    "solve_contact",
+    "solve_point_load",
+    "uniform_square_displacement",
+]

@@ -1,0 +1,108 @@
+"""The contact problem for separate smooth contacts: start, active balls, refinement in the degree of p^2."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.coupling import couple, influence
+from linear_bem.disc import Zone, exponents
+from linear_bem.errors import NotConverged
+from linear_bem.indentation import indentation_of_layer
+from linear_bem.kernel import LayeredKernel
+from linear_bem.newton import Nodes, SmoothSolution, solve_zones
+from linear_bem.problem import Problem
+from linear_bem.shapes import curvature, height
+
+Array = NDArray[np.float64]
+
+ROUGHEST = 8.0
+"""Largest contact radius over layer thickness for which p^2 is a polynomial worth computing."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """First guess: which balls touch, their zones, and all approaches [m]."""
+
+    touching: list[int]
+    zones: list[Zone]
+    approaches: Array
+
+
+def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
+    """Return ellipses of Hertz's pressure from the coupled point-load estimate."""
+    _, mutual = influence(problem, kernel)
+
+    def one(index: int, **given: float) -> tuple[float, float, float]:
+        s = indentation_of_layer(problem.layer, problem.substrate, problem.balls[index].radius, **given)
+        return s.approach, s.normal_force, s.contact_radius
+
+    def relation(d: Array) -> Array:
+        return np.array([one(i, approach=v)[1] if v > 0.0 else 0.0 for i, v in enumerate(d)])
+
+    def inverse(q: Array) -> Array:
+        return np.array([one(i, normal_force=v)[0] if v > 0.0 else 0.0 for i, v in enumerate(q)])
+
+    state = couple(problem, mutual, relation, inverse)
+    touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
+    zones = []
+    for i in touching:
+        _, force, radius = one(i, normal_force=float(state.forces[i]))
+        bend, turn = np.linalg.eigh(curvature(problem.balls[i], radius))
+        # axes of Hertz's ellipse go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28]
+        shape = (bend * problem.balls[i].radius) ** (-2.0 / 3.0)
+        peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
+        zones.append(_hertz_zone(problem.balls[i].position, turn * (radius * shape), peak))
+    return Start(touching, zones, state.approaches)
+
+
+def _hertz_zone(centre: tuple[float, float], axes: Array, peak: float) -> Zone:
+    i, j = exponents(2)
+    # 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2
+    coefficients = np.where((i == 2) | (j == 2), -0.5 * peak**2, 0.0)
+    return Zone(np.array(centre, dtype=float), axes, 2, coefficients)
+
+
+def solve_smooth(
+    problem: Problem,
+    kernel: LayeredKernel,
+    degree: int,
+    start: Start | SmoothSolution,
+    touching: list[int],
+    approaches: Array,
+) -> SmoothSolution:
+    """Return the solution at one degree of p^2, from a guess or from another degree's solution."""
+    old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
+    zones = [z.reframed(degree) for z in old]
+    place = {ball: k for k, ball in enumerate(touching)}
+    load = problem.load
+    groups: list[tuple[list[int], float]] = []
+    if load.kind == "force":
+        groups = [([place[i]], load.values[i] * kernel.singular) for i in touching]
+    elif load.kind == "total_force":
+        groups = [(list(place.values()), load.values[0] * kernel.singular)]
+    radius = max(float(np.sqrt(z.jacobian)) for z in zones)
+    if radius > ROUGHEST * kernel.thickness:
+        raise NotConverged(
+            f"smooth contact: contact radius {radius:g} m is {radius / kernel.thickness:.3g} layer thicknesses, "
+            f"more than {ROUGHEST:g}"
+        )
+    shapes = [height(problem.balls[i]) for i in touching]
+    return solve_zones(kernel, shapes, zones, approaches[touching], groups, 1e-9)
+
+
+def overlap(nodes: tuple[Nodes, ...]) -> bool:
+    """Return whether two zones come closer than a twentieth of the smaller one's radius."""
+    outlines = [np.array(n.zone.outline(48)) for n in nodes]
+    centres = np.array([n.zone.centre for n in nodes])
+    reach = np.array([np.max(np.hypot(*(o - c[:, None]))) for o, c in zip(outlines, centres, strict=True)])
+    for i in range(len(nodes)):
+        for j in range(i):
+            if np.hypot(*(centres[i] - centres[j])) > 1.1 * (reach[i] + reach[j]):
+                continue
+            gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :])).min()
+            if gap < 0.05 * min(reach[i], reach[j]):
+                return True
+    return False

@@ -1,0 +1,206 @@
+"""A solved contact: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from linear_bem.kernel import LayeredKernel
+from linear_bem.newton import Nodes, Rule, SmoothSolution
+from linear_bem.problem import Problem
+from linear_bem.shapes import height
+from linear_bem.tangential import mutual_force, slope_force
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SmoothContacts:
+    """Separate smooth contacts; ``touching`` lists the loaded balls in the order of the zones.
+
+    All numbers are SI. ``normal_forces``, ``approaches`` and the tangential forces have one entry per ball of
+    the problem, zero for balls that do not touch.
+    """
+
+    problem: Problem
+    kernel: LayeredKernel
+    touching: tuple[int, ...]
+    smooth: SmoothSolution
+    approaches: Array
+    routes: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of pressure coefficients."""
+        return sum(len(n.zone.coefficients) for n in self.smooth.nodes)
+
+    @property
+    def iterations(self) -> int:
+        """Newton steps taken."""
+        return self.smooth.iterations
+
+    @cached_property
+    def normal_forces(self) -> Array:
+        """Normal force on every ball [N]."""
+        return self._scatter([n.force / self.kernel.singular for n in self.smooth.nodes])
+
+    @cached_property
+    def _mutual(self) -> tuple[Array, Array]:
+        return mutual_force(self.kernel, self.smooth.nodes)
+
+    @cached_property
+    def mutual_force(self) -> Array:
+        """T on every ball [N] by the mutual formula, shape (balls, 2)."""
+        return self._scatter(self._mutual[0])
+
+    @cached_property
+    def pair_force_size(self) -> Array:
+        """Sum of the sizes of the pair forces on every ball [N]: what T may cancel from."""
+        return self._scatter(self._mutual[1])
+
+    @cached_property
+    def slope_force(self) -> Array:
+        """T on every ball [N] by the paper's slope integral, shape (balls, 2)."""
+        balls = [self.problem.balls[i] for i in self.touching]
+        return self._scatter(slope_force(self.kernel, balls, self.smooth.nodes))
+
+    @cached_property
+    def peak_pressures(self) -> Array:
+        """Largest contact pressure under every ball [Pa]."""
+        peaks = []
+        for n in self.smooth.nodes:
+            best = int(np.argmax(n.pressure))
+            peaks.append(_maximum(n, best) / self.kernel.singular)
+        return self._scatter(peaks)
+
+    @cached_property
+    def contact_areas(self) -> Array:
+        """Contact area of every ball [m^2]."""
+        return self._scatter([float(np.sum(n.weights)) for n in self.smooth.nodes])
+
+    def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
+        """Return points x, y [m] on the edge of one ball's contact (empty where it does not touch)."""
+        if ball not in self.touching:
+            return np.empty(0), np.empty(0)
+        return self.smooth.nodes[self.touching.index(ball)].zone.outline(count)
+
+    def pressure(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return the contact pressure [Pa] at surface points [m]."""
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        total = np.zeros(np.broadcast(x, y).shape)
+        for n in self.smooth.nodes:
+            total = total + n.zone.pressure(x, y)
+        return total / self.kernel.singular
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return the surface displacement [m], positive into the layer, at any surface points [m]."""
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        flat_x, flat_y = x.ravel(), y.ravel()
+        total = np.zeros(flat_x.shape)
+        for n in self.smooth.nodes:
+            total += zone_displacement(self.kernel, n, flat_x, flat_y)
+        return total.reshape(x.shape)
+
+    @cached_property
+    def certificate(self) -> dict[str, float]:
+        """Residuals recomputed at points that the solver did not use.
+
+        ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
+        largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
+        error of the prescribed forces; ``negative_pressure`` is 0: p is a square root.
+        """
+        scale = float(np.max(np.abs(self.approaches)))
+        inside = outside = product = 0.0
+        for i, n in zip(self.touching, self.smooth.nodes, strict=True):
+            zone, f = n.zone, height(self.problem.balls[i])
+            xi, eta, _, p = zone.quadrature(5, 7)
+            x, y = zone.points(xi, eta)
+            gap = self.displacement(x, y) + f(x, y) - self.approaches[i]
+            inside = max(inside, float(np.max(np.abs(gap))))
+            product = max(product, float(np.max(np.abs(gap) * p) / np.max(n.pressure)))
+            ox, oy = zone.outline(9)
+            for ring in (1.12, 1.4, 2.0):
+                x, y = zone.centre[0] + ring * (ox - zone.centre[0]), zone.centre[1] + ring * (oy - zone.centre[1])
+                free = self.pressure(x, y) == 0.0
+                gap = self.displacement(x, y) + f(x, y) - self.approaches[i]
+                outside = max(outside, float(np.max(-gap[free], initial=0.0)))
+        prescribed = self.problem.load
+        load = 0.0
+        if prescribed.kind != "approach":
+            got = self.normal_forces if prescribed.kind == "force" else np.sum(self.normal_forces, keepdims=True)
+            want = np.array(prescribed.values)
+            load = float(np.max(np.abs(got - want)) / np.max(want))
+        return {
+            "gap_in_contact": inside / scale,
+            "penetration_outside": outside / scale,
+            "complementarity": product / scale,
+            "negative_pressure": 0.0,
+            "load": load,
+        }
+
+    def _scatter(self, values: ArrayLike) -> Array:
+        values = np.asarray(values, dtype=float)
+        out = np.zeros((self.problem.size, *values.shape[1:]))
+        out[list(self.touching)] = values
+        return out
+
+
+def _maximum(n: Nodes, near: int) -> float:
+    """Return the largest pressure of a zone, by a quadratic model of P about its centre and the best node."""
+    zone = n.zone
+    xi, eta = n.xi[near], n.eta[near]
+    e = 1e-3
+    for _ in range(20):
+        px = np.array([xi, xi + e, xi - e, xi, xi, xi + e, xi - e])
+        py = np.array([eta, eta, eta, eta + e, eta - e, eta + e, eta - e])
+        v = zone.squared_pressure(px, py)
+        grad = np.array([v[1] - v[2], v[3] - v[4]]) / (2 * e)
+        mixed = (v[5] + v[6] - v[1] - v[2] - v[3] - v[4] + 2 * v[0]) / (2 * e * e)
+        hess = np.array([[(v[1] + v[2] - 2 * v[0]) / e**2, mixed], [mixed, (v[3] + v[4] - 2 * v[0]) / e**2]])
+        move = -np.linalg.solve(hess, grad)
+        if not np.all(np.isfinite(move)) or np.max(np.abs(move)) > 0.5:
+            break
+        xi, eta = xi + move[0], eta + move[1]
+        if np.max(np.abs(move)) < 1e-9:
+            break
+    best = float(zone.squared_pressure(np.array([xi]), np.array([eta]))[0])
+    return float(np.sqrt(max(best, float(np.max(n.pressure)) ** 2)))
+
+
+def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:
+    """Return the displacement [m] at any surface points from one zone, relative error below about 1e-8.
+
+    Inside: chords through the point. Outside: nodes refined with the distance to the edge.
+    """
+    zone = n.zone
+    xi, eta = zone.frame(x, y)
+    rho = np.hypot(xi, eta)
+    safe = np.maximum(rho, 1e-12)
+    edge = zone.edge(np.zeros_like(rho), np.zeros_like(rho), xi / safe, eta / safe)
+    ratio = np.where(rho > 1e-12, rho / edge, 0.0)
+    total = np.zeros(x.shape)
+    rule = Rule.of(zone.degree + 4, float(np.sqrt(zone.jacobian)) / kernel.thickness)
+    bands = ((0.0, 1.0), (1.0, 1.02), (1.02, 1.1), (1.1, 1.5), (1.5, 4.0), (4.0, np.inf))
+    for low, high in bands:
+        chosen = np.flatnonzero((ratio >= low) & (ratio < high))
+        if chosen.size == 0:
+            continue
+        finest = 22.0 / np.log(max(low, 1.004))
+        angular = max(rule.angular, int(min(4000.0, finest)))
+        radial = max(rule.radial, int(min(80.0, 6.0 * np.sqrt(finest))))
+        for part in np.array_split(chosen, chosen.size // 64 + 1):
+            if high == 1.0:
+                value, _ = zone.half_space(xi[part], eta[part], rule.directions + 8, rule.along + 4)
+                total[part] += value
+                q_xi, q_eta, w, p = zone.quadrature(rule.radial, rule.angular)
+            else:
+                q_xi, q_eta, w, p = zone.quadrature(radial, angular)
+            qx, qy = zone.points(q_xi, q_eta)
+            r = np.hypot(x[part][:, None] - qx, y[part][:, None] - qy)
+            block = kernel.smooth(r) if high == 1.0 else 1.0 / r + kernel.smooth(r)
+            total[part] += block @ (w * p)
+    return total

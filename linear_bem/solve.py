@@ -1,0 +1,170 @@
+"""Problem in, solution out: choose and refine the discretisation until T is as exact as asked."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
+from linear_bem.kernel import LayeredKernel
+from linear_bem.newton import SmoothSolution
+from linear_bem.problem import Problem
+from linear_bem.result import BallResult, Result, Solved
+from linear_bem.shapes import height
+from linear_bem.smooth_contact import Start, first_guess, overlap, solve_smooth
+from linear_bem.solution import SmoothContacts
+
+Array = NDArray[np.float64]
+
+CERTIFIED = 1e-3
+"""Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A certified answer with its error estimates: ``contacts`` gives fields, `result` the numbers.
+
+    ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
+    difference between the mutual formula and the slope integral, which share neither quadrature nor cancellation.
+    """
+
+    problem: Problem
+    contacts: SmoothContacts
+    tangential_force_error: Array
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    def pressure(self, x: Array, y: Array) -> Array:
+        """Return the contact pressure [Pa] at surface points [m]."""
+        return self.contacts.pressure(x, y)
+
+    def displacement(self, x: Array, y: Array) -> Array:
+        """Return the surface displacement [m], positive into the layer, at surface points [m]."""
+        return self.contacts.displacement(x, y)
+
+    def outline(self, ball: int) -> tuple[Array, Array]:
+        """Return points x, y [m] on the edge of one ball's contact."""
+        return self.contacts.outline(ball)
+
+    def result(self) -> Result:
+        """Return the numbers in the shape that all models share."""
+        c = self.contacts
+        balls = tuple(
+            BallResult(
+                position=(float(ball.position[0]), float(ball.position[1])),
+                radius=float(ball.radius),
+                approach=float(c.approaches[i]),
+                normal_force=float(c.normal_forces[i]),
+                tangential_force=_pair(c.mutual_force[i]),
+                tangential_force_error=float(self.tangential_force_error[i]),
+                peak_pressure=float(c.peak_pressures[i]),
+                contact_area=float(c.contact_areas[i]),
+                tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
+            )
+            for i, ball in enumerate(self.problem.balls)
+        )
+        solved = Solved(
+            converged=True,
+            iterations=c.iterations,
+            unknowns=c.unknowns,
+            seconds=self.seconds,
+            versions={"numpy": np.__version__, "scipy": scipy.__version__},
+            notes=self.notes,
+            certificate=c.certificate,
+        )
+        return Result(model="linear_bem", balls=balls, solved=solved)
+
+
+def _pair(v: Array) -> tuple[float, float]:
+    return float(v[0]), float(v[1])
+
+
+def solve(problem: Problem, tangential_force: float = 1e-4) -> Result:
+    """Return the small-strain answer with T to the relative accuracy ``tangential_force``.
+
+    The accuracy is relative to the largest T in the problem; where it cannot be reached,
+    ``result.solved.notes`` says what was. Raises `NotConverged` where no certified answer is found.
+    """
+    return solve_contact(problem, tangential_force).result()
+
+
+def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
+    """Return the solution with its fields; see `solve`."""
+    if problem.finite_strain is not None:
+        raise UnsupportedProblem(
+            "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
+        )
+    if not 0.0 < tangential_force < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    begun = time.perf_counter()
+    kernel = LayeredKernel.of(problem)
+    contacts, error, notes = _refined(problem, kernel, tangential_force)
+    worst = max(contacts.certificate.values())
+    if worst > CERTIFIED:
+        raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
+    return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
+
+
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> tuple[SmoothContacts, Array, tuple[str, ...]]:
+    guess = first_guess(problem, kernel)
+    before = _state(problem, kernel, 2, guess)
+    reached = np.inf
+    for degree in (4, 6, 8, 10, 12):
+        after = _state(problem, kernel, degree, before)
+        change = np.max(np.abs(after.mutual_force - before.mutual_force), axis=1)
+        routes = np.max(np.abs(after.mutual_force - after.slope_force), axis=1)
+        # what the kernel's table, T's rounding and Newton's tolerance leave
+        floor = 1e-9 * after.pair_force_size
+        error = np.maximum(np.maximum(change, routes), floor)
+        size = max(float(np.max(np.abs(after.mutual_force))), 1e-4 * float(np.max(after.pair_force_size)))
+        reached = float(np.max(error)) / size if size > 0.0 else 0.0
+        loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
+        approaches = float(np.max(np.abs(after.approaches - before.approaches)) / np.max(np.abs(after.approaches)))
+        if reached <= wanted and max(loads, approaches) <= min(wanted, 1e-4):
+            return after, error, ()
+        before = after
+    note = f"T was asked to {wanted:.0e} of its size and is estimated to {reached:.0e}"
+    return after, error, (note,)
+
+
+def _state(problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts) -> SmoothContacts:
+    """Return the contacts at one degree, with the balls that touch found on the way."""
+    touching = list(start.touching)
+    origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
+    approaches = start.approaches.copy()
+    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches)
+    if overlap(smooth.nodes):
+        raise NotConverged("linear_bem: contacts of neighbouring balls merge")
+    approaches[touching] = smooth.approaches
+    if problem.load.kind == "total_force":
+        approaches[:] = smooth.approaches[0]
+    contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches)
+    lifted = [i for i in range(problem.size) if i not in touching]
+    if not lifted:
+        return contacts
+    rest = np.array([_rest_height(contacts, i) for i in lifted])
+    if problem.load.kind == "force":
+        approaches[lifted] = rest
+    elif np.any(approaches[lifted] > rest + 1e-9 * np.max(np.abs(approaches))):
+        raise NotConverged("linear_bem: a ball taken for lifted touches the surface")
+    return replace(contacts, approaches=approaches)
+
+
+def _rest_height(contacts: SmoothContacts, ball: int) -> float:
+    """Return the approach [m] at which an unloaded ball just touches the deformed surface."""
+    f = height(contacts.problem.balls[ball])
+    x0, y0 = contacts.problem.balls[ball].position
+    centre, reach = np.array([x0, y0]), 0.1 * contacts.problem.balls[ball].radius
+    value = np.inf
+    for _ in range(12):
+        grid = np.linspace(-reach, reach, 7)
+        x, y = np.meshgrid(centre[0] + grid, centre[1] + grid)
+        gap = contacts.displacement(x, y) + f(x, y)
+        best = np.unravel_index(int(np.argmin(gap)), gap.shape)
+        value = min(value, float(gap[best]))
+        centre, reach = np.array([x[best], y[best]]), 0.4 * reach
+    return value

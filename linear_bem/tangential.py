@@ -1,0 +1,53 @@
+r"""The in-plane force on a ball, by routes that do not share their errors.
+
+Inside contact i the surface is the ball: w = D_i - f_i. The paper's slope integral (eq. 13) is
+T_i = -int p_i grad f_i dA = int p_i grad w dA. The displacement is the sum of all balls' own,
+w = sum_j K p_j, and the term j = i vanishes because its kernel grad K(x - x') is odd and p_i(x) p_i(x')
+even in the exchange of x and x'. What is left is the mutual formula,
+
+    T_i = sum_{j != i} int int p_i(x) grad K(x - x') p_j(x') dA dA',
+
+which never subtracts large numbers and makes action equal reaction exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.kernel import LayeredKernel
+from linear_bem.newton import Nodes
+from linear_bem.problem import Ball
+from linear_bem.shapes import gradient
+
+Array = NDArray[np.float64]
+
+
+def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...]) -> tuple[Array, Array]:
+    """Return T [N] on every zone, shape (zones, 2), and the sum of the pair forces' sizes [N] (zones,).
+
+    Pressures are in units of 1/``kernel.singular``.
+    """
+    total = np.zeros((len(nodes), 2))
+    size = np.zeros(len(nodes))
+    for i, a in enumerate(nodes):
+        for j, b in enumerate(nodes[:i]):
+            dx, dy = a.x[:, None] - b.x, a.y[:, None] - b.y
+            r = np.hypot(dx, dy)
+            g = (kernel.smooth_slope(r) - 1.0 / r**2) / r
+            left, right = a.weights * a.pressure, b.weights * b.pressure
+            pair = np.array([left @ (g * dx) @ right, left @ (g * dy) @ right]) / kernel.singular
+            total[i] += pair
+            total[j] -= pair
+            size[[i, j]] += np.hypot(*pair)
+    return total, size
+
+
+def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:
+    """Return the paper's slope integral, -int p grad f dA [N], shape (zones, 2)."""
+    total = np.zeros((len(nodes), 2))
+    for k, (ball, n) in enumerate(zip(balls, nodes, strict=True)):
+        fx, fy = gradient(ball, n.x, n.y)
+        load = n.weights * n.pressure / kernel.singular
+        total[k] = -load @ fx, -load @ fy
+    return total

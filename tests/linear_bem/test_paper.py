@@ -1,0 +1,98 @@
+"""The paper's cases against independent reference values, at default accuracy."""
+
+import numpy as np
+import pytest
+
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact, solve_point_load
+from linear_bem.closed_forms import hertz_approach, hertz_contact_radius, hertz_peak_pressure
+from linear_bem.square import deepest_bulge, love_rectangle, uniform_square_displacement
+from tests.linear_bem.conftest import PAPER_LOAD
+
+REFERENCE = {1.16: -1.161292e-7, 6.0: 4.098673e-7, np.inf: 4.362335e-7}
+
+
+@pytest.mark.parametrize("thickness", REFERENCE)
+def test_two_balls_feel_the_reference_force(paper_pair, thickness):
+    left, right = solve(paper_pair(thickness)).balls
+    assert left.tangential_force[0] == pytest.approx(REFERENCE[thickness], rel=1e-5)
+    assert right.tangential_force[0] == pytest.approx(-left.tangential_force[0], rel=1e-12)
+    assert left.tangential_force_error < 1e-4 * abs(left.tangential_force[0])
+
+
+@pytest.mark.parametrize("thickness", [0.171697, 1.697711])
+def test_force_changes_sign_at_the_reference_thicknesses(paper_pair, thickness):
+    below, above = (solve(paper_pair(thickness * (1 + e))).balls[0].tangential_force[0] for e in (-1e-4, 1e-4))
+    zero = thickness * (1 + 1e-4 * (below + above) / (below - above))
+    assert below * above < 0
+    assert zero == pytest.approx(thickness, rel=1e-5)
+
+
+def test_one_ball_is_hertz():
+    layer = Layer(3.0, 0.3, np.inf)
+    for load in (1e-8, 1e-2, 1.0):
+        ball = solve(Problem(layer, (Ball((0.3, 0.2), 2.0),), Load("force", (load,)))).balls[0]
+        approach = hertz_approach(load, 2.0, layer.contact_modulus)
+        a = hertz_contact_radius(approach, 2.0)
+        assert ball.approach == pytest.approx(approach, rel=1e-9)
+        assert ball.contact_area == pytest.approx(np.pi * a * a, rel=1e-9)
+        assert ball.peak_pressure == pytest.approx(hertz_peak_pressure(load, a), rel=1e-9)
+        assert np.hypot(*ball.tangential_force) <= 1e-15 * load
+
+
+def test_the_three_kinds_of_load_are_one_problem(paper_pair):
+    given = solve(paper_pair()).balls[0]
+    for load in (Load("approach", (given.approach,) * 2), Load("total_force", (2 * PAPER_LOAD,))):
+        ball = solve(paper_pair(load=load)).balls[0]
+        assert ball.approach == pytest.approx(given.approach, rel=1e-9)
+        assert ball.normal_force == pytest.approx(PAPER_LOAD, rel=1e-9)
+        assert ball.tangential_force[0] == pytest.approx(given.tangential_force[0], rel=1e-8)
+
+
+def test_energy_derivative_at_fixed_approach_is_the_tangential_force(paper_pair):
+    """At fixed approaches the elastic energy U = 1/2 <p, w> falls as the pair follows its mutual force."""
+    load = Load("approach", (0.0123391, 0.0123391))
+    step = 0.02
+
+    def energy(distance):
+        s = solve_contact(paper_pair(distance=distance, load=load), 1e-6)
+        return sum(0.5 * s.pressure(n.x, n.y) * s.displacement(n.x, n.y) @ n.weights for n in s.contacts.smooth.nodes)
+
+    rise = 8 * (energy(2.2 + step) - energy(2.2 - step)) - (energy(2.2 + 2 * step) - energy(2.2 - 2 * step))
+    left = solve(paper_pair(distance=2.2, load=load), 1e-6).balls[0]
+    assert rise / (12 * step) == pytest.approx(left.tangential_force[0], rel=1e-4)
+
+
+def test_surface_beside_a_loaded_square_bulges_as_the_reference_says():
+    where, depth = deepest_bulge(Layer(1.0, 0.48, 1.0), Elastic(1e3, 0.3))
+    assert where == pytest.approx(1.675357, rel=1e-6)
+    assert depth == pytest.approx(-5.801183e-2, rel=1e-6)
+
+
+def test_half_space_does_not_bulge():
+    assert deepest_bulge(Layer(1.0, 0.48, np.inf), None) == (np.inf, 0.0)
+
+
+def test_rectangle_is_a_point_load_far_away():
+    assert love_rectangle(300.0, 400.0, 0.5, 0.25) == pytest.approx(0.5 / 500.0, rel=1e-6)
+    w = uniform_square_displacement(Layer(1.0, 0.3, 2.0), None, 0.5, 7.0, np.array([0.0, 0.4, 3.0]))
+    assert w.shape == (3,)
+
+
+def test_point_load_law_is_within_a_per_cent_of_the_full_model(paper_pair):
+    for thickness in (1.16, 6.0):
+        for load in (None, Load("approach", (0.0125, 0.0125)), Load("total_force", (2 * PAPER_LOAD,))):
+            full, law = solve(paper_pair(thickness, load=load)), solve_point_load(paper_pair(thickness, load=load))
+            assert law.model == "point_load"
+            for a, b in zip(full.balls, law.balls, strict=True):
+                assert b.tangential_force[0] == pytest.approx(a.tangential_force[0], rel=0.01)
+                assert abs(b.tangential_force[0] - a.tangential_force[0]) < 1.3 * b.tangential_force_error
+                assert b.approach == pytest.approx(a.approach, rel=1e-4)
+                assert b.normal_force == pytest.approx(a.normal_force, rel=1e-4)
+
+
+def test_certificate_is_recomputed_and_small(paper_pair):
+    certificate = solve(paper_pair()).solved.certificate
+    assert set(certificate) == {
+        "gap_in_contact", "penetration_outside", "complementarity", "negative_pressure", "load",
+    }  # fmt: skip
+    assert max(certificate.values()) < 1e-7
