@@ -1,0 +1,104 @@
+"""The command ``thirdbody``: solve, compare, plan, doctor. Each loads only what it needs."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runs import ranks
+from runs.models import ModelName
+
+app = typer.Typer(
+    name="thirdbody",
+    help="Mutual effects of rigid balls in soft contact: small strain against finite strain.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+SceneArgument = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result's JSON on standard output.")]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/<scene>-<command>.")
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Drop what the output folder holds of this run and start anew.")
+]
+ModelOption = Annotated[
+    ModelName | None,
+    typer.Option(
+        "--model", help="Default: finite_strain if the scene has that table, else linear_bem.", show_default=False
+    ),
+]
+
+
+@app.callback(invoke_without_command=True)
+def top(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    """Mutual effects of rigid balls in soft contact: small strain against finite strain."""
+    if version:
+        print(f"thirdbody {importlib.metadata.version('thirdbody')}")
+        raise typer.Exit
+
+
+@app.command()
+def solve(
+    scene: SceneArgument,
+    model: ModelOption = None,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+    fresh: FreshOption = False,
+) -> None:
+    """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
+    from runs.scene import read_scene  # noqa: PLC0415
+    from runs.session import Options  # noqa: PLC0415
+    from runs.solving import solve_scene  # noqa: PLC0415
+
+    solve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh))
+
+
+@app.command()
+def compare(
+    scene: SceneArgument, as_json: JsonOption = False, out: OutOption = None, fresh: FreshOption = False
+) -> None:
+    """Set the finite-strain load path against the linear model at equal forces and equal approaches."""
+    from runs.comparing import compare_scene  # noqa: PLC0415
+    from runs.scene import read_scene  # noqa: PLC0415
+    from runs.session import Options  # noqa: PLC0415
+
+    compare_scene(read_scene(scene), Options(as_json, out, fresh))
+
+
+@app.command()
+def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
+    """Say what would be simulated and what not, how large it is and how long it takes."""
+    from runs.planning import plan_scene  # noqa: PLC0415
+    from runs.scene import read_scene  # noqa: PLC0415
+
+    plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
+
+
+@app.command()
+def doctor(as_json: JsonOption = False) -> None:
+    """Say which Python, DOLFINx, PETSc, MPI, BLAS and gmsh are found, what is wrong, and what mends it."""
+    from runs.doctor import examine  # noqa: PLC0415
+
+    raise typer.Exit(examine(as_json=as_json))
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
+    from runs.ending import run_to_end  # noqa: PLC0415
+
+    if not ranks.is_root():
+        sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (rank 0 speaks for all)
+    run_to_end(app)
+
+
+if __name__ == "__main__":
+    main()

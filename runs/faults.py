@@ -1,0 +1,134 @@
+"""What is wrong with a scene, in words: table, key, rule, value received and remedy."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
+EXAMPLES: dict[str, dict[str, Any]] = {
+    "layer": {"thickness": "10 mm", "young": "1 MPa", "poisson": 0.48},
+    "substrate": {"young": "1 GPa", "poisson": 0.3},
+    "balls": {"radius": "8 mm", "positions": [["-8 mm", 0], ["8 mm", 0]], "shape": "sphere"},
+    "load": {"approach": "1.5 mm"},
+    "finite_strain": {"law": "neo_hookean"},
+    "accuracy": {"tangential_force": 0.01},
+}
+"""A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""
+
+
+def of_key(error: ErrorDetails, tables: type[BaseModel], data: Mapping[str, Any]) -> str:
+    """Return the text of one fault that pydantic found in the scene ``data``."""
+    place = [part for part in error["loc"] if isinstance(part, str)]
+    table, key = [*place, "", ""][:2]
+    where = f"[{table}] {key}".rstrip() if key or table in EXAMPLES else table
+    match error["type"]:
+        case "extra_forbidden":
+            return f"{where}: unknown {'key' if key else 'table or key'}{_meant(table, key, tables)}"
+        case "missing":
+            return f"{where}: is missing; {_example(table, key)}"
+        case "model_type" | "dict_type" | "model_attributes_type":
+            return f"{where}: must be a table, got {_written(error['input'])}; {_example(table, '')}"
+        case "literal_error":
+            rule = f"must be {error['ctx']['expected']}".replace("'", '"')
+        case "quantity":
+            rule = error["msg"]
+        case "string_type":
+            rule = "must be a string"
+        case _:
+            rule = error["msg"]
+    received = "" if table == "load" and not key else f", got {_written(error['input'])}"
+    return f"{where}: {rule}{received}; {_example(table, key)}".removesuffix("; ")
+
+
+def of_problem(text: str, data: Mapping[str, Any]) -> str:
+    """Return the text of a fault that the problem itself found, with the value as the scene writes it."""
+    match = PROBLEM_FAULT.fullmatch(text)
+    if match is None:
+        return text
+    table, key = match["table"], match["key"]
+    ball = f" of ball {match['index'][1:-1]}" if match["index"] else ""
+    written = data.get(table, {}).get(key)
+    as_given = f" (written {_written(written)})" if isinstance(written, str) else ""
+    remedy = "move them apart or make them smaller" if "overlap" in match["rule"] else _example(table, key)
+    return f"[{table}] {key}{ball}: {match['rule']}{as_given}; {remedy}"
+
+
+def concerns(text: str, doubtful: set[str]) -> bool:
+    """Return whether a problem's fault speaks of a stand-in ("table.key") instead of what the scene says."""
+    match = PROBLEM_FAULT.fullmatch(text)
+    if match is None:
+        return False
+    table, key = match["table"], match["key"]
+    of_balls = {"balls.positions", "balls.radius"} & doubtful
+    return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful
+
+
+def stand_in(errors: Iterable[ErrorDetails], data: Mapping[str, Any]) -> tuple[dict[str, Any], set[str]]:
+    """Return ``data`` with every faulty key dropped or replaced, and the names of the replaced ones."""
+    repaired, doubtful = copy.deepcopy(dict(data)), set[str]()
+    for error in errors:
+        table, key = [*(part for part in error["loc"] if isinstance(part, str)), "", ""][:2]
+        inside = repaired.get(table)
+        if error["type"] == "extra_forbidden":
+            (inside if key and isinstance(inside, dict) else repaired).pop(key or table, None)
+        elif key and isinstance(inside, dict):
+            inside[key] = EXAMPLES.get(table, {}).get(key, "1 N")
+            doubtful.add(f"{table}.{key}")
+        elif table in EXAMPLES:
+            repaired[table] = copy.deepcopy(EXAMPLES[table])
+            doubtful |= {table, *(f"{table}.{k}" for k in EXAMPLES[table])}
+        else:
+            repaired.pop(table, None)
+    return repaired, doubtful
+
+
+def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
+    known = _keys_of(tables)
+    here = known.get(table, []) if key else list(tables.model_fields)
+    name = key or table
+    elsewhere = [t for t, keys in known.items() if name in keys and t != table]
+    close = difflib.get_close_matches(name, here, n=1)
+    if close:
+        return f'; did you mean "{close[0]}"?'
+    if elsewhere:
+        return f"; it belongs in [{'] or ['.join(elsewhere)}]"
+    return f"; known here: {', '.join(here)}"
+
+
+def _keys_of(tables: type[BaseModel]) -> dict[str, list[str]]:
+    found = {}
+    for name, field in tables.model_fields.items():
+        for kind in (field.annotation, *getattr(field.annotation, "__args__", ())):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                found[name] = list(kind.model_fields)
+    return found
+
+
+def _example(table: str, key: str) -> str:
+    keys = EXAMPLES.get(table, {})
+    if key in keys:
+        return f"for example {key} = {_written(keys[key])}"
+    if table == "load" and key:
+        return f'for example {key} = "2 N"'
+    if not key and keys:
+        return f"for example [{table}] with " + ", ".join(f"{k} = {_written(v)}" for k, v in keys.items())
+    return ""
+
+
+def _written(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = f'"{value}"'
+    elif isinstance(value, list):
+        text = f"[{', '.join(map(_written, value))}]"
+    else:
+        text = f"{value}"
+    return text if len(text) <= 80 else f"{text[:77]}..."

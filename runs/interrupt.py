@@ -1,0 +1,34 @@
+"""Ctrl-C and a polite kill: remembered, so that no solver mistakes them for a failed iteration."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+
+_received: int | None = None
+
+
+def listen() -> None:
+    """Turn SIGINT and SIGTERM into `KeyboardInterrupt`."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _note)
+
+
+def received() -> int | None:
+    """Return the number of the signal that asked this run to stop."""
+    return _received
+
+
+def check() -> None:
+    """Raise `KeyboardInterrupt` when a signal has asked this run to stop."""
+    if _received is not None:
+        raise KeyboardInterrupt
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    global _received  # noqa: PLW0603
+    if _received is not None:
+        sys.exit(128 + number)
+    _received = number
+    raise KeyboardInterrupt

@@ -1,0 +1,157 @@
+"""Every model, the effects it has, and how it is called: the one place where models differ for a user."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import Problem
+from linear_bem.result import Result
+from runs.scene import Scene
+
+EFFECTS = {
+    "substrate": "elastic half-space below the layer",
+    "finite_strain": "hyperelastic layer, contact in the deformed configuration",
+    "reciprocation": "sliding cycles that move the balls",
+}
+WITHOUT = {
+    "substrate": "the base is rigid",
+    "finite_strain": "strains are small",
+    "reciprocation": "the balls stay where they are",
+}
+
+
+class ModelName(enum.StrEnum):
+    """Names that ``--model`` takes."""
+
+    POINT_LOAD = "point_load"
+    LINEAR_BEM = "linear_bem"
+    SMALL_STRAIN = "small_strain"
+    FINITE_STRAIN = "finite_strain"
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a model is given beside the problem: accuracy, MPI communicator, folder and observer."""
+
+    tangential_force: float | None = None
+    comm: Any = None
+    folder: Path | None = None
+    observer: Any = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model: effects it has, effects it is asked for by, and effects it leaves out when asked for by name."""
+
+    name: str
+    summary: str
+    effects: frozenset[str]
+    solve: Callable[[Problem, Run], Result]
+    called_for_by: frozenset[str] = frozenset()
+    leaves_out: frozenset[str] = frozenset()
+    parallel: bool = False
+    plan: Callable[[Problem, float | None], dict[str, Any]] | None = field(default=None)
+
+
+def _accuracy(value: float | None) -> dict[str, float]:
+    return {} if value is None else {"tangential_force": value}
+
+
+def _point_load(problem: Problem, run: Run) -> Result:
+    from linear_bem import solve_point_load  # noqa: PLC0415
+
+    return solve_point_load(problem)
+
+
+def _linear_bem(problem: Problem, run: Run) -> Result:
+    from linear_bem import solve  # noqa: PLC0415
+
+    return solve(problem, **_accuracy(run.tangential_force))
+
+
+def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
+    def solve(problem: Problem, run: Run) -> Result:
+        import finite_strain  # noqa: PLC0415
+
+        accuracy = _accuracy(run.tangential_force)
+        return finite_strain.solve(
+            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer, **accuracy
+        )
+
+    return solve
+
+
+def _elements_plan(kinematics: str) -> Callable[[Problem, float | None], dict[str, Any]]:
+    def plan(problem: Problem, accuracy: float | None) -> dict[str, Any]:
+        import finite_strain  # noqa: PLC0415
+
+        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy))
+
+    return plan
+
+
+_HALF_SPACE = frozenset({"substrate"})
+_FINITE = frozenset({"finite_strain"})
+MODELS = {
+    model.name: model
+    for model in (
+        Model("linear_bem", "small strain, boundary elements", _HALF_SPACE, _linear_bem, leaves_out=_FINITE),
+        Model(
+            "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, _elements("finite_strain"),
+            called_for_by=_FINITE, parallel=True, plan=_elements_plan("finite_strain"),
+        ),
+        Model(
+            "small_strain", "small strain, the same finite elements", _HALF_SPACE, _elements("small_strain"),
+            leaves_out=_FINITE, parallel=True, plan=_elements_plan("small_strain"),
+        ),
+        Model("point_load", "small strain, balls as point loads", _HALF_SPACE, _point_load, leaves_out=_FINITE),
+    )
+}  # fmt: skip
+"""In the order in which a scene's default is looked for: the first that has its effects and is called for."""
+
+
+def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
+    """Return the model for ``scene``, the problem as that model sees it, and what the reader must know.
+
+    Without ``asked``, the first model that has every effect of the scene. Asking for a model by name may
+    leave out an effect that this model replaces by a simpler law; a note says so. Raises
+    `UnsupportedProblem` when effects are left that no model, or not this model, has.
+    """
+    wanted = frozenset(scene.effects)
+    nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
+    if nowhere:
+        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model has it yet; remove the table")
+    if asked is None:
+        model = next(m for m in MODELS.values() if wanted <= m.effects and m.called_for_by <= wanted)
+        return model, scene.problem, ()
+    model = MODELS[asked]
+    lacking = wanted - model.effects - model.leaves_out
+    if lacking:
+        having = [m.name for m in MODELS.values() if wanted <= m.effects]
+        raise UnsupportedProblem(
+            f"{scene.path}: {_names(lacking)}: model {asked} lacks it; remove the table or use --model {having[0]}"
+        )
+    missing = model.called_for_by - wanted
+    if missing:
+        raise UnsupportedProblem(
+            f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not call for; add the table"
+        )
+    dropped = sorted(wanted & model.leaves_out)
+    notes = tuple(f"[{e}] left out, as {asked} was asked for by name: {WITHOUT[e]}" for e in dropped)
+    return model, without(scene.problem, dropped), notes
+
+
+def without(problem: Problem, effects: list[str]) -> Problem:
+    """Return ``problem`` without the named effects."""
+    nothing: dict[str, Any] = dict.fromkeys(effects)
+    return dataclasses.replace(problem, **nothing)
+
+
+def _names(effects: frozenset[str]) -> str:
+    return ", ".join(f"[{name}] ({EFFECTS[name]})" for name in sorted(effects))

@@ -1,0 +1,37 @@
+"""Plain JSON of results: numpy becomes Python, and what is not a finite number becomes null."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def plain(value: Any, infinity: str | None = None) -> Any:
+    """Return ``value`` as JSON can hold it; nan becomes None, and so does infinity unless a word stands for it."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, infinity) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item, infinity) for item in value]
+    if isinstance(value, float):
+        return _finite(value, infinity)
+    if hasattr(value, "tolist"):
+        return plain(value.tolist(), infinity)
+    return value if isinstance(value, bool | int | str) or value is None else str(value)
+
+
+def _finite(value: float, infinity: str | None) -> float | str | None:
+    if math.isinf(value) and infinity is not None:
+        return infinity if value > 0.0 else f"-{infinity}"
+    return float(value) if math.isfinite(value) else None
+
+
+def as_given(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene's tables as JSON can hold them and the reader takes them back."""
+    return dict(plain(scene, infinity="inf"))
+
+
+def to_json(document: Any) -> str:
+    """Return strict JSON: no nan, no infinity."""
+    return json.dumps(plain(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

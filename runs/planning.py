@@ -1,0 +1,110 @@
+"""The command ``plan``: what a scene would simulate and what not, how large it is and how long it takes."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from linear_bem.result import Result
+from runs import ranks, tables
+from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, without
+from runs.plain import as_given, plain, to_json
+from runs.presentation import Scale, duration, number
+from runs.scene import Scene
+
+NAMES = {"memory_bytes": "memory", "seconds": "time", "symmetries": "symmetries used"}
+ROUGH = 1e-2
+"""Relative accuracy of the linear solution that a plan looks ahead with."""
+
+
+def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
+    """Print the plan of ``solve``, and of ``compare`` where the scene has what it needs."""
+    model, problem, notes = choose(scene, asked)
+    if not ranks.is_root():
+        return
+    names = [model.name]
+    if asked is None and model.name != "linear_bem":
+        names.append("linear_bem")  # compare runs it at every state of the load path
+    ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
+    document = {
+        "scene": as_given(scene.data),
+        "title": scene.title,
+        "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
+        "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
+        "models": [_model_plan(MODELS[name], scene, problem, ahead) for name in names],
+        "linear_estimate": [ball.to_dict() for ball in ahead.balls],
+        "notes": list(notes),
+    }
+    if as_json:
+        sys.stdout.write(to_json(document))
+    else:
+        _show(document, Scale.of(problem), scene)
+
+
+def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result) -> dict[str, Any]:
+    if model.plan is not None:
+        details = model.plan(problem, scene.tangential_force)
+    else:
+        details = {
+            "symmetries": [],
+            "unknowns": ahead.solved.unknowns,
+            "memory_bytes": 8.0 * ahead.solved.unknowns**2,
+            "seconds": ahead.solved.seconds,
+            "load_steps": 1,
+        }
+    return {"model": model.name, "summary": model.summary, **plain(details)}
+
+
+def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
+    out = tables.console()
+
+    def say(text: str, style: str = "") -> None:
+        out.print(text, style=style, highlight=False, markup=False)
+
+    say(document["title"], "bold")
+    load = scene.problem.load
+    unit = "m" if load.kind == "approach" else "N"
+    values = ", ".join(number(value) for value in sorted(set(load.values)))
+    say(f"{scene.problem.size} ball(s), prescribed: {load.kind} {values} {unit}")
+    say("simulated:")
+    for name in document["effects_present"]:
+        say(f"  [{name}] {EFFECTS[name]}")
+    if not document["effects_present"]:
+        say("  no optional effect")
+    say("not simulated:")
+    for name in document["effects_absent"]:
+        say(f"  [{name}] {EFFECTS[name]}: {WITHOUT[name]}")
+    for note in document["notes"]:
+        say(f"  note: {note}")
+    for model in document["models"]:
+        say(f"{model['model']}: {model['summary']}", "bold")
+        for key, value in model.items():
+            if key not in ("model", "summary"):
+                say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
+    _look_ahead(say, document["linear_estimate"], scale)
+
+
+def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+    ball = balls[tables.leading_ball(balls)]
+    radius = math.sqrt(ball["contact_area"] / math.pi)
+    ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"]
+    say("expected by the linear model:", "bold")
+    say(
+        f"  D = {number(ball['approach'] / scale.radius)} R, "
+        f"Q = {number(ball['normal_force'] / scale.force)} E R\u00b2, "
+        f"contact radius {number(radius / scale.radius, 3)} R, |T| / Q = {number(ratio, 3)}"
+    )
+
+
+def _word(key: str, value: Any) -> str:
+    if key == "seconds":
+        return f"about {duration(float(value))}"
+    if key == "memory_bytes":
+        return f"about {float(value) / 1e9:.2g} GB" if value > 5e7 else f"about {max(float(value) / 1e6, 1.0):.0f} MB"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(_word("", v) for v in value) or "none"
+    return number(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,80 @@
+"""Scaled numbers for people: lengths over R, forces over E1 R^2, values with their error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from linear_bem.problem import Problem
+
+Vector = Sequence[float]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Radius [m] of the first ball and Young's modulus [Pa] of the layer."""
+
+    radius: float
+    young: float
+
+    @classmethod
+    def of(cls, problem: Problem) -> Scale:
+        """Return the scale of ``problem``."""
+        return cls(problem.balls[0].radius, problem.layer.young)
+
+    @property
+    def force(self) -> float:
+        """E1 R^2 [N]."""
+        return self.young * self.radius**2
+
+
+def toward_others(balls: Sequence[Mapping[str, Any]], index: int) -> tuple[float, float] | None:
+    """Return the unit vector from ball ``index`` to the centre of the others; None where there is no such direction."""
+    others = [b["position"] for i, b in enumerate(balls) if i != index]
+    if not others:
+        return None
+    x, y = balls[index]["position"]
+    dx = math.fsum(p[0] for p in others) / len(others) - x
+    dy = math.fsum(p[1] for p in others) / len(others) - y
+    length = math.hypot(dx, dy)
+    reach = max(math.dist(p, (x, y)) for p in others)
+    return None if length <= 1e-9 * reach else (dx / length, dy / length)
+
+
+def attraction(balls: Sequence[Mapping[str, Any]], index: int, force: Vector) -> float:
+    """Return the component of ``force`` towards the other balls: positive attracts, negative separates.
+
+    Where the others pull from all sides (or there are none), its magnitude.
+    """
+    direction = toward_others(balls, index)
+    return math.hypot(*force) if direction is None else direction[0] * force[0] + direction[1] * force[1]
+
+
+def with_error(value: float | None, error: float | None) -> str:
+    """Return "1.42 +- 0.03": the error to two significant digits at most, the value to the same place."""
+    if value is None:
+        return "-"
+    if error is None or error <= 0.0 or not math.isfinite(error):
+        return f"{value:.4g}"
+    scale = max(abs(value), error)
+    exponent = math.floor(math.log10(scale)) if scale > 0.0 else 0
+    power = exponent if not -3 <= exponent < 4 else 0
+    place = math.floor(math.log10(error)) - power
+    digits = max(0, -place + (1 if error / 10.0 ** (place + power) < 3.0 else 0))
+    text = f"{value / 10.0**power:.{digits}f} \u00b1 {error / 10.0**power:.{digits}f}"
+    return text if power == 0 else f"({text})e{power:+03d}"
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return ``value`` to ``digits`` significant digits, a dash for none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as "48 s" or "3 min 05 s"."""
+    if seconds < 59.5:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"

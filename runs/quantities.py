@@ -1,0 +1,105 @@
+"""Numbers of a scene: plain SI floats, or strings with a unit that pint knows ("10 mm", "57.4 kPa")."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Annotated, Any
+
+from pydantic import PlainValidator
+from pydantic_core import PydanticCustomError
+
+NUMBER_AND_UNIT = re.compile(
+    r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(?P<unit>[^\d\s+\-.,][^+,]*)?\s*", re.DOTALL
+)
+DIMENSIONS = {"m": ("a length", "10 mm"), "Pa": ("a pressure", "57.4 kPa"), "N": ("a force", "2 N")}
+
+
+def fault(text: str) -> PydanticCustomError:
+    """Return the validation error that says ``text``, braces and all."""
+    return PydanticCustomError("quantity", "{text}", {"text": text})
+
+
+@lru_cache(maxsize=1)
+def _units() -> Any:
+    import pint  # noqa: PLC0415  (slow, and a scene in SI needs none of it)
+
+    return pint.UnitRegistry()
+
+
+def number(value: object) -> float:
+    """Return a dimensionless number as a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise fault("must be a plain number")
+    if math.isnan(value):
+        raise fault("must be a number, not nan")
+    return float(value)
+
+
+def quantity(value: object, unit: str) -> float:
+    """Return ``value`` in ``unit`` (an SI unit: m, Pa or N); a plain number is in ``unit`` already."""
+    if not isinstance(value, str):
+        return number(value)
+    kind, example = DIMENSIONS[unit]
+    match = NUMBER_AND_UNIT.fullmatch(value)
+    if match is None:
+        raise fault(f'must be {kind}: a number in {unit}, or a string such as "{example}"')
+    plain = float(match["number"])
+    if match["unit"] is None:
+        if math.isinf(plain):
+            return plain
+        raise fault(f'must be {kind} with its unit, such as "{example}"; a bare number in {unit} takes no quotes')
+    try:
+        given = _units().parse_units(match["unit"].strip())
+        matches = given.is_compatible_with(unit)
+    except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
+        raise fault(f'must be {kind}, such as "{example}": "{match["unit"].strip()}" is not a unit') from error
+    if not matches:
+        raise fault(f'must be {kind}, such as "{example}": "{match["unit"].strip()}" is {_dimension(given)}')
+    return float((plain * given).to(unit).magnitude)
+
+
+def _dimension(unit: Any) -> str:
+    for si, (kind, _) in DIMENSIONS.items():
+        if unit.is_compatible_with(si):
+            return kind
+    return f"of dimension {unit.dimensionality}"
+
+
+def one_or_many(value: object, parse: Callable[[object], float]) -> float | tuple[float, ...]:
+    """Return one parsed number, or a tuple of them for a list: one per ball."""
+    if isinstance(value, list):
+        return tuple(_items(value, parse))
+    return parse(value)
+
+
+def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
+    """Return the axis positions (x, y) [m] of a list of pairs."""
+    if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
+        raise fault('must be a list of [x, y] pairs, such as [["-8 mm", 0], ["8 mm", 0]]')
+    flat = _items([c for pair in value for c in pair], partial(quantity, unit="m"), per_ball=2)
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+def _items(values: list[object], parse: Callable[[object], float], per_ball: int = 1) -> list[float]:
+    parsed, faults = [], []
+    for index, value in enumerate(values):
+        try:
+            parsed.append(parse(value))
+        except PydanticCustomError as error:
+            faults.append(f"ball {index // per_ball}: {error.message()}")
+    if faults:
+        raise fault("; ".join(faults))
+    return parsed
+
+
+Number = Annotated[float, PlainValidator(number)]
+Length = Annotated[float, PlainValidator(partial(quantity, unit="m"))]
+Pressure = Annotated[float, PlainValidator(partial(quantity, unit="Pa"))]
+Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
+OneOrMany = float | tuple[float, ...]
+Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
+Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
+Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]

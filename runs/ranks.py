@@ -1,0 +1,75 @@
+"""Which rank this process is, before MPI is loaded, and how a run ends on all ranks together."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import Any
+
+from linear_bem.errors import MissingDependency
+
+LAUNCHERS = (
+    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
+    ("PMI_RANK", "PMI_SIZE"),
+    ("MV2_COMM_WORLD_RANK", "MV2_COMM_WORLD_SIZE"),
+)
+PATIENCE = 5.0
+"""Seconds that a failing rank waits for the others to fail as well before it ends them."""
+
+_farewell: Any = None
+
+
+def rank_and_size() -> tuple[int, int]:
+    """Return this process's rank and the number of ranks, as the launcher's environment tells them."""
+    for rank, size in LAUNCHERS:
+        try:
+            return int(os.environ[rank]), int(os.environ[size])
+        except (KeyError, ValueError):
+            continue
+    return 0, 1
+
+
+def is_root() -> bool:
+    """Return whether this process is the one that speaks and writes."""
+    return rank_and_size()[0] == 0
+
+
+def joined() -> bool:
+    """Return whether this process takes part in a run over MPI."""
+    return _farewell is not None
+
+
+def world() -> Any:
+    """Return the communicator of all ranks; raises `MissingDependency` without mpi4py."""
+    global _farewell  # noqa: PLW0603
+    try:
+        from mpi4py import MPI  # noqa: PLC0415  (only a run that needs MPI loads it)
+    except ImportError as error:
+        raise MissingDependency(
+            f"mpi4py cannot be imported by {sys.executable}: {error}; `thirdbody doctor` says what to do"
+        ) from None
+    if _farewell is None:
+        _farewell = MPI.COMM_WORLD.Dup()
+    return MPI.COMM_WORLD
+
+
+def share(value: Any) -> Any:
+    """Return rank 0's ``value`` on every rank; without MPI, the value."""
+    return value if _farewell is None else _farewell.bcast(value, root=0)
+
+
+def end_together(code: int, last_words: str, patience: float = PATIENCE) -> None:
+    """Return when all ranks are about to end; abort them if some are stuck in a call that waits for this one."""
+    if _farewell is None or _farewell.size == 1:
+        return
+    from mpi4py import MPI  # noqa: PLC0415
+
+    request = _farewell.Ibarrier()
+    deadline = time.monotonic() + patience
+    while not request.Test():
+        if time.monotonic() > deadline:
+            if _farewell.rank > 0:
+                print(last_words, file=sys.__stderr__, flush=True)
+            MPI.COMM_WORLD.Abort(code)
+        time.sleep(0.02)

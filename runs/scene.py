@@ -1,0 +1,214 @@
+"""A scene file: TOML tables that name what there is and which effects it calls for, checked as a whole."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, LoadKind, Problem
+from runs import faults
+from runs.quantities import Force, Forces, Length, Lengths, Number, OneOrMany, Positions, Pressure, fault
+
+LOAD_KEYS: tuple[LoadKind, ...] = ("approach", "force", "total_force")
+
+
+class InvalidScene(InvalidProblem):
+    """A scene file that cannot be solved as written; ``faults`` holds one text per fault."""
+
+    def __init__(self, path: Path, *texts: str) -> None:
+        super().__init__(*texts)
+        self.path = path
+
+    def __str__(self) -> str:
+        if len(self.faults) == 1:
+            return f"{self.path}: {self.faults[0]}"
+        return "\n".join([f"{self.path}: {len(self.faults)} faults", *(f"  {text}" for text in self.faults)])
+
+
+class Table(BaseModel):
+    """A table of the scene: unknown keys are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ElasticTable(Table):
+    """Isotropic elastic constants."""
+
+    young: Pressure
+    poisson: Number
+
+
+class LayerTable(ElasticTable):
+    """[layer]: constants and thickness."""
+
+    thickness: Length
+
+
+class BallsTable(Table):
+    """[balls]: one radius or one per ball, axis positions, shape."""
+
+    radius: Lengths
+    positions: Positions
+    shape: Literal["paraboloid", "sphere"] = "paraboloid"
+
+
+class LoadTable(Table):
+    """[load]: exactly one key."""
+
+    approach: Lengths | None = None
+    force: Forces | None = None
+    total_force: Force | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _exactly_one(cls, data: Any) -> Any:
+        named = [key for key in LOAD_KEYS if isinstance(data, dict) and key in data]
+        if isinstance(data, dict) and len(named) != 1:
+            got = f"{len(named)} ({', '.join(named)})" if named else "none of them"
+            raise fault(f"needs exactly one of approach, force, total_force, got {got}")
+        return data
+
+    @property
+    def given(self) -> tuple[LoadKind, OneOrMany]:
+        """The key that is there, and its value."""
+        return next((key, value) for key in LOAD_KEYS if (value := getattr(self, key)) is not None)
+
+
+class FiniteStrainTable(Table):
+    """[finite_strain]: hyperelastic layer, contact in the deformed configuration."""
+
+    law: Literal["neo_hookean"] = "neo_hookean"
+
+
+class AccuracyTable(Table):
+    """[accuracy]: relative accuracy asked of the tangential force; absent: each model's own default."""
+
+    tangential_force: Number | None = None
+
+
+class Tables(Table):
+    """Every table that a scene may hold."""
+
+    title: str = ""
+    layer: LayerTable
+    balls: BallsTable
+    load: LoadTable
+    substrate: ElasticTable | None = None
+    finite_strain: FiniteStrainTable | None = None
+    reciprocation: dict[str, Any] | None = None
+    accuracy: AccuracyTable = AccuracyTable()
+
+    def problem(self) -> Problem:
+        """Return the contact problem; raises `InvalidProblem` with every fault found."""
+        balls, size = self.balls, len(self.balls.positions)
+        radii = _per_ball(balls.radius, size)
+        texts = []
+        if len(radii) != size:
+            texts.append(f"balls.radius: needs one value or one per ball ({size}), got {len(radii)}")
+            radii = (math.ulp(0.0),) * size
+        accuracy = self.accuracy.tangential_force
+        if accuracy is not None and not 0.0 < accuracy < 1.0:
+            texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+        kind, values = self.load.given
+        try:
+            problem = Problem(
+                Layer(self.layer.young, self.layer.poisson, self.layer.thickness),
+                tuple(Ball(p, r, balls.shape) for p, r in zip(balls.positions, radii, strict=True)),
+                Load(kind, _per_ball(values, 1 if kind == "total_force" else size)),
+                Elastic(self.substrate.young, self.substrate.poisson) if self.substrate else None,
+                FiniteStrain(self.finite_strain.law) if self.finite_strain else None,
+            )
+        except InvalidProblem as error:
+            raise InvalidProblem(*texts, *error.faults) from None
+        if texts:
+            raise InvalidProblem(*texts)
+        return problem
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene that can be solved as written: the file, its text and data as given, and its meaning."""
+
+    path: Path
+    text: str
+    data: dict[str, Any]
+    title: str
+    problem: Problem
+    effects: tuple[str, ...]
+    tangential_force: float | None
+
+
+def _per_ball(value: OneOrMany, size: int) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,) * size
+
+
+def read_scene(path: Path) -> Scene:
+    """Return the scene in ``path``; raises `InvalidScene` with all its faults at once."""
+    text = _read_text(path)
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InvalidScene(path, f"is not TOML: {error}; see https://toml.io for the format") from None
+    tables, texts, doubtful = _validate(data)
+    problem = None
+    if tables is not None:
+        try:
+            problem = tables.problem()
+        except InvalidProblem as error:
+            texts += [faults.of_problem(t, data) for t in error.faults if not faults.concerns(t, doubtful)]
+    if texts or tables is None or problem is None:
+        raise InvalidScene(path, *dict.fromkeys(texts))
+    effects = tuple(
+        name for name in ("substrate", "finite_strain", "reciprocation") if getattr(tables, name) is not None
+    )
+    return Scene(path, text, data, tables.title or path.stem, problem, effects, tables.accuracy.tangential_force)
+
+
+def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:
+    """Return the tables, the faults of their keys, and the keys that are stand-ins for faulty ones.
+
+    A faulty key is replaced by a harmless value, so that what the other keys say is still checked.
+    """
+    try:
+        return Tables.model_validate(data), [], set()
+    except ValidationError as error:
+        errors = error.errors()
+    texts = [faults.of_key(e, Tables, data) for e in errors]
+    repaired, doubtful = faults.stand_in(errors, data)
+    try:
+        return Tables.model_validate(repaired), texts, doubtful
+    except ValidationError:
+        return None, texts, doubtful
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.is_dir():
+            raise InvalidScene(path, "is a folder, not a scene file: name a .toml file in it")
+        if not path.exists():
+            raise InvalidScene(path, f"does not exist{_similar_files(path)}")
+        if not path.is_file():
+            raise InvalidScene(path, "is not a regular file: name a .toml file")
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InvalidScene(path, f"is not TOML, which is UTF-8 text: {error.reason} at byte {error.start}") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InvalidScene):
+            raise
+        raise InvalidScene(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _similar_files(path: Path) -> str:
+    try:
+        names = [p.name for p in path.parent.glob("*.toml")]
+    except OSError:
+        return ""
+    close = difflib.get_close_matches(path.name, names, n=1)
+    return f"; did you mean {path.parent / close[0]}?" if close else ""

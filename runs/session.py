@@ -1,0 +1,143 @@
+"""What solving and comparing share: the scene, its model, its folder, and the load path as it grows."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from linear_bem.result import Result, Solved, Step
+from runs import ranks
+from runs.models import Model, Run, choose
+from runs.presentation import Scale
+from runs.progress import Progress, tell
+from runs.scene import Scene
+from runs.store import RunFolder
+
+PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py")
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line asks for beside the scene."""
+
+    as_json: bool = False
+    out: Path | None = None
+    fresh: bool = False
+
+
+class Session:
+    """One run of one model on one scene, with its output folder on rank 0.
+
+    Raises what bad input raises before anything slow is loaded.
+    """
+
+    def __init__(self, command: str, scene: Scene, asked: str | None, options: Options) -> None:
+        self.command, self.scene, self.options = command, scene, options
+        self.model, self.problem, self.notes = choose(scene, asked)
+        self.scale = Scale.of(self.problem)
+        if self.model.plan is not None:
+            self.model.plan(self.problem, scene.tangential_force)  # names what the model lacks, cheaply
+        self.idle = not self.model.parallel and not ranks.is_root()
+        self.folder: RunFolder | None = None
+        self.finished: dict[str, Any] | None = None
+        self.earlier: dict[str, Any] | None = None
+        if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
+            self.finished, self.earlier = self._open_folder()
+        self.comm = ranks.world() if self.model.parallel else None
+        self.finished, self.earlier = ranks.share((self.finished, self.earlier))
+
+    @property
+    def root(self) -> bool:
+        """Whether this rank speaks and writes."""
+        return ranks.is_root()
+
+    def _open_folder(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+        identity = {
+            "command": self.command,
+            "model": self.model.name,
+            "problem": dataclasses.asdict(self.problem),
+            "tangential_force": self.scene.tangential_force,
+        }
+        path = self.options.out or self._default_folder()
+        self.folder = RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
+        finished = self.folder.finished()
+        if finished is None:
+            self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
+        return finished, self.folder.saved()
+
+    def _default_folder(self) -> Path:
+        name = f"{self.scene.path.stem}-{self.command}"
+        return Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
+
+    @property
+    def out(self) -> Path:
+        """The output folder; on rank 0."""
+        assert self.folder is not None
+        return self.folder.path
+
+    def solve(self, take: Callable[[Step, Any], None]) -> Result:
+        """Run the model over its load path; ``take`` gets every finished step on rank 0."""
+        goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
+        log = self.folder.log if self.folder is not None else lambda text: None
+        progress = Progress(self.scale, goal, root=self.root, take=take, log=log)
+        fields = ranks.share(self.folder.fields if self.folder is not None else None)
+        return self.model.solve(self.problem, Run(self.scene.tangential_force, self.comm, fields, progress))
+
+    def with_notes(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return a result's JSON object with what this run's reader must know among its notes."""
+        document["solved"]["notes"] = [*self.notes, *document["solved"]["notes"]]
+        return document
+
+    def say_where(self, already: bool) -> None:
+        """Tell where the results are."""
+        if already:
+            tell(
+                f"this run is complete already: its saved result is shown (--fresh computes anew); it is in {self.out}"
+            )
+        else:
+            tell(f"results are in {self.out}")
+
+
+def path_so_far(saved: Sequence[Mapping[str, Any]], step: Step) -> list[dict[str, Any]]:
+    """Return the saved steps that come before ``step``, then ``step``: a repeated step replaces the old one."""
+
+    def depth(data: Mapping[str, Any]) -> float:
+        return max(float(ball["approach"]) for ball in data["balls"])
+
+    new = step.to_dict()
+    return [*(dict(old) for old in saved if depth(old) < depth(new) * (1.0 - 1e-9)), new]
+
+
+def unfinished(model: Model, steps: Sequence[Mapping[str, Any]]) -> Result:
+    """Return the result of a load path that has not come to its end."""
+    states = tuple(Step.from_dict(step) for step in steps)
+    note = "unfinished: the load path has not come to its end; the same command continues it"
+    iterations = sum(int(step.record.get("iterations", 0)) for step in states)
+    seconds = sum(float(step.record.get("seconds", 0.0)) for step in states)
+    solved = Solved(False, iterations, 0, seconds, ranks.rank_and_size()[1], notes=(note,))
+    return Result(model.name, states[-1].balls, solved, states)
+
+
+def rows_of(steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return one flat row per step and ball."""
+    return [
+        {"step": i, "ball": j, **{k: v for k, v in ball.items() if k != "tangential_force_routes"}}
+        for i, step in enumerate(steps)
+        for j, ball in enumerate(step["balls"])
+    ]
+
+
+def _versions() -> str:
+    found = [f"Python {platform.python_version()}"]
+    for name in PACKAGES:
+        try:
+            found.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            found.append(f"{name} -")
+    return ", ".join([*found, platform.platform()])

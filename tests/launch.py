@@ -1,0 +1,63 @@
+"""Run the project's Python in a child process, alone or on several MPI ranks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LAUNCHED_BY_MPI = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "ORTE_", "HYDI_", "MPI_LOCAL")
+
+
+def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return this process's environment without traces of an MPI launcher, one thread per rank."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHED_BY_MPI)}
+    env |= {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",
+        "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONFAULTHANDLER": "1",
+        "COLUMNS": "160",
+    }
+    return env | dict(extra or {})
+
+
+def python(
+    *args: str | Path, timeout: float = 300.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
+) -> subprocess.CompletedProcess[str]:
+    """Run this Python with ``args`` and return what it did; a run past ``timeout`` seconds is killed and raises."""
+    return _run([sys.executable, *map(str, args)], timeout, env, cwd)
+
+
+def mpirun(
+    n: int, *args: str | Path, timeout: float = 300.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
+) -> subprocess.CompletedProcess[str]:
+    """Run this Python with ``args`` on ``n`` ranks; n = 1 runs it alone, without a launcher."""
+    if n == 1:
+        return python(*args, timeout=timeout, env=env, cwd=cwd)
+    launcher = shutil.which("mpirun")
+    if launcher is None:
+        raise FileNotFoundError("mpirun is not on PATH: apt-get install openmpi-bin")
+    return _run([launcher, "-n", str(n), "--bind-to", "none", sys.executable, *map(str, args)], timeout, env, cwd)
+
+
+def _run(
+    command: Sequence[str], timeout: float, env: Mapping[str, str] | None, cwd: Path
+) -> subprocess.CompletedProcess[str]:
+    # coreutils' timeout ends the launcher with TERM, so that it can take its ranks with it
+    guarded = ["timeout", "--kill-after=10", str(timeout), *command]
+    done = subprocess.run(
+        guarded, capture_output=True, text=True, env=environment(env), cwd=cwd, timeout=timeout + 30, check=False
+    )
+    if done.returncode in (124, 137):
+        raise subprocess.TimeoutExpired(command, timeout, done.stdout, done.stderr)
+    return done

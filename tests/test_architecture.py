@@ -1,0 +1,143 @@
+"""What may import what, and what a scene that is solved by the linear model never loads."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.launch import ROOT, python
+
+OURS = {"linear_bem", "meshes", "finite_strain", "runs", "tests"}
+HEAVY = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"}
+SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "result", "errors", "closed_forms")}
+MAY_IMPORT = {
+    "linear_bem": set[str](),
+    "meshes": SHARED_WORDS - {"linear_bem.result"},
+    "finite_strain": SHARED_WORDS | {"meshes"},
+    "runs": {"linear_bem", "meshes", "finite_strain"},
+}
+THIRD_PARTY = {
+    "linear_bem": {"numpy", "scipy"},
+    "meshes": {"numpy", "scipy", "gmsh"},
+    "finite_strain": {"numpy", "scipy", "dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "h5py", "gmsh"},
+}
+
+
+def imports(file: Path) -> Iterator[tuple[str, int, bool]]:
+    """Yield each absolute module name that ``file`` imports, its line, and whether importing the file runs it."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    deferred = {
+        id(inner)
+        for outer in ast.walk(tree)
+        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.If)
+        and (not isinstance(outer, ast.If) or "TYPE_CHECKING" in ast.dump(outer.test))
+        for inner in ast.walk(outer)
+    }
+    for node in ast.walk(tree):
+        at_once = id(node) not in deferred
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno, at_once) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}:{node.lineno}: relative import"
+            module = node.module or ""
+            for alias in node.names:
+                submodule = ROOT.joinpath(*module.split("."), f"{alias.name}.py")
+                name = f"{module}.{alias.name}" if submodule.exists() else module
+                yield name, node.lineno, at_once
+
+
+def sources(package: str) -> list[Path]:
+    files = sorted((ROOT / package).rglob("*.py"))
+    assert files, f"{package} holds no source"
+    return files
+
+
+def within(name: str, allowed: set[str]) -> bool:
+    return any(name == root or name.startswith(f"{root}.") for root in allowed)
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_imports_between_packages_follow_the_arrows(package: str) -> None:
+    allowed = MAY_IMPORT[package] | {package}
+    wrong = [
+        f"{file.relative_to(ROOT)}:{line} imports {name}"
+        for file in sources(package)
+        for name, line, _ in imports(file)
+        if name.split(".")[0] in OURS and not within(name, allowed)
+    ]
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("package", sorted(THIRD_PARTY))
+def test_a_solver_package_uses_no_other_library_than_its_own(package: str) -> None:
+    import sys  # noqa: PLC0415
+
+    known = THIRD_PARTY[package] | OURS | set(sys.stdlib_module_names)
+    wrong = [
+        f"{file.relative_to(ROOT)}:{line} imports {name}"
+        for file in sources(package)
+        for name, line, _ in imports(file)
+        if name.split(".")[0] not in known
+    ]
+    assert not wrong, wrong
+
+
+def test_the_command_line_defers_every_library_of_the_finite_elements() -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)}:{line} imports {name}"
+        for file in sources("runs")
+        for name, line, at_once in imports(file)
+        if at_once and name.split(".")[0] in HEAVY | {"finite_strain", "meshes", "matplotlib", "pint"}
+    ]
+    assert not wrong, wrong
+
+
+def test_no_file_holds_two_ideas() -> None:
+    long = {
+        str(file.relative_to(ROOT)): count
+        for package in MAY_IMPORT
+        for file in sources(package)
+        if (count := len(file.read_text(encoding="utf-8").splitlines())) > 320
+    }
+    assert not long, long
+
+
+def test_the_top_level_holds_what_the_layout_names() -> None:
+    packages = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()}
+    assert packages == OURS
+    for name in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".ci/run"):
+        assert (ROOT / name).exists(), name
+
+
+LOADED = """
+import sys
+sys.argv = ["thirdbody", *sys.argv[1:]]
+from runs.cli import main
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+loaded = {name.split(".")[0] for name in sys.modules}
+print("LOADED", *sorted(loaded), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("command", [("solve", "--json"), ("plan",)], ids=["solve", "plan"])
+def test_a_scene_without_finite_strain_never_loads_dolfinx(command: tuple[str, ...], tmp_path: Path) -> None:
+    out = ("--out", str(tmp_path / "out")) if command[0] == "solve" else ()
+    done = python("-c", LOADED, *command, ROOT / "runs/scenes/paper_thin_pair_linear.toml", *out)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.split("LOADED")[1].split())
+    assert "linear_bem" in loaded
+    assert not loaded & HEAVY
+    assert "finite_strain" not in loaded
+
+
+def test_importing_the_linear_model_loads_numpy_and_scipy_alone() -> None:
+    done = python("-c", "import linear_bem, sys; print(*{m.split('.')[0] for m in sys.modules})")
+    assert done.returncode == 0, done.stderr
+    third_party = {"pydantic", "pint", "typer", "rich", "matplotlib"} | HEAVY
+    assert not set(done.stdout.split()) & third_party
