@@ -131,6 +131,7 @@ class LayeredKernel:
         self.singular = (1.0 - layer.poisson**2) / (np.pi * layer.young)
         self.homogeneous = not np.isfinite(layer.thickness) or substrate == Elastic(layer.young, layer.poisson)
         self._table = None
+        self._response = LayerResponse(layer, substrate)
         if not self.homogeneous:
             ratio = None if substrate is None else layer.young / substrate.young
             self._table = _table(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
@@ -139,6 +140,10 @@ class LayeredKernel:
     def of(cls, problem: Problem) -> LayeredKernel:
         """Return the kernel of the problem's layer and base."""
         return cls(problem.layer, problem.substrate)
+
+    def response_at(self, k: Array) -> Array:
+        """Return G(k h) at wave numbers k > 0 [1/m]."""
+        return np.ones_like(k) if self.homogeneous else self._response(k * self.thickness)
 
     def smooth(self, r: Array | float) -> Array:
         """Return s(r/h)/h [1/m], the kernel over ``singular`` without its 1/r."""

@@ -124,7 +124,7 @@ def solve_zones(
     approaches: Array,
     groups: list[tuple[list[int], float]],
     tolerance: float,
-    limit: int = 40,
+    limit: int = 25,
 ) -> SmoothSolution:
     """Return the state where the complementary energy is stationary.
 

@@ -18,7 +18,7 @@ from linear_bem.shapes import curvature, height
 
 Array = NDArray[np.float64]
 
-ROUGHEST = 8.0
+ROUGHEST = 1.5
 """Largest contact radius over layer thickness for which p^2 is a polynomial worth computing."""
 
 

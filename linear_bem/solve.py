@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
+from linear_bem.grid_contact import GridContacts, grid_levels
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import SmoothSolution
 from linear_bem.problem import Problem
@@ -19,6 +21,8 @@ from linear_bem.smooth_contact import Start, first_guess, overlap, solve_smooth
 from linear_bem.solution import SmoothContacts
 
 Array = NDArray[np.float64]
+
+Contacts = TypeVar("Contacts", SmoothContacts, GridContacts)
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
@@ -33,7 +37,7 @@ class Solution:
     """
 
     problem: Problem
-    contacts: SmoothContacts
+    contacts: SmoothContacts | GridContacts
     tangential_force_error: Array
     seconds: float
     notes: tuple[str, ...] = ()
@@ -109,30 +113,60 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
 
 
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> tuple[SmoothContacts, Array, tuple[str, ...]]:
+def _refined(
+    problem: Problem, kernel: LayeredKernel, wanted: float
+) -> tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]:
+    """Return contacts by polynomials where these converge, else on grids; with the error of T and notes."""
     guess = first_guess(problem, kernel)
-    before = _state(problem, kernel, 2, guess)
-    reached = np.inf
-    for degree in (4, 6, 8, 10, 12):
-        after = _state(problem, kernel, degree, before)
-        change = np.max(np.abs(after.mutual_force - before.mutual_force), axis=1)
-        routes = np.max(np.abs(after.mutual_force - after.slope_force), axis=1)
-        # what the kernel's table, T's rounding and Newton's tolerance leave
-        floor = 1e-9 * after.pair_force_size
-        error = np.maximum(np.maximum(change, routes), floor)
-        size = max(float(np.max(np.abs(after.mutual_force))), 1e-4 * float(np.max(after.pair_force_size)))
-        reached = float(np.max(error)) / size if size > 0.0 else 0.0
-        loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
-        approaches = float(np.max(np.abs(after.approaches - before.approaches)) / np.max(np.abs(after.approaches)))
-        if reached <= wanted and max(loads, approaches) <= min(wanted, 1e-4):
-            return after, error, ()
-        before = after
-    note = f"T was asked to {wanted:.0e} of its size and is estimated to {reached:.0e}"
-    return after, error, (note,)
+    try:
+        before: SmoothContacts | GridContacts = _state(problem, kernel, 2, guess)
+        for degree in (4, 6, 8, 10, 12):
+            after = _state(problem, kernel, degree, before)
+            error, reached, settled = _change(before, after)
+            routes = np.max(np.abs(after.mutual_force - after.slope_force), axis=1)
+            error = np.maximum(error, routes)
+            reached = max(reached, float(np.max(routes)) / _size(after) if problem.size > 1 else 0.0)
+            if reached <= wanted and settled <= min(wanted, 1e-4) and max(after.certificate.values()) < CERTIFIED:
+                return after, error, ()
+            before = after
+    except NotConverged:
+        pass
+    previous: GridContacts | None = None
+    error, reached = np.full(problem.size, np.inf), np.inf
+    for contacts in grid_levels(problem, kernel, guess):
+        if previous is not None:
+            error, reached, settled = _change(previous, contacts)
+            if reached <= wanted and settled <= 1e-4:
+                return _rested(contacts), error, ()
+        previous = contacts
+    assert previous is not None
+    note = f"T was asked to {wanted:.0e} of its size and is estimated to {reached:.0e} on the finest grid allowed"
+    return _rested(previous), error, (note,)
 
 
-def _state(problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts) -> SmoothContacts:
+def _size(contacts: SmoothContacts | GridContacts) -> float:
+    """Return the force [N] that accuracy is relative to: the largest T, or what it cancels from."""
+    largest = float(np.max(np.abs(contacts.mutual_force)))
+    return max(largest, 1e-4 * float(np.max(contacts.pair_force_size)), 1e-300)
+
+
+def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float, float]:
+    """Return the change of every T [N], the largest over T's size, and the largest relative change of loads or approaches."""
+    error = np.max(np.abs(after.mutual_force - before.mutual_force), axis=1)
+    # what the kernel's table, T's rounding and the solver's tolerance leave
+    error = np.maximum(error, 1e-9 * after.pair_force_size)
+    loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
+    touching = after.normal_forces > 0.0
+    moved = np.abs(after.approaches - before.approaches)[touching]
+    approaches = float(np.max(moved) / np.max(np.abs(after.approaches[touching])))
+    return error, float(np.max(error)) / _size(after), max(loads, approaches)
+
+
+def _state(
+    problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts | GridContacts
+) -> SmoothContacts:
     """Return the contacts at one degree, with the balls that touch found on the way."""
+    assert not isinstance(start, GridContacts)
     touching = list(start.touching)
     origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
     approaches = start.approaches.copy()
@@ -143,18 +177,25 @@ def _state(problem: Problem, kernel: LayeredKernel, degree: int, start: Start | 
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
     contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches)
+    contacts = _rested(contacts)
     lifted = [i for i in range(problem.size) if i not in touching]
-    if not lifted:
-        return contacts
-    rest = np.array([_rest_height(contacts, i) for i in lifted])
-    if problem.load.kind == "force":
-        approaches[lifted] = rest
-    elif np.any(approaches[lifted] > rest + 1e-9 * np.max(np.abs(approaches))):
+    if any(contacts.approaches[i] > _rest_height(contacts, i) + 1e-9 * np.max(np.abs(approaches)) for i in lifted):
         raise NotConverged("linear_bem: a ball taken for lifted touches the surface")
+    return contacts
+
+
+def _rested(contacts: Contacts) -> Contacts:
+    """Return the contacts with every ball of zero prescribed force at the height where it just touches."""
+    load = contacts.problem.load
+    resting = [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
+    if not resting:
+        return contacts
+    approaches = contacts.approaches.copy()
+    approaches[resting] = [_rest_height(contacts, i) for i in resting]
     return replace(contacts, approaches=approaches)
 
 
-def _rest_height(contacts: SmoothContacts, ball: int) -> float:
+def _rest_height(contacts: SmoothContacts | GridContacts, ball: int) -> float:
     """Return the approach [m] at which an unloaded ball just touches the deformed surface."""
     f = height(contacts.problem.balls[ball])
     x0, y0 = contacts.problem.balls[ball].position

@@ -1,0 +1,166 @@
+r"""Non-negative pressures on a grid by preconditioned, constrained conjugate gradients.
+
+The method of [Polonsky and Keer 1999, Wear 231, 206, doi 10.1016/S0043-1648(99)00113-1] with two
+changes: the search direction is preconditioned by the periodic inverse of the influence matrix
+(iterations then hardly grow with the grid), and any groups of balls may have their forces prescribed,
+each with its own unknown approach. It stops when, relative to the largest approach, the gap in contact and
+the penetration outside are both below the tolerance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import NotConverged
+from linear_bem.grid import Patches
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GridState:
+    """Pressures over ``singular`` and displacements [m] of all patches, owners of cells, approaches [m]."""
+
+    pressures: list[Array]
+    displacements: list[Array]
+    owners: list[NDArray[np.intp]]
+    approaches: Array
+    iterations: int
+    gap: float
+    penetration: float
+
+
+class _Joined:
+    """Lists of patch arrays as one vector, with the envelope of the balls over each cell."""
+
+    def __init__(self, patches: Patches, heights: list[Array]) -> None:
+        self.patches = patches
+        self.shapes = [(p.nx, p.ny) for p in patches.patches]
+        self.ends = np.cumsum([a * b for a, b in self.shapes])
+        self.heights = heights
+        self.members = [np.array(p.members) for p in patches.patches]
+        self.area = np.concatenate(
+            [np.full(a * b, p.cell**2) for (a, b), p in zip(self.shapes, patches.patches, strict=True)]
+        )
+
+    def split(self, v: Array) -> list[Array]:
+        return [part.reshape(s) for part, s in zip(np.split(v, self.ends[:-1]), self.shapes, strict=True)]
+
+    def split_owner(self, v: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+        return [part.reshape(s) for part, s in zip(np.split(v, self.ends[:-1]), self.shapes, strict=True)]
+
+    def apply(self, v: Array) -> Array:
+        return np.concatenate([w.ravel() for w in self.patches.displacement(self.split(v))])
+
+    def precondition(self, v: Array) -> Array:
+        return np.concatenate(
+            [p.precondition(r).ravel() for p, r in zip(self.patches.patches, self.split(v), strict=True)]
+        )
+
+    def envelope(self, approaches: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Return the lowest indenter's depth D - f [m] at each cell, and which ball that is."""
+        depth, owner = [], []
+        for f, members in zip(self.heights, self.members, strict=True):
+            each = approaches[members][:, None, None] - f
+            which = np.argmax(each, axis=0)
+            depth.append(np.take_along_axis(each, which[None], 0)[0].ravel())
+            owner.append(members[which].ravel())
+        return np.concatenate(depth), np.concatenate(owner)
+
+
+def solve_bounded(
+    patches: Patches,
+    heights: list[Array],
+    pressures: list[Array],
+    approaches: Array,
+    groups: list[tuple[list[int], float]],
+    tolerance: float = 1e-8,
+    limit: int = 400,
+) -> GridState:
+    """Return the state with p >= 0, gap >= 0, p gap = 0.
+
+    ``heights`` holds per patch the members' f at its cells, shape (members, nx, ny) [m]; ``groups`` as in
+    `linear_bem.newton.solve_zones`. Raises `NotConverged`.
+    """
+    joined = _Joined(patches, heights)
+    approaches = approaches.astype(float).copy()
+    p = np.concatenate([q.ravel() for q in pressures])
+    label = np.full(len(approaches), -1)
+    for g, (members, _) in enumerate(groups):
+        label[members] = g
+    wanted = np.array([force for _, force in groups])
+    depth, owner = joined.envelope(approaches)
+    p = _scaled(p, label[owner], wanted, joined.area)
+    w = joined.apply(p)
+    direction, old, restart = np.zeros_like(p), 1.0, True
+    diagonal = np.concatenate(
+        [np.full(a * b, q.influence[0, 0]) for (a, b), q in zip(joined.shapes, patches.patches, strict=True)]
+    )
+    worst = penetration = np.inf
+    for iteration in range(limit):
+        contact = p > 0.0
+        for _ in range(2):
+            for g, (members, _) in enumerate(groups):
+                mine = contact & (label[owner] == g)
+                approaches[members] += np.mean((w - depth)[mine]) if np.any(mine) else 0.0
+            depth, owner = joined.envelope(approaches)
+        gap = w - depth
+        scale = float(np.max(np.abs(approaches)))
+        worst = float(np.max(np.abs(gap[contact]), initial=0.0)) / scale
+        penetration = float(np.max(-gap[~contact], initial=0.0)) / scale
+        if worst < tolerance and penetration < tolerance and iteration > 0:
+            return GridState(
+                joined.split(p), joined.split(w), joined.split_owner(owner), approaches,
+                iteration, worst, penetration,
+            )  # fmt: skip
+        residual = np.where(contact, gap, 0.0)
+        z = np.where(contact, joined.precondition(residual), 0.0)
+        kind = label[owner]
+        for g in range(len(groups)):
+            # project so that the group's force stays: the preconditioner is not needed exactly here
+            mine = contact & (kind == g)
+            z[mine] -= np.sum((z * joined.area)[mine]) / np.sum(joined.area[mine])
+        new = float(residual @ (z * joined.area))
+        if new <= 0.0:
+            z = residual.copy()
+            for g in range(len(groups)):
+                mine = contact & (kind == g)
+                z[mine] -= np.mean(z[mine])
+            new = float(residual @ (z * joined.area))
+            restart = True
+        direction = np.where(contact, z + (0.0 if restart else new / old) * direction, 0.0)
+        old = new
+        image = joined.apply(direction)
+        curvature = float(direction @ (image * joined.area))
+        if curvature <= 0.0:
+            direction, restart = z, True
+            image = joined.apply(direction)
+            curvature = float(direction @ (image * joined.area))
+        step = float(residual @ (direction * joined.area)) / curvature
+        p = p - step * direction
+        lost = contact & (p <= 0.0)
+        p[p < 0.0] = 0.0
+        gained = ~contact & (gap < -0.5 * tolerance * scale)
+        p[gained] = -0.5 * gap[gained] / diagonal[gained]
+        restart = bool(np.any(lost) or np.any(gained))
+        before = p
+        p = _scaled(p, label[owner], wanted, joined.area)
+        w = joined.apply(p) if restart or p is not before else w - step * image
+    raise NotConverged(
+        f"grid contact: {limit} conjugate-gradient steps left a gap of {worst:.1e} and a penetration of "
+        f"{penetration:.1e} of the approach, tolerance {tolerance:.1e}"
+    )
+
+
+def _scaled(p: Array, kind: NDArray[np.intp], wanted: Array, area: Array) -> Array:
+    """Return pressures whose group forces are exactly the prescribed ones (the same array where they already are)."""
+    factor = np.ones(len(wanted) + 1)
+    for g, force in enumerate(wanted):
+        total = float(np.sum((p * area)[kind == g]))
+        factor[g] = force / total if total > 0.0 else 1.0
+    if np.all(np.abs(factor - 1.0) < 1e-12):
+        return p
+    return p * factor[kind]
