@@ -1,0 +1,194 @@
+"""Every difference between the supported DOLFINx versions (0.5.2, 0.9), and nothing else.
+
+Call positional arguments only where keyword names changed between versions.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import basix
+import dolfinx
+import dolfinx.fem.petsc
+import gmsh
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from linear_bem.errors import MissingDependency, ThirdBodyError
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+_OLD = VERSION < (0, 6)
+
+if VERSION < (0, 5):
+    raise MissingDependency(f"finite_strain needs DOLFINx 0.5 or newer, found {dolfinx.__version__}")
+if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+    raise MissingDependency("finite_strain needs a real build of PETSc, found a complex one: install python3-dolfinx-real")
+
+
+class _CompilerChatter(logging.Filter):
+    """Drops the compiler command lines that distutils logs while a form is compiled for the first time."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return record.levelno > logging.INFO
+
+
+logging.getLogger().addFilter(_CompilerChatter())
+
+
+def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:
+    """Return a Lagrange space of the degree on tetrahedra with the value shape."""
+    if _OLD:
+        family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
+        if shape == ():
+            element = ufl.FiniteElement(family, cell, degree)
+        elif len(shape) == 1:
+            element = ufl.VectorElement(family, cell, degree, dim=shape[0])
+        else:
+            element = ufl.TensorElement(family, cell, degree, shape=shape)
+        return dolfinx.fem.FunctionSpace(mesh, element)
+    import basix.ufl  # noqa: PLC0415  (absent from the old version)
+
+    element = basix.ufl.element(
+        "Lagrange", mesh.basix_cell().name, degree, shape=shape or None, discontinuous=discontinuous
+    )
+    return dolfinx.fem.functionspace(mesh, element)
+
+
+def compile_form(form: Any, comm: MPI.Comm) -> Any:
+    """Return the compiled form (collective over comm), built in a cache of our own under a file lock.
+
+    The compiler's own lock is a file that a killed run leaves behind, and every later run then waits
+    for it in vain; ours is dropped by the kernel with the process that held it.
+    """
+    with _compiler_cache(comm) as cache:
+        options = {"timeout": 600, "cache_dir": str(cache)}
+        return dolfinx.fem.form(form, jit_params=options) if _OLD else dolfinx.fem.form(form, jit_options=options)
+
+
+@contextmanager
+def _compiler_cache(comm: MPI.Comm) -> Iterator[Path]:
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
+    if comm.rank != 0:
+        yield cache
+        return
+    cache.mkdir(parents=True, exist_ok=True)
+    with (cache / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for source in cache.glob("*.c"):
+            if not source.with_suffix(".c.cached").exists():
+                source.unlink()
+        yield cache
+
+
+def vector_of(function: Any) -> PETSc.Vec:
+    """Return the PETSc vector that shares a function's memory."""
+    return function.vector if _OLD else function.x.petsc_vec
+
+
+def interpolation_points(space: Any) -> np.ndarray:
+    """Return the reference points at which a space interpolates."""
+    points = space.element.interpolation_points
+    return points() if callable(points) else points
+
+
+def compile_expression(value: Any, space: Any, comm: MPI.Comm) -> Any:
+    """Return the compiled expression to be interpolated into the space (collective over comm)."""
+    with _compiler_cache(comm) as cache:
+        options = {"timeout": 600, "cache_dir": str(cache)}
+        points = interpolation_points(space)
+        if _OLD:
+            return dolfinx.fem.Expression(value, points, jit_params=options)
+        return dolfinx.fem.Expression(value, points, jit_options=options)
+
+
+def cell_dofs(space: Any) -> np.ndarray:
+    """Return the (cells, dofs per cell) table of a space's block dofs, ghost cells included."""
+    dofmap = space.dofmap.list
+    if hasattr(dofmap, "array"):
+        return dofmap.array.reshape(-1, space.dofmap.dof_layout.num_dofs)
+    return dofmap
+
+
+def facet_dof_positions(space: Any) -> list[list[int]]:
+    """Return, for each local facet of a cell, which of the cell's dofs lie on it."""
+    layout = space.dofmap.dof_layout
+    return [list(layout.entity_closure_dofs(2, facet)) for facet in range(4)]
+
+
+def tabulate_lagrange(degree: int, points: np.ndarray) -> np.ndarray:
+    """Return the values (points, functions) of the tetrahedron's Lagrange functions, in DOLFINx order."""
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.tetrahedron, degree, basix.LagrangeVariant.gll_warped
+    )
+    return element.tabulate(0, points)[0].reshape(len(points), -1)
+
+
+def triangle_quadrature(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 2) and weights (n,) that integrate the degree exactly on the unit triangle."""
+    return basix.make_quadrature(basix.CellType.triangle, degree)
+
+
+def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
+    """Return mesh, cell tags and facet tags of a .msh file whose groups were checked by its writer."""
+    from dolfinx.io import gmshio  # noqa: PLC0415  (renamed in DOLFINx 0.10)
+
+    failure = None
+    if comm.rank == 0:
+        gmsh.initialize([], False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        try:
+            gmsh.open(str(path))
+        except Exception as error:  # noqa: BLE001  (gmsh raises bare Exception)
+            failure = f"mesh file {path} cannot be read: {error}"
+        else:
+            if not gmsh.model.getPhysicalGroups(3) or not gmsh.model.getPhysicalGroups(2):
+                failure = f"mesh file {path} lacks physical groups of volumes or of faces"
+    failure = comm.bcast(failure, root=0)
+    if failure:
+        raise ThirdBodyError(failure)
+    answer = gmshio.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
+    if comm.rank == 0:
+        gmsh.finalize()
+    return answer[0], answer[1], answer[2]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that a finite-element result depends on."""
+    petsc = ".".join(str(n) for n in PETSc.Sys.getVersion())
+    return {"dolfinx": dolfinx.__version__, "petsc": petsc, "mpi": MPI.Get_library_version().split(",")[0].split("\n")[0], "gmsh": gmsh.__version__}
+
+
+def geometry_dofs(mesh: Any) -> np.ndarray:
+    """Return the (cells, 4) table of a tetrahedral mesh's geometry nodes, ghost cells included."""
+    dofmap = mesh.geometry.dofmap
+    return dofmap.array.reshape(-1, 4) if hasattr(dofmap, "array") else dofmap
+
+
+def constrained_dofs(bc: Any) -> np.ndarray:
+    """Return the local dof numbers (unrolled, ghosts included) that a boundary condition holds."""
+    indices = bc.dof_indices() if hasattr(bc, "dof_indices") else bc._cpp_object.dof_indices()
+    return np.asarray(indices[0])
+
+
+def ghosted_vector(linear_form: Any, space: Any) -> PETSc.Vec:
+    """Return a new ghosted vector for a linear form on the space."""
+    create = dolfinx.fem.petsc.create_vector
+    return create(linear_form) if VERSION < (0, 10) else create(space)
+
+
+def vertex_dofs(scalar_linear_space: Any) -> np.ndarray:
+    """Return, for each local geometry node of an affine mesh, the dof of the linear space at that node."""
+    mesh = scalar_linear_space.mesh
+    geometry, dofs = geometry_dofs(mesh), cell_dofs(scalar_linear_space)
+    table = np.zeros(len(mesh.geometry.x), dtype=np.int64)
+    table[geometry.ravel()] = dofs.ravel()
+    return table

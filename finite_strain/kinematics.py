@@ -1,0 +1,60 @@
+"""How strain follows from displacement: finite or small; both give a strain energy and a stress.
+
+A kinematics turns a displacement into the strain-energy density per reference volume. Its first
+Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative by the displacement
+gradient, never written out by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import ufl
+
+from finite_strain.materials import LAWS
+
+
+class Kinematics(Protocol):
+    """What the model asks of a kinematics; ``gradient`` is the displacement gradient du_i/dX_J."""
+
+    quadrature_degree: int
+
+    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
+        """Return the strain energy per reference volume [J/m^3]; ``shear`` and ``lame`` are Lame's mu and lambda."""
+
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
+        """Return the Cauchy stress from the energy's derivative by the gradient."""
+
+
+@dataclass(frozen=True)
+class Finite:
+    """Finite strain with a hyperelastic law: F = I + grad u."""
+
+    law: str = "neo_hookean"
+    quadrature_degree: int = 4
+
+    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
+        """Return the law's strain energy; nan where an element is inverted."""
+        return LAWS[self.law](gradient, shear, lame)
+
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
+        """Return P F^T / J."""
+        F = ufl.Identity(3) + gradient
+        return stress * F.T / ufl.det(F)
+
+
+@dataclass(frozen=True)
+class Small:
+    """Small strain, linear isotropic elasticity: mu e:e + lambda/2 (tr e)^2."""
+
+    quadrature_degree: int = 2
+
+    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
+        """Return Hooke's strain energy of the symmetric gradient."""
+        strain = ufl.sym(gradient)
+        return shear * ufl.inner(strain, strain) + lame / 2 * ufl.tr(strain) ** 2
+
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:  # noqa: ARG002
+        """Return the stress itself: at small strain the configurations coincide."""
+        return stress

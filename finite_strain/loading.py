@@ -1,0 +1,255 @@
+"""The load path: steps from first touch to full load, with predictor, cut-back, augmentation and force control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from mpi4py import MPI
+
+from finite_strain.model import Model
+from finite_strain.newton import NewtonSolver
+from linear_bem.errors import NotConverged
+from linear_bem.indentation import indentation_of_layer
+from linear_bem.problem import Problem
+
+GROWTH = 1.5
+"""Ratio of the approaches of successive load steps; the contact radius grows by about its square root."""
+PENALTY = 10.0
+"""Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
+RESIDUAL = 1e-9
+"""Residual norm over the normal force at which Newton's method stops."""
+FORCE_CHANGE = 3e-4
+"""Relative change of the normal force by an augmentation at which the contact counts as resolved."""
+MAX_AUGMENTATIONS = 4
+MAX_FORCE_ITERATIONS = 12
+MAX_CUTS = 8
+SPURIOUS = 0.3
+"""An augmentation that changes a normal force by more than this part has left the solution branch."""
+
+
+@dataclass
+class StepRecord:
+    """What one load step took: fraction of the full load, Newton iterations, augmentations, cut-backs."""
+
+    fraction: float
+    newton_iterations: int = 0
+    augmentations: int = 0
+    force_iterations: int = 0
+    cuts: int = 0
+    residual: float = math.nan
+    normal_forces: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class State:
+    """A converged state that can be returned to: displacement, multipliers, approaches [m], forces [N]."""
+
+    fraction: float
+    nodal: np.ndarray
+    multipliers: tuple[np.ndarray, ...]
+    approaches: tuple[float, ...]
+    forces: tuple[float, ...]
+
+
+def schedule(deepest: float, radius: float) -> list[float]:
+    """Return the load fractions (of the deepest approach [m]) to be reached, in geometric progression to 1.
+
+    The first step presses to about 0.012 R, where small- and finite-strain theory nearly agree.
+    """
+    steps = max(1, math.ceil(math.log(max(deepest / (0.012 * radius), 1.0)) / math.log(GROWTH)) + 1)
+    return [GROWTH ** (k + 1 - steps) for k in range(steps)]
+
+
+class LoadPath:
+    """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction."""
+
+    def __init__(self, problem: Problem, model: Model, solver: NewtonSolver,
+                 attempt: Callable[[float, int], None] | None = None) -> None:  # fmt: skip
+        self.problem = problem
+        self.model = model
+        self.solver = solver
+        self._attempt = attempt or (lambda _fraction, _cuts: None)
+        self.balls = model.reduction.balls
+        values = problem.load.values
+        self.targets = [values[0] if len(values) == 1 else values[ball.index] for ball in self.balls]
+        counts = [sum(image.model_ball == b for image in model.reduction.images) for b in range(len(self.balls))]
+        self.counts = np.array(counts)
+        self.history: list[State] = []
+
+    def steps(self, fractions: list[float]) -> Iterator[StepRecord]:
+        """Yield after each converged step; the fractions not yet reached are met, with smaller steps where needed."""
+        cuts = 0
+        for goal in fractions:
+            while not self.history or self.history[-1].fraction < goal * (1.0 - 1e-12):
+                reached = self.history[-1].fraction if self.history else 0.0
+                fraction = goal if cuts == 0 else reached + (goal - reached) * 0.5**cuts
+                self._attempt(fraction, cuts)
+                record = StepRecord(fraction, cuts=cuts)
+                try:
+                    self._solve(fraction, record, predict=cuts == 0)
+                except NotConverged as error:
+                    cuts += 1
+                    self._restore()
+                    if cuts > MAX_CUTS:
+                        raise NotConverged(
+                            f"load step to {fraction:.4g} of the full load: {error} after {MAX_CUTS} cut-backs; "
+                            f"the last good state is at {reached:.4g} of the full load"
+                        ) from error
+                    continue
+                self._remember(fraction, record)
+                cuts = max(cuts - 1, 0)
+                yield record
+
+    def resume(self, state: State) -> None:
+        """Go on from a state reached earlier."""
+        self.history.append(state)
+        self._restore()
+
+    def _solve(self, fraction: float, record: StepRecord, predict: bool) -> None:
+        self._set_approaches(self._first_guess(fraction))
+        if predict:
+            self._extrapolate(fraction)
+        reference = self._newton(record)
+        for _ in range(MAX_FORCE_ITERATIONS):
+            forces = self._control_force(fraction, record)
+            changed = np.max(np.abs(forces - reference) / np.maximum(forces, 1e-3 * forces.max()))
+            if record.augmentations > 0 and changed < FORCE_CHANGE or record.augmentations == MAX_AUGMENTATIONS:
+                record.normal_forces = [float(f) for f in forces]
+                return
+            reference = forces
+            self.model.augment()
+            record.augmentations += 1
+            moved = np.max(np.abs(self._newton(record) - reference) / np.maximum(reference, 0.1 * reference.max()))
+            if moved > SPURIOUS:
+                raise NotConverged(f"augmentation {record.augmentations} moved a normal force by {100 * moved:.0f} %")
+
+    def _newton(self, record: StepRecord) -> np.ndarray:
+        scale = max(self._expected_force(contact.approach, b) for b, contact in enumerate(self.model.contacts))
+        done = self.solver.solve(RESIDUAL * scale)
+        record.newton_iterations += done.iterations
+        record.residual = done.residual
+        forces = self.normal_forces()
+        if not np.max(forces) > 0.0:
+            raise NotConverged("no ball touches the layer in the equilibrium found")
+        return forces
+
+    def normal_forces(self) -> np.ndarray:
+        """Return the normal force [N] on every ball of the model, whole balls (collective)."""
+        local = [c.force(self.model.nodal)[2] * ball.copies for c, ball in zip(self.model.contacts, self.balls, strict=True)]
+        return np.array(self.model.comm.allreduce(np.array(local), op=MPI.SUM))
+
+    def _control_force(self, fraction: float, record: StepRecord) -> np.ndarray:
+        """Move the approaches until the prescribed forces are met; return the forces."""
+        forces = self.normal_forces()
+        kind = self.problem.load.kind
+        if kind == "approach":
+            return forces
+        target = fraction * np.array(self.targets)
+        for _ in range(MAX_FORCE_ITERATIONS):
+            excess = np.array([forces @ self.counts - target[0]]) if kind == "total_force" else forces - target
+            if np.max(np.abs(excess)) <= 1e-7 * np.max(target):
+                return forces
+            stiffness = self._stiffness()
+            approaches = np.array([c.approach for c in self.model.contacts])
+            if kind == "total_force":
+                move = np.full(len(forces), -excess[0] / (self.counts @ stiffness.sum(axis=1)))
+            else:
+                move = np.linalg.solve(stiffness, -excess)
+            limit = 0.3 * np.max(approaches)
+            self._set_approaches(approaches + np.clip(move, -limit, limit))
+            record.force_iterations += 1
+            forces = self._newton(record)
+        raise NotConverged(f"prescribed force not met after {MAX_FORCE_ITERATIONS} iterations on the approach")
+
+    def _stiffness(self) -> np.ndarray:
+        """Return dQ_i/dD_j [N/m] of the model's balls at the present equilibrium, by linearisation."""
+        model, count = self.model, len(self.balls)
+        copies = np.array([ball.copies for ball in self.balls])
+        columns, responses = [], []
+        for contact in model.contacts:
+            column, response = self.solver.new_vector(), self.solver.new_vector()
+            model.approach_derivative([contact], column)
+            self.solver.solve_linear(column, response)
+            columns.append(column)
+            responses.append(response)
+        local = [contact.stiffness(model.nodal) for contact in model.contacts]
+        own = np.array(model.comm.allreduce(np.array(local), op=MPI.SUM))
+        coupled = np.array([[columns[i].dot(responses[j]) for j in range(count)] for i in range(count)])
+        for vector in (*columns, *responses):
+            vector.destroy()
+        return copies[:, None] * (np.diag(own) - coupled)
+
+    def _set_approaches(self, approaches: np.ndarray | list[float]) -> None:
+        modulus = self.problem.layer.contact_modulus
+        for contact, approach in zip(self.model.contacts, approaches, strict=True):
+            contact.approach = float(approach)
+            if approach > 0.0:
+                radius = self._indentation(contact.approach, contact.radius).contact_radius
+                contact.penalty = PENALTY * modulus / radius
+        deepest = max(contact.approach for contact in self.model.contacts)
+        for contact in self.model.contacts:
+            if contact.approach <= 0.0:
+                contact.penalty = PENALTY * modulus / self._indentation(deepest, contact.radius).contact_radius
+
+    def _indentation(self, approach: float, radius: float):  # type: ignore[no-untyped-def]  # noqa: ANN202
+        return indentation_of_layer(self.problem.layer, self.problem.substrate, radius, approach=approach)
+
+    def _expected_force(self, approach: float, ball: int) -> float:
+        return self._indentation(approach, self.balls[ball].radius).normal_force if approach > 0.0 else 0.0
+
+    def _first_guess(self, fraction: float) -> list[float]:
+        """Return the approaches to try at a load fraction: prescribed, or extrapolated from force and approach so far."""
+        if self.problem.load.kind == "approach":
+            return [fraction * target for target in self.targets]
+        if not self.history:
+            share = fraction / self.counts.sum() if self.problem.load.kind == "total_force" else fraction
+            layer, substrate = self.problem.layer, self.problem.substrate
+            guesses = [
+                indentation_of_layer(layer, substrate, ball.radius, normal_force=share * target).approach
+                for ball, target in zip(self.balls, self.targets, strict=True)
+            ]
+            common = sum(guesses) / len(guesses)
+            return [common] * len(guesses) if self.problem.load.kind == "total_force" else guesses
+        last = self.history[-1]
+        exponents = [2.0 / 3.0] * len(self.balls)
+        if len(self.history) > 1:
+            before = self.history[-2]
+            exponents = [
+                math.log(d1 / d0) / math.log(last.fraction / before.fraction)
+                for d0, d1 in zip(before.approaches, last.approaches, strict=True)
+            ]
+        return [d * (fraction / last.fraction) ** e for d, e in zip(last.approaches, exponents, strict=True)]
+
+    def _extrapolate(self, fraction: float) -> None:
+        if len(self.history) < 2:
+            return
+        before, last = self.history[-2:]
+        ratio = (fraction - last.fraction) / (last.fraction - before.fraction)
+        self.model.nodal[:] = last.nodal + ratio * (last.nodal - before.nodal)
+        if not math.isfinite(self.model.energy()):
+            self.model.nodal[:] = last.nodal
+
+    def _remember(self, fraction: float, record: StepRecord) -> None:
+        state = State(
+            fraction,
+            self.model.nodal.copy(),
+            tuple(contact.nodal_multiplier.copy() for contact in self.model.contacts),
+            tuple(contact.approach for contact in self.model.contacts),
+            tuple(record.normal_forces),
+        )
+        self.history = [*self.history[-1:], state]
+
+    def _restore(self) -> None:
+        if not self.history:
+            self.model.nodal[:] = 0.0
+            for contact in self.model.contacts:
+                contact.nodal_multiplier[:] = 0.0
+            return
+        last = self.history[-1]
+        self.model.nodal[:] = last.nodal
+        self._set_approaches(list(last.approaches))
+        for contact, multiplier in zip(self.model.contacts, last.multipliers, strict=True):
+            contact.nodal_multiplier = multiplier.copy()

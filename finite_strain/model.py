@@ -1,0 +1,215 @@
+"""The discrete layer: a quadratic displacement on a mesh, bulk energy by forms, contact by parts.
+
+The total potential is the sum of the bulk's strain energy and every ball's contact potential; its
+first and second derivatives are residual and tangent. Nothing here knows how they are driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.contact import Contact, Surface
+from finite_strain.domain import Reduction
+from finite_strain.indenter import Indenter, LinearisedProfile, ParaboloidInSpace, SphereInSpace
+from finite_strain.kinematics import Finite, Kinematics
+from linear_bem.problem import Elastic, Problem
+from meshes.box import TAGS
+
+_PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """A region of the mesh and its elastic constants."""
+
+    tag: int
+    solid: Elastic
+
+
+def indenter_for(shape: str, radius: float, kinematics: Kinematics) -> Indenter:
+    """Return the gap function that belongs to a ball's shape and the kinematics."""
+    if not isinstance(kinematics, Finite):
+        return LinearisedProfile(radius, shape)
+    return SphereInSpace(radius) if shape == "sphere" else ParaboloidInSpace(radius)
+
+
+class Model:
+    """Energy, residual and tangent of the reduced scene on one mesh; collective over ``comm``."""
+
+    def __init__(self, problem: Problem, reduction: Reduction, kinematics: Kinematics, mesh_file: Path, comm: MPI.Comm):
+        self.comm = comm
+        self.reduction = reduction
+        self.kinematics = kinematics
+        self.mesh, self.cell_tags, self.facet_tags = compat.read_mesh(mesh_file, comm)
+        self.space = compat.function_space(self.mesh, 2, (3,))
+        self.displacement = dolfinx.fem.Function(self.space, name="displacement")
+        self.linear_space = compat.function_space(self.mesh, 1)
+        self._vertex_work = dolfinx.fem.Function(self.linear_space)
+        self.bulks = [Bulk(TAGS["layer"], problem.layer)]
+        if problem.substrate is not None:
+            self.bulks.append(Bulk(TAGS["substrate"], problem.substrate))
+        self.contacts = self._make_contacts()
+        self.bcs = self._make_constraints()
+        self._compile()
+
+    def _make_contacts(self) -> list[Contact]:
+        top = self.facet_tags.find(TAGS["top"])
+        contacts = []
+        for ball in self.reduction.balls:
+            indenter = indenter_for(ball.shape, ball.radius, self.kinematics)
+            surface = Surface.near(self.space, self.linear_space, top, ball.position, indenter.reach)
+            vertices = len(self._vertex_work.x.array)
+            contacts.append(Contact(surface, indenter, ball.position, ball.radius, vertices))
+        return contacts
+
+    def _make_constraints(self) -> list[Any]:
+        """Clamp the bottom; let the sides slide without leaving their plane (so they mirror the scene)."""
+        zero = PETSc.ScalarType(0.0)
+        bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
+        bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), bottom, self.space)]
+        for name, axis in _PLANES.items():
+            facets = self.facet_tags.find(TAGS[name])
+            component = self.space.sub(axis)
+            dofs = dolfinx.fem.locate_dofs_topological(component, 2, facets)
+            bcs.append(dolfinx.fem.dirichletbc(zero, dofs, component))
+        index_map = self.space.dofmap.index_map
+        self.constrained = np.zeros((index_map.size_local + index_map.num_ghosts, 3), dtype=bool)
+        for bc in bcs:
+            self.constrained.reshape(-1)[compat.constrained_dofs(bc)] = True
+        return bcs
+
+    def constants(self, bulk: Bulk) -> tuple[Any, Any]:
+        """Return Lame's mu and lambda as constants, so that one compiled form serves every stiffness."""
+        return tuple(
+            dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(v)) for v in (bulk.solid.shear_modulus, bulk.solid.lame_first)
+        )  # type: ignore[return-value]
+
+    def volume_integral(self, density: Any, degree: int | None = None) -> Any:
+        """Return the sum over regions of the integral of ``density(psi, gradient)``, psi(gradient) the region's energy."""
+        gradient = ufl.grad(self.displacement)
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+        metadata = {"quadrature_degree": self.kinematics.quadrature_degree if degree is None else degree}
+        total = 0
+        for bulk in self.bulks:
+            shear, lame = self.constants(bulk)
+            variable = ufl.variable(gradient)
+            psi = self.kinematics.energy_density(variable, shear, lame)
+            total += density(psi, variable) * measure(bulk.tag, metadata=metadata)
+        return total
+
+    def _compile(self) -> None:
+        energy = self.volume_integral(lambda psi, _: psi)
+        residual = ufl.derivative(energy, self.displacement, ufl.TestFunction(self.space))
+        tangent = ufl.derivative(residual, self.displacement, ufl.TrialFunction(self.space))
+        self._energy, self._residual, self._tangent = (
+            compat.compile_form(form, self.comm) for form in (energy, residual, tangent)
+        )
+        self.matrix = dolfinx.fem.petsc.create_matrix(self._tangent)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._work = compat.ghosted_vector(self._residual, self.space)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement components on all ranks."""
+        return 3 * int(self.space.dofmap.index_map.size_global)
+
+    @property
+    def nodal(self) -> np.ndarray:
+        """This rank's nodal displacements (nodes, 3) [m], ghosts included; a view."""
+        return self.displacement.x.array.reshape(-1, 3)
+
+    def set_state(self, x: PETSc.Vec) -> None:
+        """Copy a solver's vector into the displacement and refresh its ghosts."""
+        vector = compat.vector_of(self.displacement)
+        x.copy(vector)
+        vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def get_state(self, x: PETSc.Vec) -> None:
+        """Copy the displacement into a solver's vector."""
+        compat.vector_of(self.displacement).copy(x)
+
+    def strain_energy(self) -> float:
+        """Return the strain energy [J] of the simulated part."""
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
+
+    def energy(self) -> float:
+        """Return the total potential [J] of the simulated part."""
+        local = dolfinx.fem.assemble_scalar(self._energy)
+        local += sum(contact.energy(self.nodal) for contact in self.contacts)
+        return float(self.comm.allreduce(local, op=MPI.SUM))
+
+    def bulk_residual(self) -> np.ndarray:
+        """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""
+        return self._summed(lambda work: dolfinx.fem.petsc.assemble_vector(work, self._residual))
+
+    def residual(self, b: PETSc.Vec) -> None:
+        """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
+
+        def fill(work: PETSc.Vec) -> None:
+            dolfinx.fem.petsc.assemble_vector(work, self._residual)
+            with work.localForm() as form:
+                for contact in self.contacts:
+                    contact.add_residual(self.nodal, form.array.reshape(-1, 3))
+
+        self._store_free(self._summed(fill), b)
+
+    def approach_derivative(self, contacts: list[Contact], b: PETSc.Vec) -> None:
+        """Assemble the residual's derivative by the common approach of some balls [N/m] into b."""
+
+        def fill(work: PETSc.Vec) -> None:
+            with work.localForm() as form:
+                for contact in contacts:
+                    contact.approach_derivative(self.nodal, form.array.reshape(-1, 3))
+
+        self._store_free(self._summed(fill), b)
+
+    def tangent(self) -> None:
+        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
+        matrix = self.matrix
+        matrix.zeroEntries()
+        dolfinx.fem.petsc.assemble_matrix(matrix, self._tangent, self.bcs)
+        matrix.assemblyBegin(PETSc.Mat.AssemblyType.FLUSH)
+        matrix.assemblyEnd(PETSc.Mat.AssemblyType.FLUSH)
+        for contact in self.contacts:
+            contact.add_tangent(self.nodal, matrix, self.constrained)
+        matrix.assemble()
+
+    def augment(self) -> None:
+        """Move every contact's multiplier to the projection of its present pressure."""
+        for contact in self.contacts:
+            projected = self.project(contact, contact.pressure(self.nodal))
+            contact.nodal_multiplier = np.maximum(projected, 0.0)
+
+    def project(self, contact: Contact, density: np.ndarray) -> np.ndarray:
+        """Return a density (facets, points) of a contact projected to this rank's vertices, zero elsewhere."""
+        moments, weights = (self._summed_over_vertices(share) for share in contact.project(density))
+        return np.divide(moments, weights, out=np.zeros_like(moments), where=weights > 0.0)
+
+    def _summed_over_vertices(self, share: np.ndarray) -> np.ndarray:
+        self._vertex_work.x.array[:] = share
+        vector = compat.vector_of(self._vertex_work)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        return self._vertex_work.x.array.copy()
+
+    def _summed(self, fill: Callable[[PETSc.Vec], None]) -> np.ndarray:
+        """Return what ``fill`` adds to a ghosted vector, summed over ranks, at this rank's own nodes (nodes, 3)."""
+        with self._work.localForm() as form:
+            form.set(0.0)
+        fill(self._work)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return self._work.array_r.copy().reshape(-1, 3)
+
+    def _store_free(self, values: np.ndarray, b: PETSc.Vec) -> None:
+        values[self.constrained[: len(values)]] = 0.0
+        b.array[:] = values.ravel()
