@@ -27,9 +27,9 @@ stop() {
   exit 1
 }
 
-# stop_with_log WHAT [REMEDY...]: the same, after the end of what the failed step printed.
+# stop_with_log WHAT [REMEDY...]: the same, after the end of what the failed step printed (without mpirun's own words, framed by dashes).
 stop_with_log() {
-  tail -c "+$((log_mark + 1))" "$log" | tail -n 12 | sed 's/^/  | /' >&2
+  tail -c "+$((log_mark + 1))" "$log" | sed '/^-\{60,\}$/,/^-\{60,\}$/d' | tail -n 12 | sed 's/^/  | /' >&2
   stop "$@" "All that was printed is in $log"
 }
 
@@ -49,14 +49,15 @@ logged() {
   ) 9>&- &
   ticker=$!
   trap 'kill "$ticker" 2>/dev/null' EXIT
+  trap 'say "interrupted; run it again and it goes on from here" >&2; exit 130' INT
   "$@" </dev/null >>"$log" 2>&1 9>&- || status=$?
   kill "$ticker" 2>/dev/null
   wait "$ticker" 2>/dev/null || true
-  trap - EXIT
+  trap - EXIT INT
   return "$status"
 }
 
-log_says() { tail -c "+$((log_mark + 1))" "$log" | grep -qiE -- "$1"; }
+log_says() { grep -qiE -- "$1" < <(tail -c "+$((log_mark + 1))" "$log"); }
 
 check_system() {
   [[ $(uname -s) == Linux ]] || stop "this set-up is for Debian GNU/Linux; here is $(uname -s)." \
@@ -121,8 +122,9 @@ install_packages() {
     sed -nE 's/^Need to get (.*) of archives.*/\1 to download/p; s/^After this operation, (.*) of additional.*/\1 on disk/p' | paste -sd+ | sed 's/+/, /') || true
   logged "installing Debian packages: ${missing[*]}${extent:+ and what they need ($extent)}" "${apt[@]}" -y "${install[@]}" || status=$?
   if ((status == 0)); then return; fi
-  local again="${as_root[*]} apt-get update && ${as_root[*]} apt-get install --no-install-recommends ${missing[*]}"
-  again=${again//env /}
+  local sudo="${as_root[*]}"
+  sudo=${sudo%env}
+  local again="${sudo}apt-get update && ${sudo}apt-get install --no-install-recommends ${missing[*]}"
   if log_says 'Packages need to be removed but remove is disabled'; then
     stop_with_log "apt-get would have to remove packages you have; that is for you to decide." "See what:  $again"
   elif log_says 'enough free space|No space left'; then
@@ -251,19 +253,27 @@ install_project() {
 # One look at the whole: every module imports, numpy and h5py are the system's, PETSc is real, two ranks see each other.
 verify() {
   logged "looking whether it all works on two ranks" "$mpirun" -n 2 "$venv/bin/python" -c '
-import sys
-import dolfinx, gmsh, h5py, matplotlib, mpi4py, numpy, petsc4py, pint, pydantic, rich, scipy, typer
+import importlib.util, sys
+faults = []
+for name in ("numpy", "scipy", "h5py", "mpi4py", "petsc4py"):
+    origin = importlib.util.find_spec(name).origin
+    if not origin.startswith(("/usr/lib/", "/usr/lib64/")):
+        faults.append(f"{name} comes from {origin}, not from the system")
+if faults:
+    sys.exit("\n".join(faults))
 from mpi4py import MPI
 from petsc4py import PETSc
-faults = [f"{module.__name__} comes from {module.__file__}, not from the system" for module in (numpy, scipy, h5py, mpi4py, petsc4py, dolfinx)
-          if not module.__file__.startswith(("/usr/lib/", "/usr/lib64/"))]
+import dolfinx, gmsh, h5py, matplotlib, numpy, pint, pydantic, rich, scipy, typer
 if MPI.COMM_WORLD.size != 2:
-    faults.append(f"mpirun started {MPI.COMM_WORLD.size} ranks that see each other, not 2: it is not the MPI of mpi4py")
+    sys.exit(f"mpirun started {MPI.COMM_WORLD.size} ranks that see each other, not 2: it does not belong to the MPI of mpi4py")
 if PETSc.ScalarType != numpy.float64:
-    faults.append("PETSc is built for complex numbers; as root: update-alternatives --auto petsc")
-sys.exit("\n".join(faults) or 0)' && return
-  stop_with_log "installed, but it does not work: see the lines above." \
-    "If another Python's packages are in the way:  unset PYTHONPATH" "If .venv is damaged:  rm -rf '$venv' and run this again"
+    sys.exit("PETSc is built for complex numbers; as root: update-alternatives --auto petsc")' && return
+  if log_says 'not from the system' && log_says "comes from $venv/"; then
+    stop_with_log "packages in .venv hide those that DOLFINx was built for." "Take them out of .venv:  '$venv/bin/python' -m pip uninstall NAME" "Then run this again."
+  elif log_says 'not from the system'; then
+    stop_with_log "another Python's packages hide those that DOLFINx was built for." "Perhaps:  unset PYTHONPATH" "Then run this again."
+  fi
+  stop_with_log "installed, but it does not work: see the lines above." "If .venv is damaged:  rm -rf '$venv' and run this again"
 }
 
 # Ranks of one thread that do not spin or fight for a core. What the user has set stays.
@@ -304,6 +314,7 @@ make_ready() {
   local folder
   if [[ $1 == packages ]]; then
     ensure_packages
+    if [[ -n $log ]]; then rm -f "$log"; fi
     return
   fi
   mkdir -p "$venv" 2>/dev/null || true
