@@ -57,6 +57,37 @@ def _circle(count: int) -> tuple[Array, Array]:
     return np.cos(angle), np.sin(angle)
 
 
+@lru_cache(maxsize=32)
+def _monomials(degree: int) -> Array:
+    """Return the power coefficients of every basis polynomial, shape (terms, degree + 1, degree + 1)."""
+    one = [np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k]) for k in range(degree + 1)]
+    table = np.array([np.pad(c, (0, degree + 1 - len(c))) for c in one])
+    i, j = exponents(degree)
+    return np.asarray(table[i][:, :, None] * table[j][:, None, :])
+
+
+def _horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree."""
+    degree = len(powers) - 1
+    value = dx = dy = np.zeros(np.shape(x))
+    for i in range(degree, -1, -1):
+        row = np.full(np.shape(x), powers[i, degree - i])
+        slope = np.zeros(np.shape(x))
+        for j in range(degree - i - 1, -1, -1):
+            slope = slope * y + row
+            row = row * y + powers[i, j]
+        dx = dx * x + value
+        value = value * x + row
+        dy = dy * x + slope
+    return value, dx, dy
+
+
+@lru_cache(maxsize=64)
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return Gauss-Legendre nodes and weights on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 @dataclass(frozen=True)
 class Zone:
     """One contact zone: frame (``centre`` [m], ``axes`` 2x2 [m]) and coefficients of P [Pa^2 in the caller's unit]."""
@@ -95,19 +126,18 @@ class Zone:
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
         """Return the distance (frame units) from interior points along unit directions to the edge.
 
-        P is concave along a chord of a convex contact, so Newton's method from outside is monotone.
+        Newton's method on P along the chord, from just outside the unit circle that the edge is close to.
         """
+        powers = np.tensordot(self.coefficients, _monomials(self.degree), 1)
         b = xi * cos + eta * sin
-        t = -b + np.sqrt(np.maximum(b * b + 1.35**2 - xi**2 - eta**2, 0.0))
-        scale = abs(self.coefficients[0])
+        t = np.maximum(-b + np.sqrt(np.maximum(b * b + 1.02**2 - xi**2 - eta**2, 0.0)), 0.01)
+        floor = -1e-6 * abs(self.coefficients[0])
         for _ in range(40):
-            x, y = xi + t * cos, eta + t * sin
-            value = self.squared_pressure(x, y)
-            step = 1e-6
-            slope = (value - self.squared_pressure(x - step * cos, y - step * sin)) / step
-            move = np.where(np.abs(value) > 0.0, value / np.minimum(slope, -1e-6 * scale), 0.0)
-            t = t - np.clip(move, -0.3, 0.3)
-            if np.max(np.abs(move)) < 1e-14:
+            value, dx, dy = _horner(powers, xi + t * cos, eta + t * sin)
+            move = np.clip(value / np.minimum(dx * cos + dy * sin, floor), -0.3, 0.3)
+            t = t - move
+            if np.max(np.abs(move)) < 3e-8:
+                # the next step, quadratically smaller, is below roundoff
                 break
         return np.maximum(t, 1e-12)
 
@@ -126,7 +156,7 @@ class Zone:
         cos, sin = _circle(angular)
         zero = np.zeros(angular)
         edge = self.edge(zero, zero, cos, sin)
-        phi, w = np.polynomial.legendre.leggauss(radial)
+        phi, w = gauss(radial)
         phi, w = 0.25 * np.pi * (1.0 + phi)[:, None], 0.25 * np.pi * w[:, None]
         r = edge * np.cos(phi)
         xi, eta = (r * cos).ravel(), (r * sin).ravel()

@@ -201,7 +201,7 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
         if sum(p.nx * p.ny for p in patches.patches) > MOST_CELLS:
             if before is None:
                 raise UnsupportedProblem(
-                    f"linear_bem: {sum(p.nx * p.ny for p in patches.patches)} cells are needed to resolve these merging "
+                    f"linear_bem: {sum(p.nx * p.ny for p in patches.patches)} cells are needed to resolve merging "
                     f"contacts, more than {MOST_CELLS}; press balls of more equal size, or fewer, or less deep"
                 )
             return

@@ -102,24 +102,39 @@ def indentation_of_layer(
             "indentation_of_layer: give exactly one of approach, normal_force, contact_radius, greater than 0; got "
             f"{approach}, {normal_force}, {contact_radius}"
         )
+    kind = "approach" if approach is not None else "normal_force" if normal_force is not None else "contact_radius"
+    d, q, a = estimates(layer, substrate, np.array([radius]), kind, np.array(given))
+    return Indentation(float(d[0]), float(q[0]), float(a[0]))
+
+
+def estimates(
+    layer: Layer, substrate: Elastic | None, radii: Array, kind: str, values: Array
+) -> tuple[Array, Array, Array]:
+    """Return approaches [m], forces [N], contact radii [m] of many balls, each alone; 0 where the value is not > 0.
+
+    ``kind`` names what ``values`` are: "approach", "normal_force" or "contact_radius".
+    """
     modulus = layer.contact_modulus
     ratio = None if substrate is None else layer.young / substrate.young
     log_a, log_d, log_q = _curve(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
+    pressed = values > 0.0
+    v = np.where(pressed, values, 1.0)
     h = layer.thickness
     if not np.isfinite(h):
-        h = 1e3 * max(approach or 0.0, contact_radius or 0.0, (normal_force or 0.0) ** 0.5 / modulus**0.5, radius)
-    units = (h, h**2 / radius, modulus * h**3 / radius)
-    columns = (log_a, log_d, log_q)
-    which = 2 if normal_force is not None else 1 if approach is not None else 0
-    at = np.log(given[0] / units[which])
-    a, d, q = (_extrapolate(at, columns[which], column) for column in columns)
-    return Indentation(float(np.exp(d) * units[1]), float(np.exp(q) * units[2]), float(np.exp(a) * units[0]))
+        length = np.sqrt(v / modulus) if kind == "normal_force" else v
+        h = 1e3 * float(max(np.max(radii), np.max(length)))
+    units = {"contact_radius": h, "approach": h**2 / radii, "normal_force": modulus * h**3 / radii}
+    columns = {"contact_radius": log_a, "approach": log_d, "normal_force": log_q}
+    at = np.log(v / units[kind])
+    found = {
+        name: np.where(pressed, np.exp(_extrapolate(at, columns[kind], column)) * units[name], 0.0)
+        for name, column in columns.items()
+    }
+    return found["approach"], found["normal_force"], found["contact_radius"]
 
 
-def _extrapolate(at: float, x: Array, y: Array) -> float:
+def _extrapolate(at: Array, x: Array, y: Array) -> Array:
     """Return y(x) by linear interpolation, by the end slopes outside the table (power laws stay power laws)."""
-    if at <= x[0]:
-        return float(y[0] + (at - x[0]) * (y[1] - y[0]) / (x[1] - x[0]))
-    if at >= x[-1]:
-        return float(y[-1] + (at - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2]))
-    return float(np.interp(at, x, y))
+    low = y[0] + (at - x[0]) * (y[1] - y[0]) / (x[1] - x[0])
+    high = y[-1] + (at - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2])
+    return np.asarray(np.where(at <= x[0], low, np.where(at >= x[-1], high, np.interp(at, x, y))))

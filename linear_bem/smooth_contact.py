@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 from linear_bem.coupling import couple, influence
 from linear_bem.disc import Zone, exponents
 from linear_bem.errors import NotConverged
-from linear_bem.indentation import indentation_of_layer
+from linear_bem.indentation import estimates
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import Nodes, SmoothSolution, solve_zones
 from linear_bem.problem import Problem
 from linear_bem.shapes import curvature, height
+from linear_bem.sweeps import sweep_zones
 
 Array = NDArray[np.float64]
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness for which p^2 is a polynomial worth computing."""
+DENSE = 4
+"""Up to this number of balls one dense Newton system holds all; more take sweeps."""
 
 
 @dataclass(frozen=True)
@@ -35,21 +38,20 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     """Return ellipses of Hertz's pressure from the coupled point-load estimate."""
     _, mutual = influence(problem, kernel)
 
-    def one(index: int, **given: float) -> tuple[float, float, float]:
-        s = indentation_of_layer(problem.layer, problem.substrate, problem.balls[index].radius, **given)
-        return s.approach, s.normal_force, s.contact_radius
+    radii = np.array([ball.radius for ball in problem.balls])
 
     def relation(d: Array) -> Array:
-        return np.array([one(i, approach=v)[1] if v > 0.0 else 0.0 for i, v in enumerate(d)])
+        return estimates(problem.layer, problem.substrate, radii, "approach", d)[1]
 
     def inverse(q: Array) -> Array:
-        return np.array([one(i, normal_force=v)[0] if v > 0.0 else 0.0 for i, v in enumerate(q)])
+        return estimates(problem.layer, problem.substrate, radii, "normal_force", q)[0]
 
     state = couple(problem, mutual, relation, inverse)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
+    contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
     for i in touching:
-        _, force, radius = one(i, normal_force=float(state.forces[i]))
+        force, radius = float(state.forces[i]), float(contact_radii[i])
         bend, turn = np.linalg.eigh(curvature(problem.balls[i], radius))
         # axes of Hertz's ellipse go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28]
         shape = (bend * problem.balls[i].radius) ** (-2.0 / 3.0)
@@ -72,8 +74,12 @@ def solve_smooth(
     start: Start | SmoothSolution,
     touching: list[int],
     approaches: Array,
+    precision: float,
 ) -> SmoothSolution:
-    """Return the solution at one degree of p^2, from a guess or from another degree's solution."""
+    """Return the solution at one degree of p^2, from a guess or from another degree's solution.
+
+    ``precision`` is the relative one of forces and approaches that many balls' iteration stops at.
+    """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
     zones = [z.reframed(degree) for z in old]
     place = {ball: k for k, ball in enumerate(touching)}
@@ -90,6 +96,8 @@ def solve_smooth(
             f"more than {ROUGHEST:g}"
         )
     shapes = [height(problem.balls[i]) for i in touching]
+    if len(touching) > DENSE:
+        return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision)
     return solve_zones(kernel, shapes, zones, approaches[touching], groups, 1e-9)
 
 

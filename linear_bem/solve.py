@@ -17,7 +17,7 @@ from linear_bem.newton import SmoothSolution
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved
 from linear_bem.shapes import height
-from linear_bem.smooth_contact import Start, first_guess, overlap, solve_smooth
+from linear_bem.smooth_contact import DENSE, Start, first_guess, overlap, solve_smooth
 from linear_bem.solution import SmoothContacts
 
 Array = NDArray[np.float64]
@@ -26,6 +26,8 @@ Contacts = TypeVar("Contacts", SmoothContacts, GridContacts)
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
+ROUTES_SUFFICE = 1e-3
+"""Where no more accuracy is asked, three times the difference of two routes to T is taken without a refinement."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +121,14 @@ def _refined(
     """Return contacts by polynomials where these converge, else on grids; with the error of T and notes."""
     guess = first_guess(problem, kernel)
     try:
-        before: SmoothContacts | GridContacts = _state(problem, kernel, 2, guess)
+        precision = min(1e-6, 1e-3 * wanted) if problem.size > DENSE else 1e-11
+        before: SmoothContacts | GridContacts = _state(problem, kernel, 2, guess, precision)
+        if wanted >= ROUTES_SUFFICE:
+            routes = 3.0 * np.max(np.abs(before.mutual_force - before.slope_force), axis=1)
+            if float(np.max(routes)) / _size(before) <= wanted and max(before.certificate.values()) < CERTIFIED:
+                return before, np.maximum(routes, 1e-9 * before.pair_force_size), ()
         for degree in (4, 6, 8, 10, 12):
-            after = _state(problem, kernel, degree, before)
+            after = _state(problem, kernel, degree, before, precision)
             error, reached, settled = _change(before, after)
             routes = np.max(np.abs(after.mutual_force - after.slope_force), axis=1)
             error = np.maximum(error, routes)
@@ -151,7 +158,7 @@ def _size(contacts: SmoothContacts | GridContacts) -> float:
 
 
 def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float, float]:
-    """Return the change of every T [N], the largest over T's size, and the largest relative change of loads or approaches."""
+    """Return the change of every T [N], the largest over T's size, and that of loads and approaches."""
     error = np.max(np.abs(after.mutual_force - before.mutual_force), axis=1)
     # what the kernel's table, T's rounding and the solver's tolerance leave
     error = np.maximum(error, 1e-9 * after.pair_force_size)
@@ -163,20 +170,20 @@ def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridC
 
 
 def _state(
-    problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts | GridContacts
+    problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts | GridContacts, precision: float
 ) -> SmoothContacts:
     """Return the contacts at one degree, with the balls that touch found on the way."""
     assert not isinstance(start, GridContacts)
     touching = list(start.touching)
     origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
     approaches = start.approaches.copy()
-    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches)
+    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision)
     if overlap(smooth.nodes):
         raise NotConverged("linear_bem: contacts of neighbouring balls merge")
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
-    contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches)
+    contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, precision)
     contacts = _rested(contacts)
     lifted = [i for i in range(problem.size) if i not in touching]
     if any(contacts.approaches[i] > _rest_height(contacts, i) + 1e-9 * np.max(np.abs(approaches)) for i in lifted):

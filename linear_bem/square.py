@@ -37,8 +37,8 @@ def uniform_square_displacement(
 ) -> Array:
     """Return the surface displacement [m] under ``pressure`` [Pa] on |x|, |y| <= half_side [m].
 
-    Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels of half a layer thickness (error below
-    1e-10 of the displacement under the square).
+    Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels of a layer
+    thickness (error below 1e-10 of the displacement under the square).
     """
     kernel = LayeredKernel(layer, substrate)
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linear_bem.kernel import LayeredKernel
+from linear_bem.multipole import Interaction
 from linear_bem.newton import Nodes
 from linear_bem.problem import Ball
 from linear_bem.shapes import gradient
@@ -23,24 +24,15 @@ from linear_bem.shapes import gradient
 Array = NDArray[np.float64]
 
 
-def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...]) -> tuple[Array, Array]:
+def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> tuple[Array, Array]:
     """Return T [N] on every zone, shape (zones, 2), and the sum of the pair forces' sizes [N] (zones,).
 
-    Pressures are in units of 1/``kernel.singular``.
+    Pressures are in units of 1/``kernel.singular``; ``precision`` bounds what the multipoles of far pairs neglect.
     """
-    total = np.zeros((len(nodes), 2))
-    size = np.zeros(len(nodes))
-    for i, a in enumerate(nodes):
-        for j, b in enumerate(nodes[:i]):
-            dx, dy = a.x[:, None] - b.x, a.y[:, None] - b.y
-            r = np.hypot(dx, dy)
-            g = (kernel.smooth_slope(r) - 1.0 / r**2) / r
-            left, right = a.weights * a.pressure, b.weights * b.pressure
-            pair = np.array([left @ (g * dx) @ right, left @ (g * dy) @ right]) / kernel.singular
-            total[i] += pair
-            total[j] -= pair
-            size[[i, j]] += np.hypot(*pair)
-    return total, size
+    interaction = Interaction(kernel, list(nodes), precision)
+    interaction.update(list(nodes))
+    pulls = [interaction.force(i) for i in range(len(nodes))]
+    return np.array([t for t, _ in pulls]), np.array([s for _, s in pulls])
 
 
 def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:
