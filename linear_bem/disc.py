@@ -126,16 +126,26 @@ class Zone:
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
         """Return the distance (frame units) from interior points along unit directions to the edge.
 
-        Newton's method on P along the chord, from just outside the unit circle that the edge is close to.
+        Where P is quadratic along the chord this is its root; else Newton's method starts there.
         """
         powers = np.tensordot(self.coefficients, _monomials(self.degree), 1)
-        b = xi * cos + eta * sin
-        t = np.maximum(-b + np.sqrt(np.maximum(b * b + 1.02**2 - xi**2 - eta**2, 0.0)), 0.01)
+        p = powers
+        a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
+        b = (p[1, 0] + 2.0 * p[2, 0] * xi + p[1, 1] * eta) * cos + (p[0, 1] + p[1, 1] * xi + 2.0 * p[0, 2] * eta) * sin
+        c = p[0, 0] + p[1, 0] * xi + p[0, 1] * eta + p[2, 0] * xi * xi + p[1, 1] * xi * eta + p[0, 2] * eta * eta
+        root = b * b - 4.0 * a * c
+        hopeful = (a < 0.0) & (root > 0.0)
+        quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
+        if self.degree <= 2 and np.all(hopeful):
+            return np.maximum(quadratic, 1e-12)
+        along = xi * cos + eta * sin
+        circle = -along + np.sqrt(np.maximum(along * along + 1.02**2 - xi**2 - eta**2, 0.0))
+        t = np.maximum(np.where(np.abs(quadratic - circle) < 0.1, quadratic, circle), 0.01)
         floor = -1e-6 * abs(self.coefficients[0])
         for _ in range(40):
             value, dx, dy = _horner(powers, xi + t * cos, eta + t * sin)
-            move = np.clip(value / np.minimum(dx * cos + dy * sin, floor), -0.3, 0.3)
-            t = t - move
+            move = value / np.minimum(dx * cos + dy * sin, floor)
+            t = t - np.minimum(np.maximum(move, -0.3), 0.3)
             if np.max(np.abs(move)) < 3e-8:
                 # the next step, quadratically smaller, is below roundoff
                 break
@@ -176,7 +186,8 @@ class Zone:
         a = self.axes
         stretch = np.hypot(a[0, 0] * cos + a[0, 1] * sin, a[1, 0] * cos + a[1, 1] * sin)
         x, y = np.broadcast_arrays(xi[:, None], np.zeros(directions))[0], eta[:, None] + np.zeros(directions)
-        ahead, back = self.edge(x, y, cos, sin), self.edge(x, y, -cos, -sin)
+        both = np.array([cos, -cos])[:, None, :], np.array([sin, -sin])[:, None, :]
+        ahead, back = self.edge(x, y, *both)
         beta = (np.arange(along) + 0.5) * np.pi / along
         half, middle = 0.5 * (ahead + back)[..., None], 0.5 * (ahead - back)[..., None]
         t = middle + half * np.cos(beta)

@@ -26,6 +26,9 @@ from linear_bem.newton import Nodes, Rule, Shape, SmoothSolution
 
 Array = NDArray[np.float64]
 
+SETTLED = 1e-3
+"""Relative change of P below which a ball keeps its frame."""
+
 
 def sweep_zones(
     kernel: LayeredKernel,
@@ -70,7 +73,9 @@ def sweep_zones(
             size = float(np.max(np.abs(change)) / np.max(np.abs(here.zone.coefficients)))
             step = max(step, size)
             change *= min(1.0, 0.6 / size) if size > 0.0 else 1.0
-            zones[i] = replace(here.zone, coefficients=here.zone.coefficients + change).reframed(here.zone.degree)
+            zones[i] = replace(here.zone, coefficients=here.zone.coefficients + change)
+            if size > SETTLED:
+                zones[i] = zones[i].reframed(here.zone.degree)
         more, level = _balance(coarse, compliance, found, forces, wanted, shared)
         scale = float(np.max(np.abs(found)))
         last = max(step, float(np.max(np.abs(more)) / np.max(forces)), float(np.max(np.abs(level - found))) / scale)
