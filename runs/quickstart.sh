@@ -8,16 +8,24 @@ set -euo pipefail
 set_up run
 
 cd -- "$checkout"
-job=(.venv/bin/thirdbody compare runs/scenes/paper_thin_pair.toml --out out/quickstart "$@")
-echo "quickstart: mpirun -n 2 ${job[*]}"
+job=(.venv/bin/thirdbody compare runs/scenes/paper_thin_pair.toml "$@")
+# mpirun gives its ranks a terminal of 80 columns, whatever it writes to itself.
+if [[ -t 1 ]]; then
+  COLUMNS=${COLUMNS:-$(tput cols 2>/dev/null || echo 120)}
+else
+  COLUMNS=${COLUMNS:-120}
+  export NO_COLOR=1 TTY_COMPATIBLE=0
+fi
+export COLUMNS
+
+echo "quickstart: in $checkout: mpirun -n 2 ${job[*]}"
 status=0
 "$mpirun" -n 2 "${job[@]}" </dev/null || status=$?
 if ((status)); then
-  echo "quickstart: the job failed (exit code $status); what it finished is kept, and the same command goes on from there" >&2
-else
-  echo "quickstart: results are in $checkout/out/quickstart"
+  echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command goes on from there" >&2
 fi
-echo "quickstart: the same by hand, in $checkout:"
+echo "quickstart: the same by hand (what is finished is shown again; --fresh starts anew):"
+echo "  cd $(printf %q "$checkout")"
 if [[ $(readlink -f "$(command -v mpirun)") == $(readlink -f "$mpirun") ]]; then mpirun=mpirun; fi
 options=(-n 2 --bind-to none)
 if (($(lscpu -p=CORE,SOCKET | grep -vc '^#' || true) < 2)); then options+=(--oversubscribe); fi
