@@ -96,6 +96,7 @@ copy_checkout() {
   mkdir -p "$root$inside"
   find "$root$inside" -mindepth 1 -maxdepth 1 ! -name .venv ! -name out -exec rm -rf {} +
   if [[ -n $commit ]]; then
+    commit=$(git -C "$checkout" -c safe.directory="$checkout" rev-parse --short "$commit^{commit}")
     git -C "$checkout" -c safe.directory="$checkout" archive "$commit" | tar -C "$root$inside" -x
   else
     git -C "$checkout" -c safe.directory="$checkout" ls-files -z --cached --others --exclude-standard |
@@ -136,19 +137,19 @@ make_root
 copy_checkout
 
 case $what in
-  quickstart) commands=(runs/quickstart.sh) again=run ;;
-  tests) commands=(tests/run.sh) again=test ;;
-  both) commands=(runs/quickstart.sh tests/run.sh) again=test ;;
-  setup) commands=("runs/setup.sh run" "runs/setup.sh test") again=test ;;
+  quickstart) commands=("quickstart runs/quickstart.sh") again=run ;;
+  tests) commands=("tests tests/run.sh") again=test ;;
+  both) commands=("quickstart runs/quickstart.sh" "tests tests/run.sh") again=test ;;
+  setup) commands=("setup-run runs/setup.sh run" "setup-test runs/setup.sh test") again=test ;;
 esac
 if [[ $account != root && $keep == no ]]; then
-  run without-packages refuses "$account" bash "$inside/${commands[0]%% *}"
+  read -r _ script _ <<<"${commands[0]}"
+  run without-packages refuses "$account" bash "$inside/$script"
   run packages works root bash "$inside/runs/setup.sh" packages
 fi
 for command in "${commands[@]}"; do
   read -ra words <<<"$command"
-  name=${words[0]##*/}
-  run "${name%.sh}${words[1]:+-${words[1]}}" works "$account" bash "$inside/${words[0]}" "${words[@]:1}"
+  run "${words[0]}" works "$account" bash "$inside/${words[1]}" "${words[@]:2}"
 done
 run setup-again works "$account" bash "$inside/runs/setup.sh" "$again"
 
