@@ -53,8 +53,8 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     if match is None:
         return text
     table, key = match["table"], match["key"]
-    ball = f" of ball {match['index'][1:-1]}" if match["index"] else ""
     written = data.get(table, {}).get(key)
+    ball = f" of ball {match['index'][1:-1]}" if match["index"] and isinstance(written, list) else ""
     as_given = f" (written {_written(written)})" if isinstance(written, str) else ""
     remedy = "move them apart or make them smaller" if "overlap" in match["rule"] else _example(table, key)
     return f"[{table}] {key}{ball}: {match['rule']}{as_given}; {remedy}"

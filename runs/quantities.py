@@ -14,6 +14,8 @@ from pydantic_core import PydanticCustomError
 NUMBER_AND_UNIT = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(?P<unit>[^\d\s+\-.,][^+,]*)?\s*", re.DOTALL
 )
+UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
+"""Names with small exponents: pint would work out any expression, 9**9**9 too."""
 DIMENSIONS = {"m": ("a length", "10 mm"), "Pa": ("a pressure", "57.4 kPa"), "N": ("a force", "2 N")}
 
 
@@ -51,13 +53,16 @@ def quantity(value: object, unit: str) -> float:
         if math.isinf(plain):
             return plain
         raise fault(f'must be {kind} with its unit, such as "{example}"; a bare number in {unit} takes no quotes')
+    name = match["unit"].strip()
     try:
-        given = _units().parse_units(match["unit"].strip())
+        if UNIT.fullmatch(name) is None:
+            raise ValueError(name)
+        given = _units().parse_units(name)
         matches = given.is_compatible_with(unit)
     except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
-        raise fault(f'must be {kind}, such as "{example}": "{match["unit"].strip()}" is not a unit') from error
+        raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit') from error
     if not matches:
-        raise fault(f'must be {kind}, such as "{example}": "{match["unit"].strip()}" is {_dimension(given)}')
+        raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     return float((plain * given).to(unit).magnitude)
 
 

@@ -1,0 +1,115 @@
+"""The doctor: healthy here, and of use on a Python that lacks DOLFINx or has wheels that break it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from runs.doctor import SYSTEM_PYTHON, Finding, _blas, _numpy, _package, probe
+from tests.launch import mpirun, python
+
+HIDE = """
+import sys
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"dolfinx", "ufl", "petsc4py", "mpi4py", "gmsh", "h5py"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+if sys.prefix != sys.base_prefix:
+    sys.meta_path.insert(0, Hidden())
+"""
+"""A sitecustomize that makes the virtual environment look like one without the finite elements' libraries."""
+
+DEBIAN = {"version": "1.0", "file": "/usr/lib/python3/dist-packages/x/__init__.py"}
+WHEEL = {"version": "2.0", "file": "/home/user/.venv/lib/python3.11/site-packages/x/__init__.py"}
+
+
+@pytest.fixture
+def without_elements(tmp_path: Path) -> dict[str, str]:
+    (tmp_path / "sitecustomize.py").write_text(HIDE, encoding="utf-8")
+    return {"PYTHONPATH": str(tmp_path)}
+
+
+def test_the_doctor_reports_every_part() -> None:
+    done = python("-m", "runs.cli", "doctor", "--json", timeout=150.0)
+    report = json.loads(done.stdout)
+    names = {finding["name"] for finding in report["findings"]}
+    assert names == {"Python", "numpy", "petsc4py", "mpi4py", "dolfinx", "gmsh", "h5py", "BLAS", "mpirun"}
+    blocked = any(finding["fault"] and finding["blocks"] for finding in report["findings"])
+    assert report["every_model_runs"] is not blocked
+    assert done.returncode == (1 if blocked else 0)
+
+
+def test_a_python_without_dolfinx_is_told_which_one_has_it(without_elements: dict[str, str]) -> None:
+    done = python("-m", "runs.cli", "doctor", env=without_elements, timeout=150.0)
+    assert done.returncode == 1, done.stderr
+    assert "linear_bem and point_load can run" in done.stdout
+    assert "wrong dolfinx" in done.stdout
+    if "error" not in probe(SYSTEM_PYTHON, ["dolfinx"])["dolfinx"]:
+        assert f"{SYSTEM_PYTHON} (Python" in done.stdout
+        assert f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv" in done.stdout
+
+
+def test_the_linear_model_runs_without_the_libraries_of_the_elements(
+    without_elements: dict[str, str], tmp_path: Path
+) -> None:
+    scene = "runs/scenes/paper_thin_pair_linear.toml"
+    done = python("-m", "runs.cli", "solve", scene, "--json", "--out", tmp_path / "out", env=without_elements)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["model"] == "linear_bem"
+    done = python("-m", "runs.cli", "plan", scene, env=without_elements)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_comparison_without_dolfinx_ends_with_one_message(without_elements: dict[str, str], tmp_path: Path) -> None:
+    scene = "runs/scenes/paper_thin_pair.toml"
+    done = python("-m", "runs.cli", "compare", scene, "--out", tmp_path / "out", env=without_elements)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("thirdbody: error:") == 1
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.mpi
+def test_the_doctor_speaks_once_on_two_ranks() -> None:
+    done = mpirun(2, "-m", "runs.cli", "doctor", timeout=150.0)
+    assert done.stdout.count("Python ") >= 1
+    assert sum(line.split()[1:2] == ["numpy"] for line in done.stdout.splitlines()) == 1
+
+
+def fault(finding: Finding) -> str:
+    return f"{finding.fault} -> {finding.remedy}" if finding.fault else ""
+
+
+def test_wheels_beside_debians_dolfinx_are_faults() -> None:
+    report = {"dolfinx": DEBIAN, "h5py": WHEEL, "numpy": WHEEL}
+    assert "fails once DOLFINx is loaded" in fault(_package("h5py", report, "python"))
+    assert "python -m pip uninstall -y h5py" in fault(_package("h5py", report, "python"))
+    assert "python -m pip uninstall -y numpy" in fault(_numpy(report, "python"))
+    assert not fault(_package("h5py", {**report, "h5py": DEBIAN}, "python"))
+    assert not fault(_numpy({**report, "numpy": DEBIAN}, "python"))
+
+
+def test_an_old_or_complex_build_is_a_fault() -> None:
+    old = {"dolfinx": {**DEBIAN, "version": "0.4.1"}}
+    assert "older than 0.5.2" in fault(_package("dolfinx", old, "python"))
+    assert not fault(_package("dolfinx", {"dolfinx": {**DEBIAN, "version": "0.10.0.post1"}}, "python"))
+    petsc = {**DEBIAN, "petsc": "3.18.5", "scalar": "complex128"}
+    assert "complex" in fault(_package("petsc4py", {"dolfinx": DEBIAN, "petsc4py": petsc}, "python"))
+
+
+def test_the_reference_blas_is_slow_but_blocks_nothing() -> None:
+    reference = _blas({"blas": ["/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0"]})
+    assert "apt-get install --no-install-recommends libopenblas0-serial" in fault(reference)
+    assert not reference.blocks
+    assert not fault(_blas({"blas": ["/usr/lib/x86_64-linux-gnu/openblas-serial/libblas.so.3"]}))
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it() -> None:
+    report = {"dolfinx": DEBIAN, "gmsh": {"error": "ModuleNotFoundError: No module named 'gmsh'"}}
+    found = _package("gmsh", report, SYSTEM_PYTHON)
+    assert "No module named 'gmsh'" in found.fault
+    prefix = "" if os.geteuid() == 0 else "sudo "
+    assert found.remedy == f"{prefix}apt-get install --no-install-recommends python3-gmsh"

@@ -1,0 +1,85 @@
+"""Figures: what is drawn is the data, and the surface is completed by its symmetries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from linear_bem import Ball, Layer, Load, Problem
+from runs import figures, surface
+from runs.presentation import Scale
+
+PAIR = Problem(Layer(1.0, 0.48, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.3, 0.3)))
+
+
+def bowl(low: tuple[float, float], high: tuple[float, float], count: int = 31) -> SimpleNamespace:
+    """Return the surface z = -exp(-(|x| - 1)^2 - y^2) over a rectangle."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count)))
+    z = -np.exp(-((np.abs(x) - 1.0) ** 2) - y**2)
+    a = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+    triangles = np.concatenate([np.stack([a, a + 1, a + count + 1], 1), np.stack([a, a + count + 1, a + count], 1)])
+    points, flat = np.stack([x, y, z], 1), np.stack([x, y, np.zeros_like(x)], 1)
+    return SimpleNamespace(points=points, reference=flat, triangles=triangles, pressure=-z)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [((0.0, 0.0), (3.0, 3.0)), ((-3.0, 0.0), (3.0, 3.0)), ((-3.0, -3.0), (3.0, 3.0)), ((-3.0, -3.0), (0.0, 3.0))],
+)
+def test_a_part_that_symmetry_planes_bound_is_completed(
+    low: tuple[float, float], high: tuple[float, float], tmp_path: Path
+) -> None:
+    surface.keep(tmp_path, bowl(low, high))
+    part = surface.load(tmp_path)
+    assert part is not None
+    top = surface.completed(part, PAIR)
+    assert top.reference[:, :2].min(axis=0) == pytest.approx([-3.0, -3.0])
+    assert top.reference[:, :2].max(axis=0) == pytest.approx([3.0, 3.0])
+    corners = top.reference[top.triangles][:, :, :2]
+    sides = corners[:, 1:] - corners[:, :1]
+    areas = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    assert np.all(areas > 0.0)  # mirrored triangles keep their sense
+    assert areas.sum() == pytest.approx(36.0)
+
+
+def test_the_section_follows_the_surface(tmp_path: Path) -> None:
+    surface.keep(tmp_path, bowl((0.0, 0.0), (3.0, 3.0)))
+    part = surface.load(tmp_path)
+    assert part is not None
+    line, heights = surface.section(surface.completed(part, PAIR), [(-1.0, 0.0), (1.0, 0.0)])
+    assert line[0] == pytest.approx(-3.0)
+    assert line[-1] == pytest.approx(3.0)
+    assert np.all(np.diff(line) >= 0.0)
+    # discretisation: chords of a spacing of 0.1 lie within its square over 8 of the curve
+    assert heights == pytest.approx(-np.exp(-((np.abs(line) - 1.0) ** 2)), abs=0.1**2 / 2.0)
+
+
+def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
+    from matplotlib import image  # noqa: PLC0415
+
+    balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
+    figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
+    assert not (tmp_path / "surface.png").exists()  # nothing to draw without a surface
+    figures.keep_surface(tmp_path, bowl((0.0, 0.0), (3.0, 3.0)))
+    figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
+    pixels = image.imread(tmp_path / "surface.png")[..., :3]
+    assert pixels.shape[0] > 500
+    assert np.unique(pixels.reshape(-1, 3), axis=0).shape[0] > 200
+
+
+def test_missing_ratios_leave_gaps_and_not_errors(tmp_path: Path) -> None:
+    balls = [{"position": list(b.position), "tangential_force": [0.0, 0.0]} for b in PAIR.balls]
+    row = {
+        "ball": 0, "normal_force": 0.1, "approach": 0.2,
+        "tangential_linear": [1e-3, 0.0], "tangential_linear_error": 1e-7,
+        "tangential_finite": [2e-3, 0.0], "tangential_finite_error": 1e-5, "strengthening_at_force": 2.0,
+        "strengthening_at_force_error": 0.1, "strengthening_at_approach": 1.9, "strengthening_at_approach_error": 0.1,
+    }  # fmt: skip
+    gap = {**row, "normal_force": 0.2, "approach": 0.3, "tangential_linear": [None, None]}
+    gap |= dict.fromkeys([k for k in row if k.startswith("strengthening") or k == "tangential_linear_error"])
+    figures.draw_comparison(tmp_path, [row, gap], balls, Scale.of(PAIR))
+    assert (tmp_path / "tangential_force.png").stat().st_size > 10_000
+    assert "<svg" in (tmp_path / "tangential_force.svg").read_text(encoding="utf-8")[:1000]

@@ -1,0 +1,171 @@
+"""Scenes: units, defaults, effects, and every fault named at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load
+from runs.plain import as_given
+from runs.scene import InvalidScene, read_scene
+
+PAIR = """
+[layer]
+thickness = "10 mm"
+young = "57.4 kPa"
+poisson = 0.48
+[balls]
+radius = "8 mm"
+positions = [["-8 mm", 0], ["0.8 cm", 0]]
+[load]
+approach = "1.5 mm"
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def faults(folder: Path, text: str) -> tuple[str, ...]:
+    with pytest.raises(InvalidScene) as caught:
+        read_scene(write(folder, text))
+    return caught.value.faults
+
+
+def test_units_become_si(tmp_path: Path) -> None:
+    problem = read_scene(write(tmp_path, PAIR)).problem
+    assert problem.layer == Layer(pytest.approx(57.4e3), 0.48, pytest.approx(0.01))
+    assert problem.balls == (Ball((pytest.approx(-0.008), 0.0), 0.008), Ball((pytest.approx(0.008), 0.0), 0.008))
+    assert problem.load == Load("approach", (0.0015, 0.0015))
+
+
+@pytest.mark.parametrize("young", ['"57.4 kilopascal"', '"0.0574 N/mm^2"', '"57400 N / m**2"', '"57.4e3Pa"', "57400"])
+def test_units_may_be_compound(young: str, tmp_path: Path) -> None:
+    text = PAIR.replace('"57.4 kPa"', young)
+    assert read_scene(write(tmp_path, text)).problem.layer.young == pytest.approx(57.4e3)
+
+
+def test_absent_tables_are_absent_effects(tmp_path: Path) -> None:
+    scene = read_scene(write(tmp_path, PAIR))
+    assert scene.effects == ()
+    assert scene.problem.substrate is None
+    assert scene.problem.finite_strain is None
+    assert scene.tangential_force is None
+    assert scene.title == "scene"
+
+
+def test_tables_name_effects_accuracy_and_title(tmp_path: Path) -> None:
+    more = '[substrate]\nyoung = "1 GPa"\npoisson = 0.3\n[finite_strain]\n[accuracy]\ntangential_force = 0.05\n'
+    scene = read_scene(write(tmp_path, f'title = "A pair"\n{PAIR}{more}'))
+    assert scene.effects == ("substrate", "finite_strain")
+    assert scene.problem.substrate == Elastic(1e9, 0.3)
+    assert scene.problem.finite_strain == FiniteStrain("neo_hookean")
+    assert scene.tangential_force == 0.05
+    assert scene.title == "A pair"
+
+
+def test_lists_hold_one_value_per_ball(tmp_path: Path) -> None:
+    text = PAIR.replace('radius = "8 mm"', 'radius = ["8 mm", "4 mm"]').replace(
+        'approach = "1.5 mm"', 'force = ["2 N", 0.5]'
+    )
+    problem = read_scene(write(tmp_path, text)).problem
+    assert [ball.radius for ball in problem.balls] == [0.008, 0.004]
+    assert problem.load == Load("force", (2.0, 0.5))
+
+
+def test_a_total_force_is_one_value_for_all_balls(tmp_path: Path) -> None:
+    problem = read_scene(write(tmp_path, PAIR.replace('approach = "1.5 mm"', 'total_force = "3 N"'))).problem
+    assert problem.load == Load("total_force", (3.0,))
+
+
+def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
+    scene = read_scene(write(tmp_path, PAIR.replace('thickness = "10 mm"', "thickness = inf")))
+    assert scene.problem.layer.thickness == float("inf")
+    given = as_given(scene.data)["layer"]["thickness"]
+    again = read_scene(write(tmp_path, PAIR.replace('"10 mm"', f'"{given}"')))
+    assert again.problem == scene.problem
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('thickness = "10 mm"', 'thickness = "-10 mm"', ["[layer] thickness", "greater than 0", '"-10 mm"', "example"]),
+        ("poisson = 0.48", "poisson = 0.6", ["[layer] poisson", "between 0 and 0.5", "0.6"]),
+        ("poisson = 0.48", 'poisson = "0.48"', ["[layer] poisson", "plain number"]),
+        ("poisson = 0.48", "poisson = nan", ["[layer] poisson", "not nan"]),
+        ("poisson = 0.48", "poisson = true", ["[layer] poisson", "plain number", "true"]),
+        ("poisson = 0.48", "", ["[layer] poisson", "missing"]),
+        ('young = "57.4 kPa"', 'young = "57.4 mm"', ["[layer] young", "must be a pressure", "is a length"]),
+        ('young = "57.4 kPa"', 'young = "57.4 kFoo"', ["[layer] young", '"kFoo" is not a unit']),
+        ('young = "57.4 kPa"', 'young = "57.4"', ["[layer] young", "with its unit"]),
+        ('young = "57.4 kPa"', 'young = "__import__(1)"', ["[layer] young", "must be a pressure"]),
+        ('young = "57.4 kPa"', 'young = "9 Pa**9**9**9"', ["[layer] young", "must be a pressure"]),
+        ("[layer]", "[layer]\nthicknes = 3", ["[layer] thicknes", 'did you mean "thickness"']),
+        ("[layer]", "[layer]\nradius = 3", ["[layer] radius", "belongs in [balls]"]),
+        ("[layer]", "[lair]\na = 1\n[layer]", ["lair", 'did you mean "layer"']),
+        ("[layer]", "layers = 3\n[layer]", ["layers", 'did you mean "layer"']),
+        ("[layer]", "substrate = 3\n[layer]", ["[substrate]", "must be a table", "3"]),
+        ("[layer]", "title = 3\n[layer]", ["title", "must be a string", "3"]),
+        ("[load]", '[load]\nforce = "2 N"', ["[load]", "exactly one", "approach, force"]),
+        ('approach = "1.5 mm"', "", ["[load]", "exactly one", "none of them"]),
+        ('approach = "1.5 mm"', 'approach = ["1 mm", "1 mm", "1 mm"]', ["[load] approach", "needs 2 value(s), got 3"]),
+        ('approach = "1.5 mm"', 'approach = ["1 mm", "1 N"]', ["[load] approach", "ball 1", "is a force"]),
+        ('approach = "1.5 mm"', "approach = 0", ["[load] approach", "pressed in"]),
+        ('approach = "1.5 mm"', "force = -1", ["[load] force", "negative"]),
+        ('approach = "1.5 mm"', "total_force = [1, 1]", ["[load] total_force", "number"]),
+        ('radius = "8 mm"', 'radius = ["8 mm"]', ["[balls] radius", "one per ball (2), got 1"]),
+        ('radius = "8 mm"', "radius = 0", ["[balls] radius:", "greater than 0"]),
+        ('"0.8 cm"', '"0.7 cm"', ["[balls] positions", "overlap", "move them apart"]),
+        ('["0.8 cm", 0]', '["0.8 cm"]', ["[balls] positions", "[x, y] pairs"]),
+        ("[load]", 'shape = "cone"\n[load]', ["[balls] shape", '"paraboloid" or "sphere"', '"cone"']),
+        ("[load]", '[finite_strain]\nlaw = "ogden"\n[load]', ["[finite_strain] law", "neo_hookean", "ogden"]),
+        ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
+    ],
+)
+def test_a_fault_names_table_key_rule_and_value(old: str, new: str, words: list[str], tmp_path: Path) -> None:
+    assert old in PAIR
+    found = faults(tmp_path, PAIR.replace(old, new, 1))
+    assert len(found) == 1, found
+    for word in words:
+        assert word in found[0]
+
+
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
+    text = PAIR.replace("10 mm", "-10 mm").replace("0.48", "0.6").replace("0.8 cm", "0.7 cm")
+    text = text.replace("[balls]", "[balls]\nshap = 1").replace("[load]", '[load]\nforce = "2 N"')
+    found = faults(tmp_path, text)
+    for word in ("thickness", "poisson", "overlap", "shap", "exactly one"):
+        assert sum(word in fault for fault in found) == 1, (word, found)
+    assert len(found) == 5
+
+
+def test_a_stand_in_for_a_faulty_key_raises_no_fault_of_its_own(tmp_path: Path) -> None:
+    assert len(faults(tmp_path, PAIR.replace('radius = "8 mm"', 'radius = "8 kg"'))) == 1
+    assert len(faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = 3"))) == 1
+    three = PAIR.replace('["0.8 cm", 0]', '["0.8 cm", 0], ["30 mm", 0, 1]').replace(
+        '"1.5 mm"', '["1 mm", "1 mm", "1 mm"]'
+    )
+    assert len(faults(tmp_path, three)) == 1
+
+
+@pytest.mark.parametrize("content", [b"not toml", b"\xff\xfe\x00", b"[layer\n", b"a = 1\na = 2\n", b"[" * 5000])
+def test_a_file_that_is_no_toml_is_one_fault(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(content)
+    with pytest.raises(InvalidScene, match="is not TOML") as caught:
+        read_scene(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_path_that_is_no_file_is_a_fault(tmp_path: Path) -> None:
+    write(tmp_path, PAIR)
+    with pytest.raises(InvalidScene, match="is a folder"):
+        read_scene(tmp_path)
+    with pytest.raises(InvalidScene, match=r"does not exist; did you mean .*scene\.toml"):
+        read_scene(tmp_path / "scenes.toml")
+    with pytest.raises(InvalidScene, match="not a regular file"):
+        read_scene(Path("/dev/null"))
+    assert issubclass(InvalidScene, InvalidProblem)

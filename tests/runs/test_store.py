@@ -1,0 +1,91 @@
+"""The output folder: one run's own, whole at every moment, refused to strangers."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from linear_bem.errors import OutputUnusable
+from runs.plain import plain, to_json
+from runs.store import RunFolder
+
+IDENTITY = {"command": "solve", "problem": {"layer": {"thickness": 1.0, "young": 2.0}}}
+
+
+def test_the_same_run_opens_its_folder_again(tmp_path: Path) -> None:
+    first = RunFolder(tmp_path / "a" / "b", IDENTITY, "scene")
+    assert first.saved() is None
+    assert first.finished() is None
+    first.save({"value": 1.0}, [{"step": 0, "force": (1.0, 2.0)}])
+    first.close()
+    again = RunFolder(tmp_path / "a" / "b", IDENTITY, "scene")
+    assert again.saved() == {"value": 1.0}
+    assert again.finished() is None
+    again.finish()
+    assert again.finished() == {"value": 1.0}
+    assert (again.path / "steps.csv").read_text(encoding="utf-8") == "step,force_x,force_y\n0,1.0,2.0\n"
+    again.close()
+
+
+def test_another_run_is_refused_by_what_differs(tmp_path: Path) -> None:
+    RunFolder(tmp_path, IDENTITY, "scene").close()
+    other = {**IDENTITY, "problem": {"layer": {"thickness": 3.0, "young": 2.0}}}
+    with pytest.raises(OutputUnusable, match=r"layer\.thickness is 1\.0 there and 3\.0 here"):
+        RunFolder(tmp_path, other, "scene")
+    assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["identity"] == IDENTITY
+
+
+def test_fresh_drops_the_old_run_and_no_stranger(tmp_path: Path) -> None:
+    old = RunFolder(tmp_path, IDENTITY, "scene")
+    old.save({"value": 1.0}, [])
+    old.fields.mkdir()
+    (old.fields / "fields.xdmf").write_text("old", encoding="utf-8")
+    (tmp_path / "mine.txt").write_text("keep", encoding="utf-8")
+    old.close()
+    new = RunFolder(tmp_path, {"command": "compare"}, "scene", fresh=True)
+    assert new.saved() is None
+    assert not new.fields.exists()
+    assert (tmp_path / "mine.txt").exists()
+    new.close()
+
+
+def test_a_folder_with_files_of_no_run_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("", encoding="utf-8")
+    for fresh in (False, True):
+        with pytest.raises(OutputUnusable, match=r"holds files of no run \(thesis\.tex\)"):
+            RunFolder(tmp_path, IDENTITY, "scene", fresh=fresh)
+    assert [p.name for p in tmp_path.iterdir() if p.name != ".lock"] == ["thesis.tex"]
+
+
+def test_two_runs_cannot_share_a_folder(tmp_path: Path) -> None:
+    first = RunFolder(tmp_path, IDENTITY, "scene")
+    with pytest.raises(OutputUnusable, match="another run is writing there now"):
+        RunFolder(tmp_path, IDENTITY, "scene")
+    first.close()
+    RunFolder(tmp_path, IDENTITY, "scene").close()
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, IDENTITY, "scene")
+    folder.save({"value": 1.0}, [])
+    endless: dict[str, object] = {}
+    endless["self"] = endless
+    with pytest.raises(RecursionError):
+        folder.save(endless, [])
+    assert folder.saved() == {"value": 1.0}
+    (tmp_path / "steps.csv").unlink()
+    (tmp_path / "steps.csv").mkdir()
+    with pytest.raises(OutputUnusable, match=r"steps\.csv: cannot be written"):
+        folder.save({"value": 2.0}, [])
+    assert not list(tmp_path.glob(".*.part"))
+    folder.close()
+
+
+def test_json_is_strict() -> None:
+    text = to_json({"a": math.nan, "b": np.float64(2.0), "c": np.array([1, 2]), "d": (math.inf, True), "e": Path("x")})
+    assert json.loads(text) == {"a": None, "b": 2.0, "c": [1, 2], "d": [None, True], "e": "x"}
+    assert plain({"h": -math.inf}, infinity="inf") == {"h": "-inf"}

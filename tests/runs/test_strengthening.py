@@ -1,0 +1,126 @@
+"""Strengthening factors: their sign, their error, when there is none, and the sentence that answers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from runs.presentation import Scale, attraction, with_error
+from runs.strengthening import answer, compare_steps, strengthening
+
+SCALE = Scale(1.0, 1.0)
+
+
+def ball(x: float, force: tuple[float, float], error: float = 0.0, approach: float = 0.3) -> dict[str, Any]:
+    return {
+        "position": [x, 0.0], "radius": 1.0, "approach": approach, "normal_force": 0.1,
+        "tangential_force": list(force), "tangential_force_error": error,
+    }  # fmt: skip
+
+
+def step(*balls: dict[str, Any]) -> dict[str, Any]:
+    return {"balls": list(balls), "record": {}}
+
+
+def pair(force: float, error: float = 0.0) -> dict[str, Any]:
+    return step(ball(-1.0, (force, 0.0), error), ball(1.0, (-force, 0.0), error))
+
+
+def test_the_factor_is_signed_along_the_linear_force() -> None:
+    assert strengthening(ball(0, (3.0, 0.0)), ball(0, (2.0, 0.0)))[0] == pytest.approx(1.5)
+    assert strengthening(ball(0, (-3.0, 0.0)), ball(0, (2.0, 0.0)))[0] == pytest.approx(-1.5)
+    assert strengthening(ball(0, (1.0, 5.0)), ball(0, (0.0, 2.0)))[0] == pytest.approx(2.5)
+
+
+def test_relative_errors_of_both_models_add() -> None:
+    ratio, error, note = strengthening(ball(0, (3.0, 0.0), 0.03), ball(0, (2.0, 0.0), 0.04))
+    assert ratio == pytest.approx(1.5)
+    assert error == pytest.approx(1.5 * (0.03 / 3.0 + 0.04 / 2.0))
+    assert note is None
+
+
+def test_the_error_stays_finite_where_the_finite_force_vanishes() -> None:
+    ratio, error, _ = strengthening(ball(0, (0.0, 0.0), 0.1), ball(0, (2.0, 0.0), 0.04))
+    assert ratio == 0.0
+    assert error == pytest.approx(0.05)
+
+
+def test_no_factor_where_the_linear_force_is_below_its_error() -> None:
+    ratio, error, note = strengthening(ball(0, (3.0, 0.0)), ball(0, (1e-3, 0.0), 2e-3))
+    assert ratio is None
+    assert error is None
+    assert note is not None
+    assert "below its own error" in note
+    assert strengthening(ball(0, (3.0, 0.0)), ball(0, (0.0, 0.0), 0.0))[0] is None
+
+
+def test_the_middle_ball_of_three_gets_no_factor_from_roundoff() -> None:
+    row = step(ball(-2.0, (1.0, 0.0)), ball(0.0, (1e-15, 0.0)), ball(2.0, (-1.0, 0.0)))
+    rows = compare_steps([row], [row], [row])
+    assert [r["strengthening_at_force"] for r in rows] == [pytest.approx(1.0), None, pytest.approx(1.0)]
+
+
+def test_rows_carry_both_ratios_per_step_and_ball() -> None:
+    rows = compare_steps([pair(-3e-3, 3e-5)], [pair(-2e-3)], [pair(-1.5e-3)])
+    assert [(row["step"], row["ball"]) for row in rows] == [(0, 0), (0, 1)]
+    assert rows[0]["strengthening_at_force"] == pytest.approx(1.5)
+    assert rows[1]["strengthening_at_approach"] == pytest.approx(2.0)
+    assert rows[0]["strengthening_at_force_error"] == pytest.approx(1.5e-2)
+    assert rows[0]["tangential_ratio"] == pytest.approx(-3e-2)
+    assert rows[1]["tangential_ratio"] == pytest.approx(-3e-2)
+    assert rows[0]["note"] is None
+
+
+def sentence(finite: dict[str, Any], linear: dict[str, Any]) -> str:
+    return answer(compare_steps([finite], [linear], [linear]), finite["balls"], SCALE)
+
+
+def test_the_sentence_names_separation_and_attraction() -> None:
+    assert "D = 0.3 R (Q = 0.1 E R²)" in sentence(pair(-3e-3, 6e-5), pair(-2e-3))
+    assert "makes the separation force 1.50 ± 0.03 times the linear one" in sentence(pair(-3e-3, 6e-5), pair(-2e-3))
+    assert "makes the attraction force 1.50 ± 0.03 times the linear one" in sentence(pair(3e-3, 6e-5), pair(2e-3))
+
+
+def test_the_sentence_names_a_reversal() -> None:
+    text = sentence(pair(3e-3, 6e-5), pair(-2e-3))
+    assert "turns the linear separation force into attraction, 1.50 ± 0.03 times as large" in text
+
+
+def test_the_sentence_says_when_there_is_nothing_to_compare() -> None:
+    alone = step(ball(0.0, (0.0, 0.0)))
+    assert "nothing to compare" in sentence(alone, alone)
+    assert "nothing to compare" in sentence(pair(1e-3), pair(1e-6, 1e-5))
+
+
+def test_a_missing_linear_state_leaves_no_number() -> None:
+    nan = math.nan
+    lost = step(ball(-1.0, (nan, nan), nan), ball(1.0, (nan, nan), nan))
+    lost["record"]["failure"] = "linear model: not converged"
+    rows = compare_steps([pair(1e-3)], [lost], [pair(1e-3)])
+    assert rows[0]["strengthening_at_force"] is None
+    assert rows[0]["strengthening_at_approach"] == pytest.approx(1.0)
+    assert rows[0]["note"] == "linear model: not converged"
+
+
+def test_attraction_is_positive_towards_the_others() -> None:
+    balls = [ball(-1.0, (0, 0)), ball(1.0, (0, 0))]
+    assert attraction(balls, 0, (2.0, 1.0)) == 2.0
+    assert attraction(balls, 1, (2.0, 1.0)) == -2.0
+    assert attraction(balls[:1], 0, (3.0, 4.0)) == 5.0
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (1.4234, 0.0312, "1.42 ± 0.03"),
+        (1.00012, 0.00012, "1.00012 ± 0.00012"),
+        (1.161292e-7, 2e-9, "(1.161 ± 0.020)e-07"),
+        (-3e-5, 1e-4, "(-0.3 ± 1.0)e-04"),
+        (0.0, 0.0, "0"),
+        (None, None, "-"),
+    ],
+)
+def test_a_value_is_written_to_the_place_of_its_error(value: float | None, error: float | None, text: str) -> None:
+    assert with_error(value, error) == text
