@@ -12,7 +12,7 @@ from linear_bem.kernel import LayeredKernel
 from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result
-from linear_bem.solve import Solution, solve, solve_contact
+from linear_bem.solver import Solution, solve, solve_contact
 from linear_bem.square import uniform_square_displacement
 
 __all__ = [

@@ -59,7 +59,7 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
     edge = zone.edge(np.zeros_like(rho), np.zeros_like(rho), xi / safe, eta / safe)
     ratio = np.where(rho > 1e-12, rho / edge, 0.0)
     total = np.zeros(x.shape)
-    rule = Rule.of(zone.degree + 4, float(np.sqrt(zone.jacobian)) / kernel.thickness)
+    rule = Rule.of([zone], kernel.thickness, more=4)
     bands = ((0.0, 1.0), (1.0, 1.02), (1.02, 1.1), (1.1, 1.2), (1.2, 1.5), (1.5, 4.0), (4.0, np.inf))
     for low, high in bands:
         chosen = np.flatnonzero((ratio >= low) & (ratio < high))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from linear_bem.disc import gauss
 from linear_bem.kernel import LayeredKernel
 from linear_bem.square import love_rectangle
 
@@ -62,10 +63,28 @@ class Patch:
         x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
         total = love_rectangle(x, y, 0.5 * d, 0.5 * d)
         if not self.kernel.homogeneous:
+            # beyond some thicknesses the layer hides 1/r but for the substrate's share: both integrated alike
+            rest = 1.0 - self.kernel.far_ratio
+            far = np.hypot(x, y) > 6.0 * self.kernel.thickness
+            total = np.where(far, self.kernel.far_ratio, 1.0) * total
             g = 0.5 * d / np.sqrt(3.0)
             for ex, ey in ((g, g), (-g, g), (g, -g), (-g, -g)):
-                total = total + 0.25 * d * d * self.kernel.smooth(np.hypot(x + ex, y + ey))
+                r = np.hypot(x + ex, y + ey)
+                total += 0.25 * d * d * (self.kernel.smooth(r) + np.where(far, rest / r, 0.0))
+            near = int(np.ceil(1.5 + 12.0 * self.kernel.thickness / d))
+            if d > 0.4 * self.kernel.thickness:
+                self._integrate_near(total, min(near, self.nx), min(near, self.ny))
         return total
+
+    def _integrate_near(self, total: Array, nx: int, ny: int) -> None:
+        """Replace the first influences by graded quadrature: cells as wide as the layer is thick, or wider."""
+        d = self.cell
+        rules = [_graded(d * (i - 0.5), d * (i + 0.5), 0.25 * self.kernel.thickness) for i in range(max(nx, ny))]
+        for i in range(nx):
+            for j in range(ny):
+                (u, wu), (v, wv) = rules[i], rules[j]
+                smooth = wu @ self.kernel.smooth(np.hypot(u[:, None], v)) @ wv
+                total[i, j] = float(love_rectangle(d * i, d * j, 0.5 * d, 0.5 * d)) + smooth
 
     @cached_property
     def _spectrum(self) -> NDArray[np.complex128]:
@@ -83,8 +102,10 @@ class Patch:
             g = np.arcsinh((v + d / 2) / np.abs(u + d / 2)) - np.arcsinh((v - d / 2) / np.abs(u + d / 2))
             g = g - np.arcsinh((v + d / 2) / np.abs(u - d / 2)) + np.arcsinh((v - d / 2) / np.abs(u - d / 2))
             if not self.kernel.homogeneous:
-                r = np.hypot(x, y)
-                g = g + d * d * self.kernel.smooth_slope(r) * u / np.maximum(r, 1e-300)
+                r = np.maximum(np.hypot(x, y), 1e-3 * d)
+                far = r > 6.0 * self.kernel.thickness
+                rest = np.where(far, 1.0 - self.kernel.far_ratio, 0.0)
+                g = (1.0 - rest) * g + d * d * (self.kernel.smooth_slope(r) - rest / r**2) * u / r
             g = g * np.ones((self.nx, self.ny))
             signs = (-1.0, 1.0) if odd_x else (1.0, -1.0)
             out.append(np.asarray(fft.rfft2(_embed(g, self._size, *signs))))
@@ -148,6 +169,21 @@ class Patch:
         """Return the field at the cells that has these values at the nodes."""
         lx, ly = self._lagrange
         return np.asarray(lx @ values.reshape(self.nodes, self.nodes) @ ly.T)
+
+
+def _graded(low: float, high: float, finest: float) -> tuple[Array, Array]:
+    """Return Gauss nodes and weights on an interval, panels doubling from ``finest`` away from zero."""
+    edges = {low, high}
+    if low < 0.0 < high:
+        edges.add(0.0)
+    e = finest
+    while e < max(-low, high):
+        edges |= {c for c in (e, -e) if low < c < high}
+        e *= 2.0
+    cuts: Array = np.array(sorted(edges))
+    x, w = gauss(6)
+    half = 0.5 * np.diff(cuts)[:, None]
+    return np.ravel(cuts[:-1, None] + half * (1.0 + x)), np.ravel(half * w)
 
 
 def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float) -> Array:

@@ -72,16 +72,6 @@ class GridContacts:
         return np.stack([self._sums(x), self._sums(y)], axis=1)
 
     @cached_property
-    def pair_force_size(self) -> Array:
-        """Size of the pair forces on every ball [N], from the forces at the balls' axes."""
-        xy = np.array([b.position for b in self.problem.balls])
-        r = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
-        np.fill_diagonal(r, np.inf)
-        slope = np.zeros_like(r)
-        slope[np.isfinite(r)] = np.abs(self.kernel.slope(r[np.isfinite(r)]))
-        return np.asarray(self.normal_forces * (slope @ self.normal_forces))
-
-    @cached_property
     def slope_force(self) -> Array:
         """T on every ball [N] by the paper's slope integral, shape (balls, 2); noisy on a grid."""
         out = np.zeros((self.problem.size, 2))

@@ -40,7 +40,7 @@ def _panels(edges: Array, order: int) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=1)
-def _far_rule() -> tuple[Array, Array]:
+def far_rule() -> tuple[Array, Array]:
     """Return u_j and weights with J0(u_j) and the cut-off in them: int f(u) J0(u) du for f smooth in log u."""
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 141.0, 4.0)])
     u, w = _panels(edges, 12)
@@ -48,9 +48,9 @@ def _far_rule() -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=1)
-def _near_rule() -> tuple[Array, Array]:
-    """Return t_j and weights for int f(t) J0(rho t) dt with rho <= 1 and f gone beyond t = 24."""
-    edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 25.0, 2.0)])
+def near_rule() -> tuple[Array, Array]:
+    """Return t_j and weights for int f(t) J0(rho t) dt with rho <= 1 and f gone beyond t = 48."""
+    edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 49.0, 2.0)])
     return _panels(edges, 12)
 
 
@@ -59,9 +59,9 @@ def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
     rho = np.atleast_1d(np.asarray(rho, dtype=float))
     out = np.empty(rho.shape)
     near = rho <= _NEAR
-    t, w = _near_rule()
+    t, w = near_rule()
     out[near] = j0(np.outer(rho[near], t)) @ (w * (response(t) - 1.0))
-    u, omega = _far_rule()
+    u, omega = far_rule()
     for block in np.array_split(np.flatnonzero(~near), max(1, int(np.sum(~near)) // 256)):
         out[block] = ((response(u / rho[block, None]) - 1.0) @ omega) / rho[block]
     return out
@@ -140,6 +140,11 @@ class LayeredKernel:
     def of(cls, problem: Problem) -> LayeredKernel:
         """Return the kernel of the problem's layer and base."""
         return cls(problem.layer, problem.substrate)
+
+    @property
+    def far_ratio(self) -> float:
+        """G(0): displacement far from a load over that of a half-space of the layer's material."""
+        return 1.0 if self.homogeneous else self._response.at_zero
 
     def response_at(self, k: Array) -> Array:
         """Return G(k h) at wave numbers k > 0 [1/m]."""

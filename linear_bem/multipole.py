@@ -93,29 +93,22 @@ class Interaction:
             total += (1.0 / r + self.kernel.smooth(r)) @ (there.weights * there.pressure)
         return total
 
-    def force(self, i: int) -> tuple[Array, float]:
-        """Return T on zone i [N] by the mutual formula, and the sum of the pair forces' sizes [N]."""
-        here = self.nodes[i]
-        total, size = np.zeros(2), 0.0
+    def force(self, i: int) -> Array:
+        """Return T on zone i [N] by the mutual formula."""
+        here, total = self.nodes[i], np.zeros(2)
         for k in self.used:
             others = np.flatnonzero(self.level[i] == k)
-            if not others.size:
-                continue
-            dx = self.x[k][i][:, None, None] - self.x[k][others]
-            dy = self.y[k][i][:, None, None] - self.y[k][others]
-            pairs = self._pull(dx, dy, self.loads[k][i], self.loads[k][others])
-            total += pairs.sum(axis=1)
-            size += float(np.sum(np.hypot(*pairs)))
+            if others.size:
+                dx = self.x[k][i][:, None] - self.x[k][others].ravel()
+                dy = self.y[k][i][:, None] - self.y[k][others].ravel()
+                total += self._pull(dx, dy, self.loads[k][i], self.loads[k][others].ravel())
         for j in np.flatnonzero(self.level[i] == len(DEGREES)):
             there = self.nodes[j]
-            dx, dy = here.x[:, None, None] - there.x, here.y[:, None, None] - there.y
-            pairs = self._pull(dx, dy, here.weights * here.pressure, (there.weights * there.pressure)[None])
-            total += pairs.sum(axis=1)
-            size += float(np.sum(np.hypot(*pairs)))
-        return total / self.kernel.singular, size / self.kernel.singular
+            dx, dy = here.x[:, None] - there.x, here.y[:, None] - there.y
+            total += self._pull(dx, dy, here.weights * here.pressure, there.weights * there.pressure)
+        return total / self.kernel.singular
 
     def _pull(self, dx: Array, dy: Array, left: Array, right: Array) -> Array:
-        """Return the forces of every other zone, shape (2, others), in units of ``singular``."""
         r = np.hypot(dx, dy)
         g = (self.kernel.smooth_slope(r) - 1.0 / r**2) / r
-        return np.array([np.einsum("a,abc,bc->b", left, g * d, right) for d in (dx, dy)])
+        return np.array([left @ (g * dx) @ right, left @ (g * dy) @ right])

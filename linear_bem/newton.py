@@ -13,7 +13,7 @@ correct to second order in the error of p.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,10 +37,18 @@ class Rule:
     along: int
 
     @classmethod
-    def of(cls, degree: int, roughness: float) -> Rule:
-        """Return a rule for a degree of P; ``roughness`` is contact radius over layer thickness."""
-        more = int(min(40.0, 3.0 * roughness))
-        return cls(degree // 2 + 6 + more, 2 * degree + 6 + 2 * more, degree + 6, degree // 2 + 5)
+    def of(cls, zones: Sequence[Zone], thickness: float, more: int = 0) -> Rule:
+        """Return a rule for zones of one degree; ``more`` raises it.
+
+        Contact radius over layer thickness sets the nodes for the smooth kernel; an ellipse of aspect k has chords
+        whose weights converge like ((k - 1)/(k + 1))^directions.
+        """
+        degree = zones[0].degree + more
+        axes = np.array([np.linalg.svd(z.axes, compute_uv=False) for z in zones])
+        rough = int(min(40.0, 3.0 * float(np.max(axes)) / thickness))
+        flat = float(np.max((axes[:, 0] - axes[:, 1]) / (axes[:, 0] + axes[:, 1])))
+        directions = int(np.clip(23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
+        return cls(degree // 2 + 6 + rough, 2 * degree + 6 + 2 * rough, directions, degree // 2 + 5)
 
 
 @dataclass(frozen=True)
@@ -135,8 +143,7 @@ def solve_zones(
     approaches = approaches.copy()
     step = np.inf
     for iteration in range(limit):
-        rough = max(float(np.sqrt(z.jacobian)) for z in zones) / kernel.thickness
-        rule = Rule.of(zones[0].degree, rough)
+        rule = Rule.of(zones, kernel.thickness)
         nodes = [Nodes.of(z, rule) for z in zones]
         if step < tolerance:
             return SmoothSolution(tuple(nodes), approaches, iteration, step)

@@ -26,7 +26,7 @@ from linear_bem.indentation import indentation_of_layer
 from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.solve import solve
+from linear_bem.solver import solve
 
 Array = NDArray[np.float64]
 

@@ -49,18 +49,9 @@ class SmoothContacts:
         return self._scatter([n.force / self.kernel.singular for n in self.smooth.nodes])
 
     @cached_property
-    def _mutual(self) -> tuple[Array, Array]:
-        return mutual_force(self.kernel, self.smooth.nodes, self.precision)
-
-    @cached_property
     def mutual_force(self) -> Array:
         """T on every ball [N] by the mutual formula, shape (balls, 2)."""
-        return self._scatter(self._mutual[0])
-
-    @cached_property
-    def pair_force_size(self) -> Array:
-        """Sum of the sizes of the pair forces on every ball [N]: what T may cancel from."""
-        return self._scatter(self._mutual[1])
+        return self._scatter(mutual_force(self.kernel, self.smooth.nodes, self.precision))
 
     @cached_property
     def slope_force(self) -> Array:
@@ -81,6 +72,10 @@ class SmoothContacts:
     def contact_areas(self) -> Array:
         """Contact area of every ball [m^2]."""
         return self._scatter([float(np.sum(n.weights)) for n in self.smooth.nodes])
+
+    def heights(self, ball: int, x: Array, y: Array) -> Array:
+        """Return one ball's height f [m] over its lowest point at surface points [m]."""
+        return height(self.problem.balls[ball])(x, y)
 
     def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] on the edge of one ball's contact (empty where it does not touch)."""

@@ -44,8 +44,7 @@ def sweep_zones(
     ``tolerance`` bounds the last change of forces, approaches and coefficients. Raises `NotConverged`, also where a
     ball loses its contact.
     """
-    rough = max(float(np.sqrt(z.jacobian)) for z in zones) / kernel.thickness
-    rule = Rule.of(zones[0].degree, rough)
+    rule = Rule.of(zones, kernel.thickness)
     nodes = [Nodes.of(z, rule) for z in zones]
     interaction = Interaction(kernel, nodes, tolerance)
     coarse = _coarse(kernel, zones)

@@ -24,15 +24,25 @@ from linear_bem.shapes import gradient
 Array = NDArray[np.float64]
 
 
-def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> tuple[Array, Array]:
-    """Return T [N] on every zone, shape (zones, 2), and the sum of the pair forces' sizes [N] (zones,).
+def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> Array:
+    """Return T [N] on every zone, shape (zones, 2).
 
     Pressures are in units of 1/``kernel.singular``; ``precision`` bounds what the multipoles of far pairs neglect.
     """
     interaction = Interaction(kernel, list(nodes), precision)
     interaction.update(list(nodes))
-    pulls = [interaction.force(i) for i in range(len(nodes))]
-    return np.array([t for t, _ in pulls]), np.array([s for _, s in pulls])
+    return np.array([interaction.force(i) for i in range(len(nodes))])
+
+
+def half_space_pulls(kernel: LayeredKernel, positions: Array, forces: Array, softest: float = 0.0) -> Array:
+    """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
+
+    It is what point loads on a half-space of the layer's material would give without cancellation: the force that
+    a layer's T, which changes sign, is small against.
+    """
+    r = np.hypot(positions[:, None, 0] - positions[:, 0], positions[:, None, 1] - positions[:, 1])
+    np.fill_diagonal(r, np.inf)
+    return np.asarray(forces * ((kernel.singular / (r + softest) ** 2) @ forces))
 
 
 def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:

@@ -19,6 +19,7 @@ from linear_bem.result import BallResult, Result, Solved
 from linear_bem.shapes import height
 from linear_bem.smooth_contact import DENSE, Start, first_guess, overlap, solve_smooth
 from linear_bem.solution import SmoothContacts
+from linear_bem.tangential import half_space_pulls
 
 Array = NDArray[np.float64]
 
@@ -92,7 +93,8 @@ def _pair(v: Array) -> tuple[float, float]:
 def solve(problem: Problem, tangential_force: float = 1e-4) -> Result:
     """Return the small-strain answer with T to the relative accuracy ``tangential_force``.
 
-    The accuracy is relative to the largest T in the problem; where it cannot be reached,
+    The accuracy is relative to the largest T in the problem, or to 1e-4 of the force that a half-space of the layer's
+    material would transmit if that is more (T may pass through zero); where it cannot be reached,
     ``result.solved.notes`` says what was. Raises `NotConverged` where no certified answer is found.
     """
     return solve_contact(problem, tangential_force).result()
@@ -120,53 +122,83 @@ def _refined(
 ) -> tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]:
     """Return contacts by polynomials where these converge, else on grids; with the error of T and notes."""
     guess = first_guess(problem, kernel)
+    enough = float(np.clip(wanted, 1e-4, 1e-3))
+    best: tuple[SmoothContacts, Array, float, float] | None = None
     try:
         precision = min(1e-6, 1e-3 * wanted) if problem.size > DENSE else 1e-11
-        before: SmoothContacts | GridContacts = _state(problem, kernel, 2, guess, precision)
+        before = _state(problem, kernel, 2, guess, precision)
         if wanted >= ROUTES_SUFFICE:
-            routes = 3.0 * np.max(np.abs(before.mutual_force - before.slope_force), axis=1)
-            if float(np.max(routes)) / _size(before) <= wanted and max(before.certificate.values()) < CERTIFIED:
-                return before, np.maximum(routes, 1e-9 * before.pair_force_size), ()
+            error = _routes_error(before)
+            if float(np.max(error)) / _size(before) <= wanted and max(before.certificate.values()) < CERTIFIED:
+                return before, error, ()
         for degree in (4, 6, 8, 10, 12):
             after = _state(problem, kernel, degree, before, precision)
-            error, reached, settled = _change(before, after)
-            routes = np.max(np.abs(after.mutual_force - after.slope_force), axis=1)
-            error = np.maximum(error, routes)
-            reached = max(reached, float(np.max(routes)) / _size(after) if problem.size > 1 else 0.0)
-            if reached <= wanted and settled <= min(wanted, 1e-4) and max(after.certificate.values()) < CERTIFIED:
-                return after, error, ()
+            error, settled = _change(before, after)
+            error = np.maximum(error, np.max(np.abs(after.mutual_force - after.slope_force), axis=1))
+            reached = float(np.max(error)) / _size(after)
+            if max(after.certificate.values()) < CERTIFIED and (best is None or reached < best[2]):
+                best = after, error, reached, settled
+                if reached <= wanted and settled <= enough:
+                    return after, error, ()
             before = after
     except NotConverged:
         pass
+    if best is not None and best[2] <= 1e-3 and best[3] <= enough:
+        # good, if not as good as asked: a grid would not be better
+        return best[0], best[1], (_note("highest usable degree", wanted, best[2], best[3]),)
     previous: GridContacts | None = None
-    error, reached = np.full(problem.size, np.inf), np.inf
+    error, reached, settled = np.full(problem.size, np.inf), np.inf, np.inf
     for contacts in grid_levels(problem, kernel, guess):
         if previous is not None:
-            error, reached, settled = _change(previous, contacts)
-            if reached <= wanted and settled <= 1e-4:
+            error, settled = _change(previous, contacts)
+            reached = float(np.max(error)) / _size(contacts)
+            if reached <= wanted and settled <= enough:
                 return _rested(contacts), error, ()
         previous = contacts
     assert previous is not None
-    note = f"T was asked to {wanted:.0e} of its size and is estimated to {reached:.0e} on the finest grid allowed"
-    return _rested(previous), error, (note,)
+    return _rested(previous), error, (_note("finest grid", wanted, reached, settled),)
+
+
+def _note(limit: str, wanted: float, reached: float, settled: float) -> str:
+    return (
+        f"{limit} reached: T was asked to {wanted:.0e} of its size and is estimated to {reached:.0e}, "
+        f"forces and approaches to {settled:.0e}"
+    )
+
+
+def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0) -> Array:
+    positions = np.array([ball.position for ball in contacts.problem.balls], dtype=float)
+    return half_space_pulls(contacts.kernel, positions, contacts.normal_forces, softest)
 
 
 def _size(contacts: SmoothContacts | GridContacts) -> float:
-    """Return the force [N] that accuracy is relative to: the largest T, or what it cancels from."""
+    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of what a half-space would give."""
     largest = float(np.max(np.abs(contacts.mutual_force)))
-    return max(largest, 1e-4 * float(np.max(contacts.pair_force_size)), 1e-300)
+    return max(largest, 1e-4 * float(np.max(_pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
 
 
-def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float, float]:
-    """Return the change of every T [N], the largest over T's size, and that of loads and approaches."""
-    error = np.max(np.abs(after.mutual_force - before.mutual_force), axis=1)
-    # what the kernel's table, T's rounding and the solver's tolerance leave
-    error = np.maximum(error, 1e-9 * after.pair_force_size)
+def _floor(contacts: SmoothContacts | GridContacts) -> Array:
+    """Return what the kernel's table and the solver's tolerance leave of T's error [N] on every ball."""
+    thickness = contacts.kernel.thickness
+    softest = thickness if np.isfinite(thickness) else 0.0
+    return np.asarray(1e-9 * (1.0 + contacts.kernel.far_ratio) * _pulls(contacts, softest))
+
+
+def _routes_error(contacts: SmoothContacts) -> Array:
+    """Return an estimate of T's error [N] from one solution: its routes' difference, and its residual's share of T."""
+    routes = np.max(np.abs(contacts.mutual_force - contacts.slope_force), axis=1)
+    residual = contacts.certificate["gap_in_contact"] * _pulls(contacts)
+    return np.maximum(np.maximum(3.0 * routes, residual), _floor(contacts))
+
+
+def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float]:
+    """Return the change of every T [N] and the largest relative change of loads and approaches."""
+    error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), _floor(after))
     loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
     touching = after.normal_forces > 0.0
     moved = np.abs(after.approaches - before.approaches)[touching]
     approaches = float(np.max(moved) / np.max(np.abs(after.approaches[touching])))
-    return error, float(np.max(error)) / _size(after), max(loads, approaches)
+    return error, max(loads, approaches)
 
 
 def _state(

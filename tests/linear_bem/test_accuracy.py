@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+import linear_bem.grid_contact
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem.grid_contact import GridContacts
+
+CASES = {
+    "paper": (Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
+    "heavy": (Layer(1.0, 0.48, np.inf), None, 0.3, 2.0),
+    "incompressible": (Layer(1.0, 0.5, 0.5), None, 1e-2, 2.2),
+    "close to a change of sign": (Layer(1.0, 0.48, 1.6977), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
+}
+
+
+def problem_of(name):
+    layer, substrate, force, distance = CASES[name]
+    balls = (Ball((0.0, 0.0), 1.0), Ball((distance * 0.6, distance * 0.8), 1.0))
+    return Problem(layer, balls, Load("force", (force, force)), substrate)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return {name: np.array(solve(problem_of(name), 1e-8).balls[0].tangential_force) for name in CASES}
+
+
+@pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("name", CASES)
+def test_accuracy_asked_is_accuracy_given_and_the_estimate_covers_the_error(name, wanted, exact):
+    result = solve(problem_of(name), wanted)
+    ball = result.balls[0]
+    error = np.max(np.abs(np.array(ball.tangential_force) - exact[name]))
+    assert error <= ball.tangential_force_error
+    if name != "close to a change of sign":
+        assert not result.solved.notes
+        assert ball.tangential_force_error <= wanted * np.max(np.abs(exact[name]))
+
+
+def test_more_accuracy_takes_more_unknowns():
+    problem = problem_of("heavy")
+    assert solve(problem, 1e-6).solved.unknowns > solve(problem, 1e-2).solved.unknowns
+
+
+def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
+    monkeypatch.setattr(linear_bem.grid_contact, "MOST_CELLS", 20_000)
+    problem = problem_of("paper")
+    thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
+    solution = solve_contact(thin, 1e-8)
+    assert isinstance(solution.contacts, GridContacts)
+    assert "asked to 1e-08" in solution.notes[0]
+    assert "asked to 1e-08" in solution.result().solved.notes[0]

@@ -1,0 +1,168 @@
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+
+import linear_bem.smooth_contact
+from linear_bem import (
+    Ball,
+    Elastic,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    UnsupportedProblem,
+    solve,
+    solve_contact,
+)
+from linear_bem.closed_forms import (
+    bonded_compressible_force,
+    bonded_incompressible_force,
+    hertz_force,
+    sneddon_sphere,
+)
+from linear_bem.grid_contact import GridContacts
+from linear_bem.problem import FiniteStrain
+from linear_bem.solution import SmoothContacts
+
+
+def pair(layer, substrate=None, distance=2.0, force=2.66666e-3):
+    balls = (Ball((-0.5 * distance, 0.0), 1.0), Ball((0.5 * distance, 0.0), 1.0))
+    return Problem(layer, balls, Load("force", (force, force)), substrate)
+
+
+def pull(problem, accuracy=1e-4):
+    result = solve(problem, accuracy)
+    assert not result.solved.notes
+    return result.balls[0].tangential_force[0]
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 1.0, 1e2])
+def test_a_vanishing_layer_leaves_the_substrates_force(ratio):
+    substrate = Elastic(1.0 / ratio, 0.3)
+    force = 2.66666e-3 / ratio * 1e-3
+    film = pull(pair(Layer(1.0, 0.48, 1e-5), substrate, force=force))
+    bare = pull(pair(Layer(substrate.young, 0.3, np.inf), force=force))
+    assert film == pytest.approx(bare, rel=2e-3)
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1.0, 1e6])
+def test_a_thousand_radii_of_layer_are_a_half_space(ratio):
+    # the bond's contribution falls like (L/h)^2 times the contrast
+    deep = pull(pair(Layer(1.0, 0.48, 1e3), Elastic(1.0 / ratio, 0.3)))
+    half = pull(pair(Layer(1.0, 0.48, np.inf)))
+    assert deep == pytest.approx(half, rel=1e-4)
+
+
+@pytest.mark.parametrize(("poisson", "limit"), [(0.3, bonded_compressible_force), (0.5, bonded_incompressible_force)])
+def test_a_thin_layer_on_a_rigid_base_has_the_asymptotic_stiffness(poisson, limit):
+    layer = Layer(1.0, poisson, 1e-3)
+    ball = solve(Problem(layer, (Ball((0.0, 0.0), 1.0),), Load("approach", (1e-3,)))).balls[0]
+    # the edge's correction is of order h/a = 0.02
+    assert ball.normal_force == pytest.approx(limit(1e-3, 1.0, layer), rel=0.06)
+
+
+def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
+    for problem in (
+        pair(Layer(1.0, 0.48, np.inf), force=2.0),
+        pair(Layer(1.0, 0.5, 0.4), force=1e-2),
+        pair(Layer(1.0, 0.0, 0.3), Elastic(3.0, 0.5), force=2e-2),
+    ):
+        smooth = solve_contact(problem)
+        assert isinstance(smooth.contacts, SmoothContacts)
+        with monkeypatch.context() as m:
+            m.setattr(linear_bem.smooth_contact, "ROUGHEST", -1.0)
+            grid = solve_contact(problem)
+        assert isinstance(grid.contacts, GridContacts)
+        for a, b in zip(smooth.result().balls, grid.result().balls, strict=True):
+            assert b.tangential_force[0] == pytest.approx(a.tangential_force[0], rel=1e-4)
+            assert b.approach == pytest.approx(a.approach, rel=1e-4)
+            assert b.contact_area == pytest.approx(a.contact_area, rel=0.02)
+            assert b.peak_pressure == pytest.approx(a.peak_pressure, rel=0.01)
+        x, y = np.array([0.1, -0.9, 2.5]), np.array([0.2, 0.0, -1.0])
+        assert grid.displacement(x, y) == pytest.approx(smooth.displacement(x, y), rel=1e-3)
+
+
+def test_force_is_smooth_over_eight_decades_of_load():
+    layer, substrate = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3)
+    light, heavy = (pull(pair(layer, substrate, force=q)) / q**2 for q in (1e-10, 1e-9))
+    assert light == pytest.approx(heavy, rel=1e-5)
+    assert pull(pair(layer, substrate, force=1e-2)) / 1e-4 == pytest.approx(light, rel=0.05)
+
+
+def test_far_balls_obey_the_point_load_law():
+    layer, substrate = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3)
+    for distance in (20.0, 50.0):
+        problem = pair(layer, substrate, distance)
+        q = problem.load.values[0]
+        assert pull(problem) == pytest.approx(-q * q * LayeredKernel.of(problem).slope(distance), rel=2e-3)
+
+
+def test_merging_contacts_share_one_grid_and_stay_symmetric():
+    problem = pair(Layer(1.0, 0.48, np.inf), force=12.0)
+    solution = solve_contact(problem, 1e-2)
+    assert isinstance(solution.contacts, GridContacts)
+    left, right = solution.result().balls
+    assert solution.pressure(0.0, 0.0) > 0.0
+    assert left.normal_force == pytest.approx(12.0, rel=1e-9)
+    assert left.tangential_force[0] == pytest.approx(-right.tangential_force[0], rel=1e-6)
+    slope = left.tangential_force_routes["slope"][0]
+    assert left.tangential_force[0] == pytest.approx(slope, rel=2e-2)
+    together = solve(problem.with_load("total_force", (24.0,)), 1e-2).balls[0]
+    assert together.approach == pytest.approx(left.approach, rel=1e-4)
+    assert together.tangential_force[0] == pytest.approx(left.tangential_force[0], rel=1e-3)
+
+
+def test_a_ball_a_hundred_times_larger_than_its_neighbours():
+    balls = (Ball((0.0, 0.0), 100.0), Ball((20.0, 0.0), 1.0), Ball((0.0, -21.0), 1.0))
+    result = solve(Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (0.1, 0.1, 0.1))))
+    t = np.array([b.tangential_force for b in result.balls])
+    slope = np.array([b.tangential_force_routes["slope"] for b in result.balls])
+    assert np.max(np.abs(t - slope)) < 1e-4 * np.max(np.abs(t))
+    assert t[1, 0] < 0.0
+    assert t[2, 1] > 0.0
+
+
+def test_spheres_are_stiffer_to_the_edge_than_paraboloids_and_meet_sneddon():
+    approach, force = sneddon_sphere(0.4, 1.0, Elastic(1.0, 0.3).contact_modulus)
+    ball = Ball((0.0, 0.0), 1.0, "sphere")
+    result = solve(Problem(Layer(1.0, 0.3, np.inf), (ball,), Load("approach", (approach,)))).balls[0]
+    assert result.normal_force == pytest.approx(force, rel=1e-5)
+    assert result.contact_area == pytest.approx(np.pi * 0.16, rel=1e-3)
+    assert result.normal_force < hertz_force(approach, 1.0, 1.0 / 0.91)
+
+
+def test_an_elliptic_profile_meets_hertz():
+    """Curvatures 1 and 1/4: the ellipse and the force of [Johnson 1985, section 4.2] by complete elliptic integrals."""
+
+    def ratio(e2):
+        b = 1.0 - e2
+        return (ellipe(e2) / b - ellipk(e2)) / (ellipk(e2) - ellipe(e2))
+
+    e2 = brentq(lambda e: ratio(e) - 4.0, 0.1, 0.99)
+    load = 1e-3
+    modulus = 1.0 / 0.91
+    a = (3 * load / (2 * np.pi * modulus) * 2 * (ellipk(e2) - ellipe(e2)) / e2 / 0.25) ** (1 / 3)
+    area = np.pi * a * a * np.sqrt(1 - e2)
+    approach = 3 * load / (2 * np.pi * modulus * a) * ellipk(e2)
+    turned = 0.6
+
+    def profile(x, y):
+        u, v = np.cos(turned) * x + np.sin(turned) * y, -np.sin(turned) * x + np.cos(turned) * y
+        return 0.5 * u**2 + 0.125 * v**2
+
+    ball = solve(Problem(Layer(1.0, 0.3, np.inf), (Ball((0.2, 0.1), 1.0, profile),), Load("force", (load,)))).balls[0]
+    assert ball.contact_area == pytest.approx(area, rel=1e-6)
+    assert ball.approach == pytest.approx(approach, rel=1e-6)
+
+
+def test_what_cannot_be_solved_is_refused_by_name():
+    problem = pair(Layer(1.0, 0.48, 1.0))
+    with pytest.raises(UnsupportedProblem, match="finite_strain"):
+        solve(Problem(problem.layer, problem.balls, problem.load, None, FiniteStrain()))
+    with pytest.raises(InvalidProblem, match="between 0 and 1"):
+        solve(problem, tangential_force=0.0)
+    saddle = Ball((0.0, 0.0), 1.0, lambda x, y: x**2 - y**2)
+    with pytest.raises(InvalidProblem, match="convex"):
+        solve(Problem(problem.layer, (saddle,), Load("approach", (0.1,))))

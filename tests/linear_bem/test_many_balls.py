@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+
+import linear_bem.smooth_contact
+import linear_bem.solver
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
+from tests.linear_bem.conftest import PAPER_LOAD
+
+
+def forces(result):
+    return np.array([b.tangential_force for b in result.balls])
+
+
+def loads(result):
+    return np.array([b.normal_force for b in result.balls])
+
+
+def block(load, thickness=1.16, count=3):
+    xy = [(2.0 * i, 2.0 * j) for i in range(count) for j in range(count)]
+    return Problem(Layer(1.0, 0.48, thickness), tuple(Ball(p, 1.0) for p in xy), load, Elastic(1e3, 0.3))
+
+
+@pytest.mark.parametrize(
+    "load",
+    [Load("total_force", (9 * PAPER_LOAD,)), Load("force", (PAPER_LOAD,) * 9), Load("approach", (0.0125,) * 9)],
+    ids=lambda load: load.kind,
+)
+def test_sweeps_meet_the_dense_newton_system(load, monkeypatch):
+    problem = block(load)
+    swept = solve(problem, 1e-5)
+    for module in (linear_bem.smooth_contact, linear_bem.solver):
+        monkeypatch.setattr(module, "DENSE", 9)
+    dense = solve(problem, 1e-5)
+    assert swept.solved.iterations != 0
+    assert forces(swept) == pytest.approx(forces(dense), abs=1e-9 * np.max(np.abs(forces(dense))))
+    assert loads(swept) == pytest.approx(loads(dense), rel=1e-9)
+
+
+def test_nine_balls_under_a_common_approach_meet_a_sharper_solution():
+    problem = block(Load("total_force", (9 * PAPER_LOAD,)))
+    quick, sharp = solve(problem, 1e-3), solve(problem, 1e-6)
+    assert loads(quick) == pytest.approx(loads(sharp), rel=1e-6)
+    assert forces(quick) == pytest.approx(forces(sharp), abs=1e-6 * np.max(np.abs(forces(sharp))))
+    approaches = [b.approach for b in quick.balls]
+    assert np.ptp(approaches) == 0.0
+    assert sum(loads(quick)) == pytest.approx(9 * PAPER_LOAD, rel=1e-12)
+
+
+def test_in_plane_forces_of_all_balls_cancel():
+    for thickness in (1.16, np.inf):
+        t = forces(solve(block(Load("approach", (0.05,) * 9), thickness), 1e-3))
+        assert np.max(np.abs(t.sum(axis=0))) < 1e-12 * np.max(np.abs(t))
+
+
+def test_a_dense_random_heap_has_equal_forces_by_both_routes():
+    rng = np.random.default_rng(3)
+    balls = []
+    while len(balls) < 50:
+        x, y, r = *rng.uniform(-8.0, 8.0, 2), rng.uniform(0.5, 1.0)
+        if all(np.hypot(x - b.position[0], y - b.position[1]) >= 2 * np.sqrt(r * b.radius) for b in balls):
+            balls.append(Ball((x, y), r))
+    result = solve(Problem(Layer(1.0, 0.48, np.inf), tuple(balls), Load("approach", (0.1,) * 50)), 1e-3)
+    t = forces(result)
+    slope = np.array([b.tangential_force_routes["slope"] for b in result.balls])
+    assert np.max(np.abs(t - slope)) < 1e-3 * np.max(np.abs(t))
+    assert not result.solved.notes
+    assert max(result.solved.certificate.values()) < 1e-3
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    """Three unlike balls on a layer: no symmetry to hide behind."""
+    balls = (Ball((-1.1, 0.3), 1.0), Ball((1.2, 0.0), 0.7, "sphere"), Ball((0.2, 1.9), 0.9))
+    return Problem(Layer(1.0, 0.45, 0.9), balls, Load("force", (5e-3, 2e-3, 8e-3)), Elastic(20.0, 0.2))
+
+
+def test_turning_and_mirroring_a_scene_turns_and_mirrors_the_answer(uneven):
+    reference = forces(solve(uneven, 1e-6))
+    for angle, flip in ((0.7, 1.0), (2.1, -1.0)):
+        c, s = np.cos(angle), np.sin(angle)
+        q = np.array([[c, -s], [s, c]]) @ np.diag([1.0, flip])
+        balls = tuple(Ball(tuple(q @ b.position), b.radius, b.shape) for b in uneven.balls)
+        t = forces(solve(Problem(uneven.layer, balls, uneven.load, uneven.substrate), 1e-6))
+        assert t == pytest.approx(reference @ q.T, abs=1e-8 * np.max(np.abs(reference)))
+
+
+def test_scaling_moduli_and_lengths_scales_the_answer_to_roundoff(uneven):
+    base = solve(uneven)
+    stiff, large = 7.3e5, 3.1e-3
+    layer = Layer(stiff, 0.45, 0.9 * large)
+    balls = tuple(Ball((b.position[0] * large, b.position[1] * large), b.radius * large, b.shape) for b in uneven.balls)
+    load = Load("force", tuple(q * stiff * large**2 for q in uneven.load.values))
+    scaled = solve(Problem(layer, balls, load, Elastic(20.0 * stiff, 0.2)))
+    size = stiff * large**2
+    assert forces(scaled) / size == pytest.approx(forces(base), abs=1e-11 * np.max(np.abs(forces(base))))
+    for a, b in zip(scaled.balls, base.balls, strict=True):
+        assert a.approach / large == pytest.approx(b.approach, rel=1e-12)
+        assert a.peak_pressure / stiff == pytest.approx(b.peak_pressure, rel=1e-11)
+        assert a.contact_area / large**2 == pytest.approx(b.contact_area, rel=1e-11)
+
+
+def test_a_ball_that_a_neighbours_dent_leaves_behind_carries_no_load():
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0), Ball((9.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (0.1, 1e-3, 0.05)))
+    pressed, lifted, far = solve(problem).balls
+    assert lifted.normal_force == 0.0
+    assert lifted.tangential_force == (0.0, 0.0)
+    assert lifted.contact_area == 0.0
+    assert pressed.normal_force > far.normal_force > 0.0
+
+
+def test_an_unloaded_ball_rests_on_the_deformed_surface():
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.48, np.inf), balls, Load("force", (1e-3, 0.0)))
+    pressed, resting = solve(problem).balls
+    assert resting.normal_force == 0.0
+    # the half-space's displacement at distance 2, plus what a ball wide enough to lean gains
+    assert resting.approach == pytest.approx((1 - 0.48**2) / np.pi * 1e-3 / 2.0, rel=1e-3)
+    assert pressed.normal_force == pytest.approx(1e-3, rel=1e-12)
