@@ -12,6 +12,7 @@ import numpy as np
 from linear_bem.problem import Problem
 from runs import surface
 from runs.presentation import Scale, attraction
+from runs.store import replacing
 from runs.tables import leading_ball
 
 LINEAR, FINITE, APPROACH = "#0072b2", "#d55e00", "#009e73"
@@ -176,9 +177,8 @@ def _blank(width: float, height: float) -> Any:
 
 def _save(figure: Any, folder: Path, stem: str, kinds: Sequence[str]) -> None:
     for kind in kinds:
-        draft = folder / f".{stem}.part.{kind}"
-        figure.savefig(draft, dpi=160)
-        draft.replace(folder / f"{stem}.{kind}")
+        with replacing(folder / f"{stem}.{kind}") as draft:
+            figure.savefig(draft, dpi=160, format=kind)
 
 
 def _vector(value: Any) -> tuple[float, float]:

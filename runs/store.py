@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -23,6 +23,19 @@ OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "run.log", "tangential_force.png", "tangential_force.svg",
     "surface.png", "surface.npz", ".lock",
 )  # fmt: skip
+
+
+@contextlib.contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """Yield a draft beside ``target`` that takes its place when all went well; raises `OutputUnusable`."""
+    draft = target.with_name(f".part.{target.name}")
+    try:
+        yield draft
+        os.replace(draft, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise OutputUnusable(f"{target}: cannot be written: {error.strerror or error}; name another --out") from None
 
 
 class RunFolder:
@@ -123,8 +136,11 @@ class RunFolder:
     def log(self, text: str) -> None:
         """Append lines with the time to run.log."""
         stamp = time.strftime("%Y-%m-%d %H:%M:%S")
-        with open(self.path / "run.log", "a", encoding="utf-8") as log:
-            log.writelines(f"{stamp}  {line}\n" for line in text.splitlines())
+        try:
+            with open(self.path / "run.log", "a", encoding="utf-8") as log:
+                log.writelines(f"{stamp}  {line}\n" for line in text.splitlines())
+        except OSError as error:
+            raise OutputUnusable(f"{self.path / 'run.log'}: cannot be written: {error.strerror or error}") from None
 
     def close(self) -> None:
         """Let another run have the folder."""
@@ -133,20 +149,10 @@ class RunFolder:
             self._lock = None
 
     def _write(self, name: str, text: str) -> None:
-        target = self.path / name
-        draft = target.with_name(f".{name}.part")
-        try:
-            with open(draft, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(draft, target)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                draft.unlink()
-            raise OutputUnusable(
-                f"{target}: cannot be written: {error.strerror or error}; name another --out"
-            ) from None
+        with replacing(self.path / name) as draft, open(draft, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

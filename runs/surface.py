@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linear_bem.problem import Problem
+from runs.store import replacing
 
 NAME = "surface.npz"
 
@@ -28,11 +29,9 @@ class Surface:
 
 def keep(folder: Path, fields: Any) -> None:
     """Write the surface of ``fields`` into ``folder``, whole or not at all."""
-    draft = folder / f".{NAME}.part.npz"
-    np.savez_compressed(
-        draft, points=fields.points, reference=fields.reference, triangles=fields.triangles, pressure=fields.pressure
-    )
-    draft.replace(folder / NAME)
+    arrays = {name: getattr(fields, name) for name in ("points", "reference", "triangles", "pressure")}
+    with replacing(folder / NAME) as draft, open(draft, "wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def load(folder: Path) -> Surface | None:

@@ -99,7 +99,9 @@ def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_forc
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold")
+    table = Table(
+        title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", collapse_padding=True, pad_edge=False
+    )
     for column in columns:
         table.add_column(column, justify="right", overflow="fold")
     return table

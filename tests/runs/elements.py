@@ -1,7 +1,8 @@
 """A stand-in for ``finite_strain`` with its interface and none of its cost: the linear model times 1 + D / R.
 
 Run as a script, it is the command line with this stand-in; ``ELEMENTS`` in the environment says what goes wrong:
-"stop" (not converged on all ranks), "lost" (rank 1 alone fails), "kill" (the process ends without a word),
+"stop" (not converged on all ranks), "lost" (rank 1 alone fails), "blocked" (the result
+can no longer be written), "kill" (the process ends without a word),
 "swallow" (a solver that takes an interruption for a failed iteration), each after two steps.
 """
 
@@ -56,7 +57,7 @@ def solve(
             continue
         observer.attempt({"step": number, "approach": fraction * max(problem.load.values)})
         if number == 2:
-            _go_wrong(comm, observer)
+            _go_wrong(comm, observer, folder.parent)
         observer.newton({"iteration": 1})
         step = _state(problem, fraction, number, model, tangential_force)
         steps.append(step)
@@ -68,7 +69,7 @@ def solve(
     return Result(model, steps[-1].balls, solved, tuple(steps))
 
 
-def _go_wrong(comm: Any, observer: Any) -> None:
+def _go_wrong(comm: Any, observer: Any, out: Path) -> None:
     match os.environ.get("ELEMENTS"):
         case "stop":
             raise NotConverged("step 2: DIVERGED_LINE_SEARCH, residual 1e-2")
@@ -76,11 +77,15 @@ def _go_wrong(comm: Any, observer: Any) -> None:
             if comm.rank == 1:
                 raise RuntimeError("rank 1 has lost its way")
             comm.bcast(None, root=1)
+        case "blocked":
+            if comm.rank == 0:
+                (out / "result.json").unlink()
+                (out / "result.json").mkdir()
         case "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         case "swallow":
-            print("waiting", file=sys.stderr, flush=True)
             try:
+                print("waiting", file=sys.stderr, flush=True)
                 time.sleep(30.0)
             except KeyboardInterrupt:
                 print("taken for a failed iteration", file=sys.stderr, flush=True)

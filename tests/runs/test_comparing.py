@@ -73,7 +73,7 @@ def test_the_folder_holds_scene_log_and_figures(compared: tuple[dict[str, Any], 
     assert "D = 0.32 R (100 %)" in log
     for name in ("tangential_force.png", "tangential_force.svg", "surface.png"):
         assert (out / name).stat().st_size > 10_000, name
-    assert not list(out.glob("*.part*"))
+    assert not list(out.glob(".part*"))
 
 
 def test_a_complete_run_is_shown_again_without_solving(compared: tuple[dict[str, Any], Path]) -> None:
@@ -143,6 +143,15 @@ def test_a_failure_on_one_rank_ends_the_other(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "RuntimeError: rank 1 has lost its way" in done.stderr
     assert time.monotonic() - began < 60.0  # it would wait for ever
+
+
+@pytest.mark.parametrize("ranks", RANKS)
+def test_a_folder_that_fails_during_the_run_ends_all_ranks_with_one_message(ranks: int, tmp_path: Path) -> None:
+    done = run(ranks, "compare", tmp_path / "out", wrong="blocked")
+    assert done.returncode == 2
+    assert done.stderr.count("thirdbody: error:") == 1
+    assert "result.json: cannot be written" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -81,7 +81,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     (tmp_path / "steps.csv").mkdir()
     with pytest.raises(OutputUnusable, match=r"steps\.csv: cannot be written"):
         folder.save({"value": 2.0}, [])
-    assert not list(tmp_path.glob(".*.part"))
+    assert not list(tmp_path.glob(".part*"))
     folder.close()
 
 
