@@ -1,13 +1,11 @@
-"""Frictionless contact of the layer's top with one rigid ball: augmented Lagrangian with a linear multiplier.
+"""Frictionless contact of the layer's top with one rigid ball: augmented Lagrangian at facet quadrature points.
 
 Per reference area the contact potential is (<l - k g>^2 - l^2) / (2 k) with gap g, penalty k, multiplier l
 and <.> the positive part [Alart Curnier 1991, doi 10.1016/0045-7825(91)90022-X; frictionless]. Its
 derivatives by the displacement are exact, so the tangent is symmetric and includes the sphere's
-curvature. The multiplier is continuous and linear on facets: with the quadratic displacement that pair is
-stable, whereas multipliers at every quadrature point over-constrain it, rattle, and stall Newton's method.
-An augmentation projects the pressure with the biorthogonal functions of the linear ones [Wohlmuth 2000,
-doi 10.1137/S0036142999350929], which returns a pressure that is linear already unchanged.
-The integrals run in numpy: the gap's positive part has a kink inside a facet, and needs a rule of its own.
+curvature. Multipliers live at quadrature points, start from zero at each load step and are augmented a few
+times only: carried from step to step they over-constrain the surface and the in-plane force rattles.
+The integrals run in numpy because a form compiler cannot take data at facet quadrature points.
 """
 
 from __future__ import annotations
@@ -131,14 +129,10 @@ class Contact:
         self.indenter = indenter
         self.radius = radius
         self.reference = surface.points - np.array([*centre, 0.0])
-        self.nodal_multiplier = np.zeros(vertices)
+        self.vertices = vertices
+        self.multiplier = np.zeros(surface.weights.shape)
         self.penalty = 1.0
         self.approach = 0.0
-
-    @property
-    def multiplier(self) -> np.ndarray:
-        """The multiplier (facets, points) [Pa]."""
-        return self.nodal_multiplier[self.surface.corners] @ self.surface.corner_values.T
 
     def _gap(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         u = np.einsum("fqa,fai->fqi", self.surface.values, displacement[self.surface.dofs])
@@ -164,7 +158,7 @@ class Contact:
         if gap.size and not np.min(gap) > -DEEPEST_PENETRATION * self.radius:
             return math.inf
         pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        density = pressure**2 / (2.0 * self.penalty)
+        density = (pressure**2 - self.multiplier**2) / (2.0 * self.penalty)
         return float(np.sum(self.surface.weights * density))
 
     def add_residual(self, displacement: np.ndarray, residual: np.ndarray) -> None:
@@ -213,12 +207,17 @@ class Contact:
             residual += sign * shifted / (2.0 * step)
         self.approach = approach
 
+    def augment(self, displacement: np.ndarray) -> None:
+        """Move the multiplier to the present pressure."""
+        self.multiplier = self.pressure(displacement)
+
     def project(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return this rank's share of the biorthogonal moments of a density (facets, points), and of their weights.
 
-        Summed over ranks, moment over weight is the density's projection at the vertices of the linear space.
+        Summed over ranks, moment over weight is the density at the vertices of the linear space; a linear
+        density comes back unchanged [Wohlmuth 2000, doi 10.1137/S0036142999350929].
         """
-        moments, weights = np.zeros_like(self.nodal_multiplier), np.zeros_like(self.nodal_multiplier)
+        moments, weights = np.zeros(self.vertices), np.zeros(self.vertices)
         dual = 4.0 * self.surface.corner_values - 1.0  # 3 N_i - N_j - N_k, and the N sum to 1
         np.add.at(moments, self.surface.corners, (self.surface.weights * density) @ dual)
         np.add.at(weights, self.surface.corners, self.surface.weights @ dual)
@@ -242,7 +241,7 @@ class Contact:
         """
         u = np.einsum("fqa,fai->fqi", self.surface.values, displacement[self.surface.dofs])
         pressure = self.pressure(displacement)
-        potential = pressure**2 / (2.0 * self.penalty)
+        potential = (pressure**2 - self.multiplier**2) / (2.0 * self.penalty)
         corner_weight = weight[self.surface.corners]
         q = corner_weight @ self.surface.corner_values.T
         gradient = np.einsum("fc,fck->fk", corner_weight, self.surface.corner_gradients)

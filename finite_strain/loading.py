@@ -21,9 +21,9 @@ PENALTY = 10.0
 """Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
-FORCE_CHANGE = 3e-4
+FORCE_CHANGE = 2e-3
 """Relative change of the normal force by an augmentation at which the contact counts as resolved."""
-MAX_AUGMENTATIONS = 4
+MAX_AUGMENTATIONS = 3
 MAX_FORCE_ITERATIONS = 12
 MAX_CUTS = 8
 SPURIOUS = 0.3
@@ -45,11 +45,10 @@ class StepRecord:
 
 @dataclass(frozen=True)
 class State:
-    """A converged state that can be returned to: displacement, multipliers, approaches [m], forces [N]."""
+    """A converged state that can be returned to: displacement, approaches [m], forces [N]."""
 
     fraction: float
     nodal: np.ndarray
-    multipliers: tuple[np.ndarray, ...]
     approaches: tuple[float, ...]
     forces: tuple[float, ...]
 
@@ -109,6 +108,8 @@ class LoadPath:
         self._restore()
 
     def _solve(self, fraction: float, record: StepRecord, predict: bool) -> None:
+        for contact in self.model.contacts:
+            contact.multiplier[:] = 0.0
         self._set_approaches(self._first_guess(fraction))
         if predict:
             self._extrapolate(fraction)
@@ -120,7 +121,8 @@ class LoadPath:
                 record.normal_forces = [float(f) for f in forces]
                 return
             reference = forces
-            self.model.augment()
+            for contact in self.model.contacts:
+                contact.augment(self.model.nodal)
             record.augmentations += 1
             moved = np.max(np.abs(self._newton(record) - reference) / np.maximum(reference, 0.1 * reference.max()))
             if moved > SPURIOUS:
@@ -236,7 +238,6 @@ class LoadPath:
         state = State(
             fraction,
             self.model.nodal.copy(),
-            tuple(contact.nodal_multiplier.copy() for contact in self.model.contacts),
             tuple(contact.approach for contact in self.model.contacts),
             tuple(record.normal_forces),
         )
@@ -245,11 +246,7 @@ class LoadPath:
     def _restore(self) -> None:
         if not self.history:
             self.model.nodal[:] = 0.0
-            for contact in self.model.contacts:
-                contact.nodal_multiplier[:] = 0.0
             return
         last = self.history[-1]
         self.model.nodal[:] = last.nodal
         self._set_approaches(list(last.approaches))
-        for contact, multiplier in zip(self.model.contacts, last.multipliers, strict=True):
-            contact.nodal_multiplier = multiplier.copy()

@@ -184,12 +184,6 @@ class Model:
             contact.add_tangent(self.nodal, matrix, self.constrained)
         matrix.assemble()
 
-    def augment(self) -> None:
-        """Move every contact's multiplier to the projection of its present pressure."""
-        for contact in self.contacts:
-            projected = self.project(contact, contact.pressure(self.nodal))
-            contact.nodal_multiplier = np.maximum(projected, 0.0)
-
     def project(self, contact: Contact, density: np.ndarray) -> np.ndarray:
         """Return a density (facets, points) of a contact projected to this rank's vertices, zero elsewhere."""
         moments, weights = (self._summed_over_vertices(share) for share in contact.project(density))
