@@ -7,19 +7,23 @@
 -1.1613e-07
 """
 
+from linear_bem.energy import elastic_energy, energy_force
 from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
+from linear_bem.height_field import HeightFieldContact, solve_height_field
 from linear_bem.kernel import LayeredKernel
 from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result
 from linear_bem.solver import Solution, solve, solve_contact
-from linear_bem.square import uniform_square_displacement
+from linear_bem.square import deepest_bulge, uniform_square_displacement
+from linear_bem.stress import vertical_stress
 
 __all__ = [
     "Ball",
     "BallResult",
     "Elastic",
     "FiniteStrain",
+    "HeightFieldContact",
     "InvalidProblem",
     "Layer",
     "LayeredKernel",
@@ -30,8 +34,13 @@ __all__ = [
     "Solution",
     "ThirdBodyError",
     "UnsupportedProblem",
+    "deepest_bulge",
+    "elastic_energy",
+    "energy_force",
     "solve",
     "solve_contact",
+    "solve_height_field",
     "solve_point_load",
     "uniform_square_displacement",
+    "vertical_stress",
 ]

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from linear_bem.disc import gauss
 from linear_bem.kernel import LayeredKernel
-from linear_bem.square import love_rectangle
+from linear_bem.square import graded_rule, love_cells, love_rectangle
 
 Array = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ class Patch:
         """Displacement per pressure/``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, shape (nx, ny)."""
         d = self.cell
         x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
-        total = love_rectangle(x, y, 0.5 * d, 0.5 * d)
+        total = love_cells(self.nx, self.ny, d)
         if not self.kernel.homogeneous:
             # beyond some thicknesses the layer hides 1/r but for the substrate's share: both integrated alike
             rest = 1.0 - self.kernel.far_ratio
@@ -79,12 +78,18 @@ class Patch:
     def _integrate_near(self, total: Array, nx: int, ny: int) -> None:
         """Replace the first influences by graded quadrature: cells as wide as the layer is thick, or wider."""
         d = self.cell
-        rules = [_graded(d * (i - 0.5), d * (i + 0.5), 0.25 * self.kernel.thickness) for i in range(max(nx, ny))]
+        rules = [graded_rule(d * (i - 0.5), d * (i + 0.5), 0.25 * self.kernel.thickness) for i in range(max(nx, ny))]
         for i in range(nx):
             for j in range(ny):
                 (u, wu), (v, wv) = rules[i], rules[j]
                 smooth = wu @ self.kernel.smooth(np.hypot(u[:, None], v)) @ wv
                 total[i, j] = float(love_rectangle(d * i, d * j, 0.5 * d, 0.5 * d)) + smooth
+
+    def part(self, nx: int, ny: int) -> Patch:
+        """Return a smaller patch with the same cells, sharing their influence."""
+        small = Patch(self.kernel, self.centre, self.cell, nx, ny, self.members, self.nodes)
+        small.__dict__["influence"] = self.influence[:nx, :ny]
+        return small
 
     @cached_property
     def _spectrum(self) -> NDArray[np.complex128]:
@@ -169,21 +174,6 @@ class Patch:
         """Return the field at the cells that has these values at the nodes."""
         lx, ly = self._lagrange
         return np.asarray(lx @ values.reshape(self.nodes, self.nodes) @ ly.T)
-
-
-def _graded(low: float, high: float, finest: float) -> tuple[Array, Array]:
-    """Return Gauss nodes and weights on an interval, panels doubling from ``finest`` away from zero."""
-    edges = {low, high}
-    if low < 0.0 < high:
-        edges.add(0.0)
-    e = finest
-    while e < max(-low, high):
-        edges |= {c for c in (e, -e) if low < c < high}
-        e *= 2.0
-    cuts: Array = np.array(sorted(edges))
-    x, w = gauss(6)
-    half = 0.5 * np.diff(cuts)[:, None]
-    return np.ravel(cuts[:-1, None] + half * (1.0 + x)), np.ravel(half * w)
 
 
 def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
+from linear_bem.disc import gauss
 from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Elastic, Layer
 
@@ -18,18 +19,39 @@ def love_rectangle(x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> 
     Closed form of [Love 1929, Phil. Trans. R. Soc. A 228, 377, doi 10.1098/rsta.1929.0009; Johnson 1985, eq. 3.25].
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-
-    def corner(a: Array, b: Array) -> Array:
-        # d2/da db of this is 1/sqrt(a^2 + b^2); asinh keeps its digits for large arguments
-        tiny = 1e-300
-        return np.asarray(a * np.arcsinh(b / (np.abs(a) + tiny)) + b * np.arcsinh(a / (np.abs(b) + tiny)))
-
     return (
-        corner(x + half_x, y + half_y)
-        - corner(x + half_x, y - half_y)
-        - corner(x - half_x, y + half_y)
-        + corner(x - half_x, y - half_y)
+        _corner(x + half_x, y + half_y)
+        - _corner(x + half_x, y - half_y)
+        - _corner(x - half_x, y + half_y)
+        + _corner(x - half_x, y - half_y)
     )
+
+
+def love_cells(count_x: int, count_y: int, cell: float) -> Array:
+    """Return `love_rectangle` of one square cell at the centres of all cells at offsets (i, j) >= 0 from it."""
+    x, y = cell * (np.arange(count_x + 1) - 0.5)[:, None], cell * (np.arange(count_y + 1) - 0.5)
+    return np.asarray(np.diff(np.diff(_corner(x, y), axis=0), axis=1))
+
+
+def _corner(a: Array, b: Array) -> Array:
+    # its mixed derivative is 1/sqrt(a^2 + b^2); asinh keeps its digits for large arguments
+    tiny = 1e-300
+    return np.asarray(a * np.arcsinh(b / (np.abs(a) + tiny)) + b * np.arcsinh(a / (np.abs(b) + tiny)))
+
+
+def graded_rule(low: float, high: float, finest: float, order: int = 6) -> tuple[Array, Array]:
+    """Return Gauss nodes and weights on an interval, panels doubling from ``finest`` away from zero."""
+    edges = {low, high}
+    if low < 0.0 < high:
+        edges.add(0.0)
+    e = finest
+    while e < max(-low, high):
+        edges |= {c for c in (e, -e) if low < c < high}
+        e *= 2.0
+    cuts: Array = np.array(sorted(edges))
+    x, w = gauss(order)
+    half = 0.5 * np.diff(cuts)[:, None]
+    return np.ravel(cuts[:-1, None] + half * (1.0 + x)), np.ravel(half * w)
 
 
 def uniform_square_displacement(
@@ -37,24 +59,21 @@ def uniform_square_displacement(
 ) -> Array:
     """Return the surface displacement [m] under ``pressure`` [Pa] on |x|, |y| <= half_side [m].
 
-    Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels of a layer
-    thickness (error below 1e-10 of the displacement under the square).
+    Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels
+    that double away from the point, from half a layer thickness on (error below 1e-9 of the pressure's own dent).
     """
     kernel = LayeredKernel(layer, substrate)
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     total = love_rectangle(x, y, half_side, half_side)
     if not kernel.homogeneous:
-        panels = int(np.clip(np.ceil(2.0 * half_side / layer.thickness), 1, 60))
-        z, w = np.polynomial.legendre.leggauss(12)
-        width = 2.0 * half_side / panels
-        nodes = (-half_side + width * (np.arange(panels)[:, None] + 0.5 * (1.0 + z))).ravel()
-        weights = np.tile(0.5 * width * w, panels)
-        smooth = np.array(
-            [
-                weights @ kernel.smooth(np.hypot(a - nodes[:, None], b - nodes)) @ weights
-                for a, b in zip(x.ravel(), y.ravel(), strict=True)
-            ]
-        )
+        finest = 0.5 * layer.thickness
+
+        def smooth_part(px: float, py: float) -> float:
+            u, wu = graded_rule(-half_side - px, half_side - px, finest, 12)
+            v, wv = graded_rule(-half_side - py, half_side - py, finest, 12)
+            return float(wu @ kernel.smooth(np.hypot(u[:, None], v)) @ wv)
+
+        smooth = np.array([smooth_part(float(px), float(py)) for px, py in zip(x.ravel(), y.ravel(), strict=True)])
         total = total + smooth.reshape(x.shape)
     return np.asarray(kernel.singular * pressure * total)
 
