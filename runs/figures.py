@@ -82,7 +82,6 @@ def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, An
     top = surface.load(folder)
     if top is None:
         return
-    top = surface.completed(top, problem)
     figure, (above, section) = _stacked()
     _draw_pressure(figure, above, top, balls, scale)
     _draw_section(section, top, problem, balls, scale)

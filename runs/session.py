@@ -128,7 +128,7 @@ def rows_of(steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return one flat row per step and ball."""
     return [
         {"step": i, "ball": j, **{k: v for k, v in ball.items() if k != "tangential_force_routes"}}
-        for i, step in enumerate(steps)
+        for i, step in enumerate(steps, start=1)
         for j, ball in enumerate(step["balls"])
     ]
 

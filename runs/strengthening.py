@@ -36,7 +36,7 @@ def _row(index: int, ball: int, states: tuple[Mapping[str, Any], ...]) -> dict[s
     load = finite["normal_force"]
     notes = [note_q, note_d, *(state["record"].get("failure") for state in states[1:])]
     return {
-        "step": index,
+        "step": index + 1,
         "ball": ball,
         "normal_force": load,
         "approach": finite["approach"],

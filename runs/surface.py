@@ -1,4 +1,4 @@
-"""The deformed top surface of a finite-element run: kept on disk, completed by symmetry, cut by a section."""
+"""The deformed top surface of a finite-element run: kept on disk and cut by a section."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from linear_bem.problem import Problem
 from runs.store import replacing
 
 NAME = "surface.npz"
@@ -19,17 +18,16 @@ NAME = "surface.npz"
 
 @dataclass(frozen=True)
 class Surface:
-    """Deformed points (n, 3) [m], their reference (n, 3) [m], triangles (m, 3), contact pressure (n,) [Pa]."""
+    """Deformed points (n, 3) [m] of the whole scene's surface, triangles (m, 3), contact pressure (n,) [Pa]."""
 
     points: NDArray[np.float64]
-    reference: NDArray[np.float64]
     triangles: NDArray[np.int64]
     pressure: NDArray[np.float64]
 
 
 def keep(folder: Path, fields: Any) -> None:
     """Write the surface of ``fields`` into ``folder``, whole or not at all."""
-    arrays = {name: getattr(fields, name) for name in ("points", "reference", "triangles", "pressure")}
+    arrays = {name: getattr(fields, name) for name in ("points", "triangles", "pressure")}
     with replacing(folder / NAME) as draft, open(draft, "wb") as file:
         np.savez_compressed(file, **arrays)
 
@@ -38,39 +36,9 @@ def load(folder: Path) -> Surface | None:
     """Return the surface kept in ``folder``, or None."""
     try:
         with np.load(folder / NAME) as data:
-            return Surface(data["points"], data["reference"], data["triangles"], data["pressure"])
+            return Surface(data["points"], data["triangles"], data["pressure"])
     except FileNotFoundError:
         return None
-
-
-def completed(top: Surface, problem: Problem) -> Surface:
-    """Return the whole surface of a model that was solved on one side of its symmetry planes.
-
-    A plane x = c or y = c that bounds the reference surface on one side while balls lie on its other
-    side, or on it, is such a plane: a domain without symmetry reaches beyond every ball.
-    """
-    for axis in (0, 1):
-        centers = [ball.position[axis] for ball in problem.balls]
-        middle = 0.5 * (min(centers) + max(centers))
-        low, high = top.reference[:, axis].min(), top.reference[:, axis].max()
-        slack = 1e-6 * (high - low)
-        if abs(low - middle) <= slack or abs(high - middle) <= slack:
-            top = _mirrored(top, axis, middle)
-    return top
-
-
-def _mirrored(top: Surface, axis: int, middle: float) -> Surface:
-    def image(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        other = points.copy()
-        other[:, axis] = 2.0 * middle - other[:, axis]
-        return other
-
-    return Surface(
-        np.concatenate([top.points, image(top.points)]),
-        np.concatenate([top.reference, image(top.reference)]),
-        np.concatenate([top.triangles, top.triangles[:, ::-1] + len(top.points)]),
-        np.concatenate([top.pressure, top.pressure]),
-    )
 
 
 def along_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:

@@ -47,7 +47,7 @@ def ball_table(balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> 
 def path_table(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, title: str) -> Table:
     """Return the load path of one ball."""
     table = _table(title, ["step", "D / R", "Q / E R\u00b2", "T / E R\u00b2", "T / Q"])
-    for index, step in enumerate(steps):
+    for index, step in enumerate(steps, start=1):
         state = step["balls"][ball]
         load, force = state["normal_force"], attraction(step["balls"], ball, state["tangential_force"])
         table.add_row(

@@ -55,7 +55,7 @@ def solve(
     for number, fraction in enumerate(FRACTIONS):
         if number < len(steps):
             continue
-        observer.attempt({"step": number, "approach": fraction * max(problem.load.values)})
+        observer.attempt({"step": number + 1, "approach": fraction * max(problem.load.values)})
         if number == 2:
             _go_wrong(comm, observer, folder.parent)
         observer.newton({"iteration": 1})
@@ -102,25 +102,20 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
         force = (x * factor, y * factor)
         error = accuracy * float(np.hypot(*force))
         balls.append(dataclasses.replace(ball, tangential_force=force, tangential_force_error=error))
-    return Step(tuple(balls), {"step": number, "iterations": 5, "seconds": 0.1})
+    return Step(tuple(balls), {"step": number + 1, "iterations": 5, "seconds": 0.1})
 
 
 def _surface(problem: Problem, step: Step) -> SimpleNamespace:
-    """Return the quarter x > 0, y > 0 of a surface that the balls press down to their lower halves."""
+    """Return the surface that the balls press down to their lower halves."""
     side = 3.0 * problem.balls[0].radius
-    x, y = (c.ravel() for c in np.meshgrid(np.linspace(0.0, side, 41), np.linspace(0.0, side, 41)))
-    ball = step.balls[-1]
-    depth = ball.approach - ((x - ball.position[0]) ** 2 + (y - ball.position[1]) ** 2) / (2.0 * ball.radius)
-    cells = np.arange(40)[:, None] * 41 + np.arange(40)
-    a = cells.ravel()
-    triangles = np.concatenate([np.stack([a, a + 1, a + 42], 1), np.stack([a, a + 42, a + 41], 1)])
-    reference = np.stack([x, y, np.zeros_like(x)], 1)
-    return SimpleNamespace(
-        points=reference - np.maximum(depth, 0.0)[:, None] * np.array([0.0, 0.0, 1.0]),
-        reference=reference,
-        triangles=triangles,
-        pressure=np.maximum(depth, 0.0) * ball.peak_pressure / ball.approach,
-    )
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-side, side, 81), np.linspace(-side, side, 81)))
+    sunk = [b.approach - ((x - b.position[0]) ** 2 + (y - b.position[1]) ** 2) / (2.0 * b.radius) for b in step.balls]
+    depth = np.maximum(np.max(sunk, axis=0), 0.0)
+    corner = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
+    triangles = np.concatenate([np.stack([corner, corner + i, corner + j], 1) for i, j in ((1, 82), (82, 81))])
+    ball = step.balls[0]
+    pressure = depth * ball.peak_pressure / ball.approach
+    return SimpleNamespace(points=np.stack([x, y, -depth], 1), triangles=triangles, pressure=pressure)
 
 
 def install() -> None:

@@ -102,7 +102,7 @@ def test_fresh_starts_anew(tmp_path: Path) -> None:
     assert len(table(out)) == 4
     done = run(1, "compare", out, "--fresh")
     assert done.returncode == 0, done.stderr
-    assert "step 0 " in done.stderr
+    assert "step 1 " in done.stderr
 
 
 @pytest.mark.parametrize("ranks", RANKS)
@@ -117,8 +117,8 @@ def test_a_killed_run_keeps_its_steps_and_the_same_command_continues(
     assert len(table(out)) == 4
     done = run(ranks, "compare", out, "--json")
     assert done.returncode == 0, done.stderr
-    assert "step 1 " not in done.stderr
-    assert "step 2 " in done.stderr
+    assert "step 2 " not in done.stderr
+    assert "step 3 " in done.stderr
     whole = strict(done.stdout)
     expected = compared[0]
     assert whole["answer"] == expected["answer"]
@@ -180,7 +180,7 @@ def test_two_ranks_write_and_say_what_one_rank_does(tmp_path: Path, compared: tu
     document = strict(done.stdout)
     assert document["finite"]["solved"]["ranks"] == 2
     assert document["answer"] == compared[0]["answer"]
-    assert done.stderr.count("step 0 ") == 1
+    assert done.stderr.count("step 1 ") == 1
 
 
 def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Figures: what is drawn is the data, and the surface is completed by its symmetries."""
+"""Figures: what is drawn is the data, and gaps in it are gaps."""
 
 from __future__ import annotations
 
@@ -15,41 +15,20 @@ from runs.presentation import Scale
 PAIR = Problem(Layer(1.0, 0.48, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.3, 0.3)))
 
 
-def bowl(low: tuple[float, float], high: tuple[float, float], count: int = 31) -> SimpleNamespace:
-    """Return the surface z = -exp(-(|x| - 1)^2 - y^2) over a rectangle."""
-    x, y = (c.ravel() for c in np.meshgrid(np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count)))
+def bowl(count: int = 61) -> SimpleNamespace:
+    """Return the surface z = -exp(-(|x| - 1)^2 - y^2) over the square of side 6."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-3.0, 3.0, count), np.linspace(-3.0, 3.0, count)))
     z = -np.exp(-((np.abs(x) - 1.0) ** 2) - y**2)
     a = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
     triangles = np.concatenate([np.stack([a, a + 1, a + count + 1], 1), np.stack([a, a + count + 1, a + count], 1)])
-    points, flat = np.stack([x, y, z], 1), np.stack([x, y, np.zeros_like(x)], 1)
-    return SimpleNamespace(points=points, reference=flat, triangles=triangles, pressure=-z)
-
-
-@pytest.mark.parametrize(
-    ("low", "high"),
-    [((0.0, 0.0), (3.0, 3.0)), ((-3.0, 0.0), (3.0, 3.0)), ((-3.0, -3.0), (3.0, 3.0)), ((-3.0, -3.0), (0.0, 3.0))],
-)
-def test_a_part_that_symmetry_planes_bound_is_completed(
-    low: tuple[float, float], high: tuple[float, float], tmp_path: Path
-) -> None:
-    surface.keep(tmp_path, bowl(low, high))
-    part = surface.load(tmp_path)
-    assert part is not None
-    top = surface.completed(part, PAIR)
-    assert top.reference[:, :2].min(axis=0) == pytest.approx([-3.0, -3.0])
-    assert top.reference[:, :2].max(axis=0) == pytest.approx([3.0, 3.0])
-    corners = top.reference[top.triangles][:, :, :2]
-    sides = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    assert np.all(areas > 0.0)  # mirrored triangles keep their sense
-    assert areas.sum() == pytest.approx(36.0)
+    return SimpleNamespace(points=np.stack([x, y, z], 1), triangles=triangles, pressure=-z)
 
 
 def test_the_section_follows_the_surface(tmp_path: Path) -> None:
-    surface.keep(tmp_path, bowl((0.0, 0.0), (3.0, 3.0)))
-    part = surface.load(tmp_path)
-    assert part is not None
-    line, heights = surface.section(surface.completed(part, PAIR), [(-1.0, 0.0), (1.0, 0.0)])
+    surface.keep(tmp_path, bowl())
+    top = surface.load(tmp_path)
+    assert top is not None
+    line, heights = surface.section(top, [(-1.0, 0.0), (1.0, 0.0)])
     assert line[0] == pytest.approx(-3.0)
     assert line[-1] == pytest.approx(3.0)
     assert np.all(np.diff(line) >= 0.0)
@@ -63,7 +42,7 @@ def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
     balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
     figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
     assert not (tmp_path / "surface.png").exists()  # nothing to draw without a surface
-    figures.keep_surface(tmp_path, bowl((0.0, 0.0), (3.0, 3.0)))
+    figures.keep_surface(tmp_path, bowl())
     figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
     pixels = image.imread(tmp_path / "surface.png")[..., :3]
     assert pixels.shape[0] > 500

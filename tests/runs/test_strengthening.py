@@ -64,7 +64,7 @@ def test_the_middle_ball_of_three_gets_no_factor_from_roundoff() -> None:
 
 def test_rows_carry_both_ratios_per_step_and_ball() -> None:
     rows = compare_steps([pair(-3e-3, 3e-5)], [pair(-2e-3)], [pair(-1.5e-3)])
-    assert [(row["step"], row["ball"]) for row in rows] == [(0, 0), (0, 1)]
+    assert [(row["step"], row["ball"]) for row in rows] == [(1, 0), (1, 1)]
     assert rows[0]["strengthening_at_force"] == pytest.approx(1.5)
     assert rows[1]["strengthening_at_approach"] == pytest.approx(2.0)
     assert rows[0]["strengthening_at_force_error"] == pytest.approx(1.5e-2)
