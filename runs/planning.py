@@ -24,16 +24,17 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     model, problem, notes = choose(scene, asked)
     if not ranks.is_root():
         return
-    names = [model.name]
-    if asked is None and model.name != "linear_bem":
-        names.append("linear_bem")  # compare runs it at every state of the load path
     ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
+    plans = [_model_plan(model, scene, problem, ahead)]
+    if asked is None and model.name != "linear_bem":
+        # compare solves it twice at every load step: at its normal forces and at its approaches
+        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, 2 * plans[0]["load_steps"]))
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
         "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
-        "models": [_model_plan(MODELS[name], scene, problem, ahead) for name in names],
+        "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "notes": list(notes),
     }
@@ -43,7 +44,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         _show(document, Scale.of(problem), scene)
 
 
-def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result) -> dict[str, Any]:
+def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
         details = model.plan(problem, scene.tangential_force)
     else:
@@ -51,8 +52,8 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result) -> dict
             "symmetries": [],
             "unknowns": ahead.solved.unknowns,
             "memory_bytes": 8.0 * ahead.solved.unknowns**2,
-            "seconds": ahead.solved.seconds,
-            "load_steps": 1,
+            "seconds": ahead.solved.seconds * states,
+            "states": states,
         }
     return {"model": model.name, "summary": model.summary, **plain(details)}
 
@@ -105,6 +106,8 @@ def _word(key: str, value: Any) -> str:
         return f"about {float(value) / 1e9:.2g} GB" if value > 5e7 else f"about {max(float(value) / 1e6, 1.0):.0f} MB"
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
+    if isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
+        return f"{number(value[0])} to {number(value[1])} m"
     if isinstance(value, list):
         return ", ".join(_word("", v) for v in value) or "none"
     return number(value) if isinstance(value, float) else str(value)

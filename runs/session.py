@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from linear_bem.errors import MissingDependency
 from linear_bem.result import Result, Solved, Step
 from runs import ranks
 from runs.models import Model, Run, choose
@@ -49,7 +50,7 @@ class Session:
         self.earlier: dict[str, Any] | None = None
         if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
             self.finished, self.earlier = self._open_folder()
-        self.comm = ranks.world() if self.model.parallel else None
+        self.comm = _world_if_there() if self.model.parallel else None
         self.finished, self.earlier = ranks.share((self.finished, self.earlier))
 
     @property
@@ -102,6 +103,15 @@ class Session:
             )
         else:
             tell(f"results are in {self.out}")
+
+
+def _world_if_there() -> Any:
+    try:
+        return ranks.world()
+    except MissingDependency:
+        if ranks.rank_and_size()[1] > 1:
+            raise
+        return None  # the model itself names everything that is missing
 
 
 def path_so_far(saved: Sequence[Mapping[str, Any]], step: Step) -> list[dict[str, Any]]:
