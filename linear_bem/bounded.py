@@ -20,6 +20,10 @@ from linear_bem.grid import Patches
 Array = NDArray[np.float64]
 
 
+PATIENCE = 60
+"""Steps without progress after which steps are shortened."""
+
+
 @dataclass(frozen=True)
 class GridState:
     """Pressures over ``singular`` and displacements [m] of all patches, owners of cells, approaches [m]."""
@@ -101,15 +105,14 @@ def solve_bounded(
     diagonal = np.concatenate(
         [np.full(a * b, q.influence[0, 0]) for (a, b), q in zip(joined.shapes, patches.patches, strict=True)]
     )
-    worst = penetration = np.inf
+    worst = penetration = best = np.inf
+    damping, since = 1.0, 0
     if limit is None:
         limit = 3000 if p.size <= 40_000 else 600
     for iteration in range(limit):
         contact = p > 0.0
         for _ in range(2):
-            for g, (members, _) in enumerate(groups):
-                mine = contact & (label[owner] == g)
-                approaches[members] += np.mean((w - depth)[mine]) if np.any(mine) else 0.0
+            _rest_on_contact(approaches, w - depth, contact, label[owner], groups)
             depth, owner = joined.envelope(approaches)
         gap = w - depth
         scale = float(np.max(np.abs(approaches)))
@@ -121,20 +124,7 @@ def solve_bounded(
                 iteration, worst, penetration,
             )  # fmt: skip
         residual = np.where(contact, gap, 0.0)
-        z = np.where(contact, joined.precondition(residual), 0.0)
-        kind = label[owner]
-        for g in range(len(groups)):
-            # project so that the group's force stays: the preconditioner is not needed exactly here
-            mine = contact & (kind == g)
-            z[mine] -= np.sum((z * joined.area)[mine]) / np.sum(joined.area[mine])
-        new = float(residual @ (z * joined.area))
-        if new <= 0.0:
-            z = residual.copy()
-            for g in range(len(groups)):
-                mine = contact & (kind == g)
-                z[mine] -= np.mean(z[mine])
-            new = float(residual @ (z * joined.area))
-            restart = True
+        z, new = _descent(joined, residual, contact, label[owner], len(groups))
         direction = np.where(contact, z + (0.0 if restart else new / old) * direction, 0.0)
         old = new
         image = joined.apply(direction)
@@ -145,12 +135,18 @@ def solve_bounded(
             curvature = float(direction @ (image * joined.area))
         if not curvature > 0.0:
             raise NotConverged(f"grid contact: no descent left at a gap of {worst:.1e} of the approach")
-        step = float(residual @ (direction * joined.area)) / curvature
+        if worst < 0.9 * best:
+            best, since = worst, 0
+        since += 1
+        if since > PATIENCE and restart:
+            # cells that are gained and lost in turn: move less far at once
+            damping, since = max(0.5 * damping, 0.05), 0
+        step = (damping if restart else 1.0) * float(residual @ (direction * joined.area)) / curvature
         p = p - step * direction
         lost = contact & (p <= 0.0)
         p[p < 0.0] = 0.0
         gained = ~contact & (gap < -0.5 * tolerance * scale)
-        p[gained] = -0.5 * gap[gained] / diagonal[gained]
+        p[gained] = -0.5 * damping * gap[gained] / diagonal[gained]
         restart = bool(np.any(lost) or np.any(gained))
         before = p
         p = _scaled(p, label[owner], wanted, joined.area)
@@ -159,6 +155,35 @@ def solve_bounded(
         f"grid contact: {limit} conjugate-gradient steps left a gap of {worst:.1e} and a penetration of "
         f"{penetration:.1e} of the approach, tolerance {tolerance:.1e}"
     )
+
+
+def _rest_on_contact(
+    approaches: Array,
+    misfit: Array,
+    contact: NDArray[np.bool_],
+    kind: NDArray[np.intp],
+    groups: list[tuple[list[int], float]],
+) -> None:
+    """Shift the groups' approaches so that the gap vanishes on average over their contacts."""
+    for g, (members, _) in enumerate(groups):
+        mine = contact & (kind == g)
+        if not np.any(mine):
+            raise NotConverged("grid contact: a ball under a prescribed force lost its contact on the way")
+        approaches[members] += np.mean(misfit[mine])
+
+
+def _descent(
+    joined: _Joined, residual: Array, contact: NDArray[np.bool_], kind: NDArray[np.intp], groups: int
+) -> tuple[Array, float]:
+    """Return a direction of descent that keeps the groups' forces, and its product with the residual."""
+    for z in (np.where(contact, joined.precondition(residual), 0.0), residual.copy()):
+        for g in range(groups):
+            mine = contact & (kind == g)
+            z[mine] -= np.sum((z * joined.area)[mine]) / np.sum(joined.area[mine])
+        slope = float(residual @ (z * joined.area))
+        if slope > 0.0:
+            break
+    return z, slope
 
 
 def _scaled(p: Array, kind: NDArray[np.intp], wanted: Array, area: Array) -> Array:

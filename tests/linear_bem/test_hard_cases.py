@@ -84,6 +84,33 @@ def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
         assert grid.displacement(x, y) == pytest.approx(smooth.displacement(x, y), rel=1e-3)
 
 
+@pytest.mark.parametrize("shape", ["line of four", "three by three"])
+def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(shape, monkeypatch):
+    xy = (
+        [(2.0 * i, 0.0) for i in range(4)]
+        if shape == "line of four"
+        else [(2.0 * (i // 3), 2.0 * (i % 3)) for i in range(9)]
+    )
+    load = Load("total_force", (2.66666e-3 * len(xy),))
+    problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(p, 1.0) for p in xy), load, Elastic(1e3, 0.3))
+    smooth = solve(problem)
+    monkeypatch.setattr(linear_bem.smooth_contact, "ROUGHEST", -1.0)
+    grid = solve(problem)
+    assert grid.solved.unknowns > smooth.solved.unknowns
+    size = max(abs(t) for b in smooth.balls for t in b.tangential_force)
+    for a, b in zip(smooth.balls, grid.balls, strict=True):
+        assert b.normal_force == pytest.approx(a.normal_force, rel=1e-4)
+        assert b.tangential_force == pytest.approx(a.tangential_force, abs=1e-3 * size)
+
+
+def test_a_stiff_film_on_a_soft_base_is_solved_on_any_grid():
+    """The film spreads the load: the pair's force is nearly that of two loads on the bare base."""
+    substrate = Elastic(1e-3, 0.0)
+    problem = pair(Layer(1.0, 0.48, 0.02), substrate, force=1e-4)
+    q = problem.load.values[0]
+    assert pull(problem) == pytest.approx(-q * q * LayeredKernel.of(problem).slope(2.0), rel=0.1)
+
+
 def test_force_is_smooth_over_eight_decades_of_load():
     layer, substrate = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3)
     light, heavy = (pull(pair(layer, substrate, force=q)) / q**2 for q in (1e-10, 1e-9))
