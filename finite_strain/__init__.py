@@ -1,0 +1,71 @@
+"""Hyperelastic layer under rigid balls, with contact in the deformed configuration, on DOLFINx and PETSc.
+
+Importing this package is light and needs no DOLFINx; `solve` does.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import MissingDependency
+from linear_bem.problem import Problem
+from linear_bem.result import Result
+
+NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
+"""Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
+DEFAULT_ACCURACY = 0.02
+"""Relative accuracy of the tangential force that is aimed at where none is asked for."""
+
+
+def solve(
+    problem: Problem,
+    *,
+    model: str = "finite_strain",
+    tangential_force: float = DEFAULT_ACCURACY,
+    comm: Any = None,
+    folder: Path | str | None = None,
+    observer: Any = None,
+) -> Result:
+    """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
+
+    Parameters
+    ----------
+    problem
+        What is pressed into what. "finite_strain" is hyperelastic with contact in the deformed
+        configuration; "small_strain" is the same code with linear elasticity and linearised contact.
+    tangential_force
+        Relative accuracy of T that the mesh is sized for; the result's own error tells what was reached.
+    comm
+        MPI communicator; by default all ranks of the run.
+    folder
+        Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
+    observer
+        Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
+
+    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
+    """
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise MissingDependency(
+            f"{model} needs {', '.join(missing)}: not importable by {sys.executable} (Python {sys.version.split()[0]}); "
+            "`thirdbody doctor` tells which Python has them and how to install them"
+        )
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
+    from finite_strain.simulation import simulate  # noqa: PLC0415  (imports DOLFINx)
+
+    return simulate(problem, model, tangential_force, comm, None if folder is None else Path(folder), observer)
+
+
+def plan(problem: Problem, tangential_force: float = DEFAULT_ACCURACY, model: str = "finite_strain") -> dict[str, Any]:
+    """Return what `solve` would simulate and what it would cost, without DOLFINx; see `finite_strain.planning`."""
+    from finite_strain.planning import plan_run  # noqa: PLC0415
+
+    return plan_run(problem, tangential_force, model).describe()
+
+
+__all__ = ["DEFAULT_ACCURACY", "NEEDED", "plan", "solve"]

@@ -146,6 +146,10 @@ class Contact:
         """Return the contact pressure (facets, points) per reference area [Pa], >= 0."""
         return np.maximum(self.multiplier - self.penalty * self.gap(displacement), 0.0)
 
+    def true_pressure(self, displacement: np.ndarray) -> np.ndarray:
+        """Return the contact pressure (facets, points) per deformed area [Pa]."""
+        return self.pressure(displacement) / self.area_stretch(displacement)
+
     def area_stretch(self, displacement: np.ndarray) -> np.ndarray:
         """Return deformed over undeformed area (facets, points); 1 at small strain."""
         if not self.indenter.deformed:
@@ -206,6 +210,27 @@ class Contact:
             self.add_residual(displacement, shifted)
             residual += sign * shifted / (2.0 * step)
         self.approach = approach
+
+    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> float:
+        """Add the residual's derivative by an in-plane shift of the ball [N/m]; return minus that of its traction force.
+
+        The residual is a local vector (nodes, 3); the returned value is this rank's share at fixed displacement.
+        """
+        step = 1e-6 * self.radius
+        reference, stiffness = self.reference, 0.0
+        for sign in (1.0, -1.0):
+            self.reference = reference - sign * step * np.eye(3)[axis]
+            shifted = np.zeros_like(residual)
+            self.add_residual(displacement, shifted)
+            residual += sign * shifted / (2.0 * step)
+            stiffness -= sign * self.force(displacement)[axis] / (2.0 * step)
+        self.reference = reference
+        return stiffness
+
+    def pressure_moment(self, displacement: np.ndarray) -> np.ndarray:
+        """Return this rank's share of int p and int p (X - X_ball), int p (Y - Y_ball) over the undeformed surface."""
+        pressure = self.surface.weights * self.pressure(displacement)
+        return np.array([pressure.sum(), *np.einsum("fq,fqk->k", pressure, self.reference[..., :2])])
 
     def augment(self, displacement: np.ndarray) -> None:
         """Move the multiplier to the present pressure."""

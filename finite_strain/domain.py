@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from linear_bem.indentation import indentation_of_layer
+from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Ball, Problem
 from meshes.box import Box, Zone
@@ -79,7 +79,6 @@ def reduce_scene(problem: Problem) -> Reduction:
     """Find the frame with the most mirror planes, and the balls that remain in the cut scene."""
     values = problem.load.values if problem.load.kind != "total_force" else (0.0,) * problem.size
     positions = np.array([ball.position for ball in problem.balls])
-    low, high = positions.min(axis=0), positions.max(axis=0)
     angles = [0.0]
     for a, b in combinations(positions[: min(len(positions), 12)], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
@@ -94,7 +93,6 @@ def reduce_scene(problem: Problem) -> Reduction:
         if best is None or score > best[0]:
             best = (score, angle, turn.T @ centre, planes, local)
     assert best is not None  # the angle 0 always counts
-    del low, high
     _, angle, origin, planes, local = best
     return _cut(problem, angle, origin, planes, local)
 
@@ -152,8 +150,12 @@ class Resolution:
     @classmethod
     def for_accuracy(cls, tangential_force: float) -> Resolution:
         """Return the resolution that experience gives for a relative accuracy of T."""
-        scale = float(np.clip((tangential_force / 0.02) ** (1.0 / 4.0), 0.4, 1.6))
+        scale = float(np.clip((tangential_force / 0.02) ** 0.4, 0.4, 1.6))
         return cls(inner=0.25 * scale, outer=0.20 * scale, finest=0.25 * scale)
+
+    def coarser(self, ratio: float) -> Resolution:
+        """Return the resolution whose elements are larger by a ratio everywhere."""
+        return Resolution(self.inner * ratio, self.outer * ratio, self.finest * ratio)
 
 
 def expected_indentation(problem: Problem) -> list[tuple[float, float, float]]:

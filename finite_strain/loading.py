@@ -11,12 +11,10 @@ from mpi4py import MPI
 
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
+from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.errors import NotConverged
-from linear_bem.indentation import indentation_of_layer
 from linear_bem.problem import Problem
 
-GROWTH = 1.5
-"""Ratio of the approaches of successive load steps; the contact radius grows by about its square root."""
 PENALTY = 10.0
 """Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
 RESIDUAL = 1e-9
@@ -53,24 +51,21 @@ class State:
     forces: tuple[float, ...]
 
 
-def schedule(deepest: float, radius: float) -> list[float]:
-    """Return the load fractions (of the deepest approach [m]) to be reached, in geometric progression to 1.
-
-    The first step presses to about 0.012 R, where small- and finite-strain theory nearly agree.
-    """
-    steps = max(1, math.ceil(math.log(max(deepest / (0.012 * radius), 1.0)) / math.log(GROWTH)) + 1)
-    return [GROWTH ** (k + 1 - steps) for k in range(steps)]
-
-
 class LoadPath:
     """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction."""
 
-    def __init__(self, problem: Problem, model: Model, solver: NewtonSolver,
-                 attempt: Callable[[float, int], None] | None = None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        problem: Problem,
+        model: Model,
+        solver: NewtonSolver,
+        attempt: Callable[[float, int], None] = lambda _fraction, _cuts: None,
+        before_augmentation: Callable[[], None] = lambda: None,
+    ) -> None:
         self.problem = problem
         self.model = model
         self.solver = solver
-        self._attempt = attempt or (lambda _fraction, _cuts: None)
+        self._attempt, self._before_augmentation = attempt, before_augmentation
         self.balls = model.reduction.balls
         values = problem.load.values
         self.targets = [values[0] if len(values) == 1 else values[ball.index] for ball in self.balls]
@@ -102,9 +97,9 @@ class LoadPath:
                 cuts = max(cuts - 1, 0)
                 yield record
 
-    def resume(self, state: State) -> None:
-        """Go on from a state reached earlier."""
-        self.history.append(state)
+    def resume(self, history: list[State]) -> None:
+        """Go on from the last states of an earlier run."""
+        self.history = list(history)
         self._restore()
 
     def _solve(self, fraction: float, record: StepRecord, predict: bool) -> None:
@@ -121,6 +116,8 @@ class LoadPath:
                 record.normal_forces = [float(f) for f in forces]
                 return
             reference = forces
+            if record.augmentations == 0:
+                self._before_augmentation()
             for contact in self.model.contacts:
                 contact.augment(self.model.nodal)
             record.augmentations += 1
@@ -196,7 +193,7 @@ class LoadPath:
             if contact.approach <= 0.0:
                 contact.penalty = PENALTY * modulus / self._indentation(deepest, contact.radius).contact_radius
 
-    def _indentation(self, approach: float, radius: float):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    def _indentation(self, approach: float, radius: float) -> Indentation:
         return indentation_of_layer(self.problem.layer, self.problem.substrate, radius, approach=approach)
 
     def _expected_force(self, approach: float, ball: int) -> float:

@@ -76,6 +76,7 @@ class Model:
         """Clamp the bottom; let the sides slide without leaving their plane (so they mirror the scene)."""
         zero = PETSc.ScalarType(0.0)
         bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
+        self._bottom = bottom
         bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), bottom, self.space)]
         for name, axis in _PLANES.items():
             facets = self.facet_tags.find(TAGS[name])
@@ -173,6 +174,27 @@ class Model:
 
         self._store_free(self._summed(fill), b)
 
+    def shift_derivative(self, contact: Contact, axis: int, b: PETSc.Vec) -> float:
+        """Assemble the residual's derivative by an in-plane shift of a ball [N/m] into b.
+
+        Returns minus the derivative of the ball's traction force at fixed displacement, summed over ranks.
+        """
+        stiffness = 0.0
+
+        def fill(work: PETSc.Vec) -> None:
+            nonlocal stiffness
+            with work.localForm() as form:
+                stiffness = contact.shift_derivative(self.nodal, axis, form.array.reshape(-1, 3))
+
+        self._store_free(self._summed(fill), b)
+        return float(self.comm.allreduce(stiffness, op=MPI.SUM))
+
+    def base_reaction(self) -> float:
+        """Return the normal force [N] that the bottom returns to the simulated part."""
+        residual = self.bulk_residual()
+        held = [dof for dof in self._bottom if dof < len(residual)]
+        return float(self.comm.allreduce(-float(residual[held, 2].sum()), op=MPI.SUM))
+
     def tangent(self) -> None:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
         matrix = self.matrix
@@ -183,6 +205,19 @@ class Model:
         for contact in self.contacts:
             contact.add_tangent(self.nodal, matrix, self.constrained)
         matrix.assemble()
+
+    def vertex_displacements(self) -> np.ndarray:
+        """Return the displacement [m] at this rank's vertices (linear dofs, 3)."""
+        values = np.zeros((len(self._vertex_work.x.array), 3))
+        quadratic, linear = compat.cell_dofs(self.space), compat.cell_dofs(self.linear_space)
+        corners = [positions[0] for positions in compat.vertex_dof_positions(self.space)]
+        values[linear] = self.nodal[quadratic[:, corners]]
+        return values
+
+    def top_triangles(self) -> np.ndarray:
+        """Return the linear dofs (n, 3) of the top facets whose cell this rank owns."""
+        surface = Surface.near(self.space, self.linear_space, self.facet_tags.find(TAGS["top"]), (0.0, 0.0), np.inf)
+        return surface.corners
 
     def project(self, contact: Contact, density: np.ndarray) -> np.ndarray:
         """Return a density (facets, points) of a contact projected to this rank's vertices, zero elsewhere."""

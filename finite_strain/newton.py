@@ -96,11 +96,12 @@ class NewtonSolver:
         name = self._reasons.get(reason, str(reason))
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
-    def solve_linear(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve with the tangent of the present state: x = K^-1 b."""
-        self.model.tangent()
+    def solve_linear(self, b: PETSc.Vec, x: PETSc.Vec, refactor: bool = True) -> None:
+        """Solve with the tangent of the present state: x = K^-1 b; without ``refactor``, with the one used last."""
         ksp = self.snes.getKSP()
-        ksp.setOperators(self.model.matrix)
+        if refactor:
+            self.model.tangent()
+            ksp.setOperators(self.model.matrix)
         ksp.solve(b, x)
 
     def new_vector(self) -> PETSc.Vec:

@@ -1,0 +1,85 @@
+"""The last finished load step on disk: enough to go on from it on any number of ranks.
+
+Displacements are kept by node position, so ranks and DOLFINx versions may change in between; the mesh
+may not. A checkpoint is replaced as a whole, never half-written.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from finite_strain.gather import gather_rows, match_rows
+from finite_strain.loading import State
+from finite_strain.model import Model
+from linear_bem.errors import OutputUnusable
+from linear_bem.result import Step
+
+NAME = "checkpoint.h5"
+
+
+def write_checkpoint(folder: Path, model: Model, history: list[State], steps: list[Step], key: str) -> None:
+    """Write the last states and all finished steps (collective); ``key`` identifies problem and settings."""
+    comm = model.comm
+    owned = model.space.dofmap.index_map.size_local
+    points = gather_rows(model.space.tabulate_dof_coordinates()[:owned], comm)
+    fields = [gather_rows(state.nodal[:owned], comm) for state in history]
+    failure = None
+    if comm.rank == 0:
+        try:
+            draft = folder / f"{NAME}.part"
+            with h5py.File(draft, "w") as file:
+                file.attrs["key"] = key
+                file.attrs["steps"] = json.dumps([step.to_dict() for step in steps])
+                file["points"] = points
+                for number, (state, nodal) in enumerate(zip(history, fields, strict=True)):
+                    group = file.create_group(f"state{number}")
+                    group["nodal"] = nodal
+                    group.attrs["fraction"] = state.fraction
+                    group.attrs["approaches"] = state.approaches
+                    group.attrs["forces"] = state.forces
+            draft.replace(folder / NAME)
+        except OSError as error:
+            failure = f"checkpoint in {folder} cannot be written: {error}"
+    _raise_together(failure, model)
+
+
+def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], list[Step]]:
+    """Return states and finished steps of a checkpoint of the same run, or nothing (collective)."""
+    comm = model.comm
+    found: dict[str, Any] | None = None
+    if comm.rank == 0 and (folder / NAME).exists():
+        with h5py.File(folder / NAME, "r") as file:
+            if file.attrs["key"] == key:
+                groups = [file[name] for name in sorted(name for name in file if name.startswith("state"))]
+                found = {
+                    "points": file["points"][:],
+                    "steps": json.loads(file.attrs["steps"]),
+                    "states": [
+                        (float(g.attrs["fraction"]), g["nodal"][:], tuple(map(float, g.attrs["approaches"])),
+                         tuple(map(float, g.attrs["forces"])))
+                        for g in groups
+                    ],
+                }  # fmt: skip
+    found = comm.bcast(found, root=0)
+    if found is None:
+        return [], []
+    failure, states = None, []
+    nodes = model.space.tabulate_dof_coordinates()
+    try:
+        row = match_rows(nodes, found["points"], 1e-8 * float(np.ptp(found["points"])))
+        states = [State(fraction, nodal[row], approaches, forces) for fraction, nodal, approaches, forces in found["states"]]
+    except OutputUnusable as error:
+        failure = str(error)
+    _raise_together(failure, model)
+    return states, [Step.from_dict(step) for step in found["steps"]]
+
+
+def _raise_together(failure: str | None, model: Model) -> None:
+    failures = [text for text in model.comm.allgather(failure) if text]
+    if failures:
+        raise OutputUnusable(failures[0])

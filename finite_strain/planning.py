@@ -1,0 +1,92 @@
+"""From a problem to what will be run: kinematics, symmetry, two meshes, load steps, and what they cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from finite_strain.domain import Reduction, Resolution, box_to_mesh, expected_indentation, reduce_scene
+from finite_strain.schedule import load_fractions
+from linear_bem.closed_forms import indentation_of_layer
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import Problem
+from meshes.box import Box
+
+MODELS = ("finite_strain", "small_strain")
+COARSENING = 1.4
+"""Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
+LARGEST_POISSON = 0.49
+_UNKNOWNS_PER_TETRAHEDRON = 5.2
+_NEWTON_ITERATIONS_PER_STEP = 13
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """What a run consists of; ``boxes`` are the companion's and the main mesh's, in the order they run."""
+
+    problem: Problem
+    model: str
+    reduction: Reduction
+    fractions: tuple[float, ...]
+    boxes: tuple[Box, Box]
+
+    def unknowns(self) -> list[float]:
+        """Estimate the unknowns of both meshes (within about 40 %)."""
+        return [_UNKNOWNS_PER_TETRAHEDRON * box.estimated_tetrahedra() for box in self.boxes]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the plan in words and numbers: SI units, seconds for two ranks."""
+        unknowns = self.unknowns()
+        iteration = [2.1 * (n / 49e3) ** 1.6 + 0.4 * n / 49e3 for n in unknowns]
+        box = self.boxes[1]
+        zone = min(box.zones, key=lambda z: z.finest)
+        mirrors = ["mirror plane across the line of balls", "mirror plane along the line of balls"]
+        return {
+            "symmetries": [mirrors[axis] for axis in self.reduction.planes],
+            "unknowns": round(unknowns[1]),
+            "unknowns_companion": round(unknowns[0]),
+            "memory_bytes": 4e8 + 0.36e9 * (unknowns[1] / 49e3) ** 1.35,
+            "seconds": 10.0 + len(self.fractions) * (_NEWTON_ITERATIONS_PER_STEP + 3) * sum(iteration),
+            "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
+            "element_sizes": {"finest": zone.finest, "coarsest": box.coarsest},
+            "load_steps": len(self.fractions),
+        }
+
+
+def plan_run(problem: Problem, tangential_force: float, model: str) -> RunPlan:
+    """Return the plan of a run; raises `UnsupportedProblem`, naming the key, for what the model lacks."""
+    _check_supported(problem, model)
+    reduction = reduce_scene(problem)
+    expected = expected_indentation(problem)
+    deepest, index = max((approach, i) for i, (approach, _, _) in enumerate(expected))
+    radius = problem.balls[index].radius
+    fractions = load_fractions(problem.load.kind, deepest, radius)
+    first = fractions[0] if problem.load.kind == "approach" else fractions[0] ** (2.0 / 3.0)
+    smallest = min(
+        indentation_of_layer(problem.layer, problem.substrate, ball.radius, approach=first * approach).contact_radius
+        for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)
+        if approach > 0.0
+    )
+    fine = Resolution.for_accuracy(tangential_force)
+    boxes = tuple(box_to_mesh(problem, reduction, r, smallest) for r in (fine.coarser(COARSENING), fine))
+    return RunPlan(problem, model, reduction, tuple(fractions), (boxes[0], boxes[1]))
+
+
+def _check_supported(problem: Problem, model: str) -> None:
+    if model not in MODELS:
+        raise UnsupportedProblem(f"model: the finite-element models are {' and '.join(MODELS)}, got {model}")
+    faults = []
+    if not math.isfinite(problem.layer.thickness):
+        faults.append(f"layer.thickness: {model} meshes the layer and needs a finite one, got inf; use linear_bem")
+    for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
+        if solid is not None and solid.poisson > LARGEST_POISSON:
+            faults.append(
+                f"{name}.poisson: {model} is stable up to {LARGEST_POISSON} (displacements alone lock beyond), "
+                f"got {solid.poisson:g}; use linear_bem or a smaller value"
+            )
+    values = problem.load.values
+    if problem.load.kind == "force" and min(values) <= 0.0:
+        faults.append(f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out")
+    if faults:
+        raise UnsupportedProblem("\n".join(faults))

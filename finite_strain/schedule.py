@@ -1,0 +1,25 @@
+"""Which load fractions a run passes on its way to full load."""
+
+from __future__ import annotations
+
+from linear_bem.problem import LoadKind
+
+GROWTH = 1.5
+"""Ratio of successive approaches while they are small; the contact radius grows by about its square root."""
+LARGEST_STEP = 0.065
+"""Largest increment of the approach over the radius."""
+FIRST = 0.0125
+"""First approach over the radius: small- and finite-strain theory nearly agree there."""
+
+
+def load_fractions(kind: LoadKind, deepest: float, radius: float) -> list[float]:
+    """Return increasing fractions of the load that end in 1, for a deepest (expected) approach [m].
+
+    Fractions are of the approach where that is prescribed, and of the force otherwise, with
+    Q ~ D^(3/2) between the two.
+    """
+    approaches = [deepest / radius]
+    while approaches[-1] > FIRST * GROWTH**0.5:
+        approaches.append(max(approaches[-1] / GROWTH, approaches[-1] - LARGEST_STEP))
+    power = 1.0 if kind == "approach" else 1.5
+    return [(a / approaches[0]) ** power for a in reversed(approaches)]
