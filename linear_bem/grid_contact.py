@@ -91,7 +91,7 @@ class GridContacts:
 
     @cached_property
     def contact_areas(self) -> Array:
-        """Contact area of every ball [m^2], whole cells."""
+        """Contact area of every ball [m^2]: whole cells, up to a percent too large on the first grids."""
         out = np.zeros(self.problem.size)
         for ball, patch, _, mine in self._cells():
             out[ball] = float(np.count_nonzero(mine)) * patch.cell**2

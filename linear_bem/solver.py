@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -27,6 +28,8 @@ Contacts = TypeVar("Contacts", SmoothContacts, GridContacts)
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
+WORTH_KEEPING = 5.0
+"""Error over the asked one up to which the best polynomials are handed out (with a note) rather than a grid tried."""
 ROUTES_SUFFICE = 1e-3
 """Where no more accuracy is asked, three times the difference of two routes to T is taken without a refinement."""
 
@@ -124,6 +127,10 @@ def _refined(
     guess = first_guess(problem, kernel)
     enough = float(np.clip(wanted, 1e-4, 1e-3))
     best: tuple[SmoothContacts, Array, float, float] | None = None
+
+    def score(reached: float, settled: float) -> float:
+        return max(reached / wanted, settled / enough)
+
     try:
         precision = min(1e-6, 1e-3 * wanted) if problem.size > DENSE else 1e-11
         before = _state(problem, kernel, 2, guess, precision)
@@ -136,14 +143,15 @@ def _refined(
             error, settled = _change(before, after)
             error = np.maximum(error, np.max(np.abs(after.mutual_force - after.slope_force), axis=1))
             reached = float(np.max(error)) / _size(after)
-            if max(after.certificate.values()) < CERTIFIED and (best is None or reached < best[2]):
-                best = after, error, reached, settled
-                if reached <= wanted and settled <= enough:
+            if max(after.certificate.values()) < CERTIFIED:
+                if best is None or score(reached, settled) < score(*best[2:]):
+                    best = after, error, reached, settled
+                if score(reached, settled) <= 1.0:
                     return after, error, ()
             before = after
     except NotConverged:
         pass
-    if best is not None and best[2] <= 1e-3 and best[3] <= enough:
+    if best is not None and (score(*best[2:]) <= WORTH_KEEPING or (best[2] <= 1e-3 and best[3] <= enough)):
         # good, if not as good as asked: a grid would not be better
         return best[0], best[1], (_note("highest usable degree", wanted, best[2], best[3]),)
     previous: GridContacts | None = None
@@ -172,7 +180,12 @@ def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0) -> Arr
 
 
 def _size(contacts: SmoothContacts | GridContacts) -> float:
-    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of what a half-space would give."""
+    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of what a half-space would give.
+
+    One ball alone has no T to resolve: its size is infinite, and forces and approaches decide.
+    """
+    if contacts.problem.size == 1:
+        return math.inf
     largest = float(np.max(np.abs(contacts.mutual_force)))
     return max(largest, 1e-4 * float(np.max(_pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
 
@@ -192,13 +205,23 @@ def _routes_error(contacts: SmoothContacts) -> Array:
 
 
 def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float]:
-    """Return the change of every T [N] and the largest relative change of loads and approaches."""
+    """Return the change of every T [N] and the largest relative change of loads and approaches.
+
+    A tenth of the changes of area and peak pressure counts too, where these are smooth enough to judge by.
+    """
     error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), _floor(after))
     loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
     touching = after.normal_forces > 0.0
     moved = np.abs(after.approaches - before.approaches)[touching]
     approaches = float(np.max(moved) / np.max(np.abs(after.approaches[touching])))
-    return error, max(loads, approaches)
+    settled = max(loads, approaches)
+    if isinstance(after, SmoothContacts) and isinstance(before, SmoothContacts):
+        for old, new in (
+            (before.contact_areas, after.contact_areas),
+            (before.peak_pressures, after.peak_pressures),
+        ):
+            settled = max(settled, 0.1 * float(np.max(np.abs(new - old)[touching] / new[touching])))
+    return error, settled
 
 
 def _state(
