@@ -89,13 +89,16 @@ def _show(session: Session, document: Mapping[str, Any]) -> None:
     balls = document["finite"]["balls"]
     leading = tables.leading_ball(balls)
     out.print(f"{session.scene.title}", highlight=False, markup=False)
-    out.print(tables.comparison_table(document["comparison"], balls, leading, session.scale))
+    compact = out.width < tables.WIDE
+    out.print(tables.comparison_table(document["comparison"], balls, leading, session.scale, compact=compact))
     if len(balls) > 1:
         out.print(f"{tables.LEGEND}; T and Q over E R\u00b2 (E: Young's modulus of the layer)", highlight=False)
+        mark = "digits in parentheses" if compact else "\u00b1"
         out.print(
             "S_Q, S_D: T finite over T linear at the same normal force and at the same approach; "
-            "\u00b1: both models' own estimates, added.", highlight=False,
-        )  # fmt: skip
+            f"{mark}: both models' own error estimates, added",
+            highlight=False,
+        )
     notes = dict.fromkeys([*document["finite"]["solved"]["notes"], *document["linear"]["solved"]["notes"]])
     for note in notes:
         out.print(f"note: {note}", highlight=False, markup=False)

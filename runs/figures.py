@@ -42,13 +42,23 @@ def draw_comparison(
         )
     _label_forces(forces)
     depth = np.array([row["approach"] for row in path]) / scale.radius
+    beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
         ("approach", APPROACH, "^", "$S_D$: at equal approach"),
     ):
         ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
-        factors.errorbar(depth, ratio, error, color=color, marker=marker, ms=4, capsize=3, label=label)
+        factors.errorbar(
+            depth + (beside if key == "approach" else 0.0),
+            ratio,
+            error,
+            color=color,
+            marker=marker,
+            ms=4,
+            capsize=3,
+            label=label,
+        )
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     factors.set_xlabel("approach $D / R$")
     factors.set_ylabel("T finite / T linear")

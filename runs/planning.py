@@ -14,7 +14,14 @@ from runs.plain import as_given, plain, to_json
 from runs.presentation import Scale, duration, number
 from runs.scene import Scene
 
-NAMES = {"memory_bytes": "memory", "seconds": "time", "symmetries": "symmetries used"}
+NAMES = {
+    "memory_bytes": "memory",
+    "seconds": "time",
+    "symmetries": "symmetries used",
+    "unknowns_companion": "unknowns of the companion mesh, whose difference tells the error",
+    "domain": "domain [m]",
+    "element_sizes": "element sizes [m]",
+}
 ROUGH = 1e-2
 """Relative accuracy of the linear solution that a plan looks ahead with."""
 
@@ -107,7 +114,7 @@ def _word(key: str, value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
     if isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
-        return f"{number(value[0])} to {number(value[1])} m"
+        return f"{number(value[0])} to {number(value[1])}"
     if isinstance(value, list):
         return ", ".join(_word("", v) for v in value) or "none"
     return number(value) if isinstance(value, float) else str(value)

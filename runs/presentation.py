@@ -54,22 +54,46 @@ def attraction(balls: Sequence[Mapping[str, Any]], index: int, force: Vector) ->
 
 def with_error(value: float | None, error: float | None) -> str:
     """Return "1.42 +- 0.03": the error to two significant digits at most, the value to the same place."""
-    if value is None:
-        return "-"
-    if error is None or error <= 0.0 or not math.isfinite(error):
-        return f"{value:.4g}"
-    scale = max(abs(value), error)
-    exponent = math.floor(math.log10(scale)) if scale > 0.0 else 0
+    parts = _to_the_place_of_the_error(value, error)
+    if parts is None:
+        return number(value)
+    mantissa, deviation, digits, power = parts
+    text = f"{mantissa:.{digits}f} \u00b1 {deviation:.{digits}f}"
+    return text if power == 0 else f"({text})e{power:+03d}"
+
+
+def with_error_in_parentheses(value: float | None, error: float | None) -> str:
+    """Return "1.42(3)": the error in units of the value's last digit."""
+    parts = _to_the_place_of_the_error(value, error)
+    if parts is None:
+        return number(value)
+    mantissa, deviation, digits, power = parts
+    shown = f"{deviation:.{digits}f}" if deviation >= 1.0 and digits else f"{deviation * 10**digits:.0f}"
+    return f"{mantissa:.{digits}f}({shown})" + (f"e{power}" if power else "")
+
+
+def _to_the_place_of_the_error(value: float | None, error: float | None) -> tuple[float, float, int, int] | None:
+    """Return value and error over a power of ten, the digits after the point that the error allows, and the power."""
+    if value is None or error is None or error <= 0.0 or not math.isfinite(error):
+        return None
+    exponent = math.floor(math.log10(max(abs(value), error)))
     power = exponent if not -3 <= exponent < 4 else 0
     place = math.floor(math.log10(error)) - power
     digits = max(0, -place + (1 if error / 10.0 ** (place + power) < 3.0 else 0))
-    text = f"{value / 10.0**power:.{digits}f} \u00b1 {error / 10.0**power:.{digits}f}"
-    return text if power == 0 else f"({text})e{power:+03d}"
+    return value / 10.0**power, error / 10.0**power, digits, power
 
 
 def number(value: float | None, digits: int = 4) -> str:
     """Return ``value`` to ``digits`` significant digits, a dash for none."""
     return "-" if value is None else f"{value:.{digits}g}"
+
+
+def short_number(value: float | None) -> str:
+    """Return ``value`` to three significant digits in at most nine characters, a dash for none."""
+    if value is None or value == 0.0 or 1e-3 <= abs(value) < 1e4:
+        return number(value, 3)
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
 def duration(seconds: float) -> str:

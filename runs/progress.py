@@ -46,6 +46,10 @@ class Progress:
         self._step_began = time.monotonic()
         if self.root:
             self.log("attempt: " + ", ".join(f"{key} {_word(value)}" for key, value in info.items()))
+            if info.get("cuts"):
+                tell(f"the step did not converge: cut back to {100.0 * info['fraction']:.0f} % of the load")
+            elif info.get("mesh", "main") != "main":
+                tell(f"{info['mesh']} mesh: {100.0 * info['fraction']:.0f} % of the load")
 
     def newton(self, info: Mapping[str, Any]) -> None:
         """Look for an interruption at every iteration."""

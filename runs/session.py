@@ -15,7 +15,7 @@ from linear_bem.errors import MissingDependency
 from linear_bem.result import Result, Solved, Step
 from runs import ranks
 from runs.models import Model, Run, choose
-from runs.presentation import Scale
+from runs.presentation import Scale, duration
 from runs.progress import Progress, tell
 from runs.scene import Scene
 from runs.store import RunFolder
@@ -42,8 +42,9 @@ class Session:
         self.command, self.scene, self.options = command, scene, options
         self.model, self.problem, self.notes = choose(scene, asked)
         self.scale = Scale.of(self.problem)
-        if self.model.plan is not None:
-            self.model.plan(self.problem, scene.tangential_force)  # names what the model lacks, cheaply
+        self.plan: dict[str, Any] = {}
+        if self.model.plan is not None:  # names what the model lacks, cheaply
+            self.plan = self.model.plan(self.problem, scene.tangential_force)
         self.idle = not self.model.parallel and not ranks.is_root()
         self.folder: RunFolder | None = None
         self.finished: dict[str, Any] | None = None
@@ -87,6 +88,10 @@ class Session:
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
         progress = Progress(self.scale, goal, root=self.root, take=take, log=log)
+        if self.root and self.plan:
+            size, time = f"about {self.plan['unknowns']} unknowns", duration(self.plan["seconds"])
+            where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
+            tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
         return self.model.solve(self.problem, Run(self.scene.tangential_force, self.comm, fields, progress))
 

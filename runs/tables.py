@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,16 +12,26 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from runs.presentation import Scale, attraction, number, with_error
+from runs import ranks
+from runs.presentation import Scale, attraction, number, short_number, with_error, with_error_in_parentheses
 
 ROUNDOFF = 1e-9
+WIDE = 100
+"""Columns that the widest table needs with its errors written out."""
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 
 
 def console() -> Console:
-    """Return the console of standard output; wide enough for every table where output is no terminal."""
-    plain = Console()
-    return plain if plain.is_terminal else Console(width=max(plain.width, 200), soft_wrap=True)
+    """Return the console of standard output.
+
+    As wide as the terminal or ``COLUMNS``; wide enough for every table where neither tells. A launcher of
+    several ranks hands each a pseudo-terminal that is not the reader's: no width, no colours there.
+    """
+    if ranks.rank_and_size()[1] == 1 and sys.stdout.isatty():
+        return Console()
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isdigit() and int(columns) > 0 else 200
+    return Console(width=width, force_terminal=False, color_system=None, no_color=True, soft_wrap=width >= WIDE)
 
 
 def ball_table(balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> Table:
@@ -61,23 +73,30 @@ def path_table(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, titl
 
 
 def comparison_table(
-    rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
+    rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale, *, compact: bool
 ) -> Table:
-    """Return the load path of one ball in both models, and how much finite strain strengthens T."""
-    columns = ["step", "D / R", "Q / E R\u00b2", "T linear", "T finite", "T / Q", "S_Q", "S_D"]
+    """Return the load path of one ball in both models, and how much finite strain strengthens T.
+
+    ``compact``: errors in parentheses, in units of the last digit.
+    """
+    written = with_error_in_parentheses if compact else with_error
+    plain = short_number if compact else number
+    columns = ["step", "D / R", "Q/E R\u00b2", "T linear", "T finite", "T / Q", "S_Q", "S_D"]
     table = _table(f"ball {ball}: finite against small strain", columns)
     for row in rows:
         if row["ball"] != ball:
             continue
         table.add_row(
             str(row["step"]),
-            number(row["approach"] / scale.radius),
-            number(row["normal_force"] / scale.force),
-            _along(row["tangential_linear"], None, balls, ball, scale),
-            _along(row["tangential_finite"], row["tangential_finite_error"], balls, ball, scale),
-            number(row["tangential_ratio"], 3),
-            with_error(row["strengthening_at_force"], row["strengthening_at_force_error"]),
-            with_error(row["strengthening_at_approach"], row["strengthening_at_approach_error"]),
+            plain(row["approach"] / scale.radius),
+            plain(row["normal_force"] / scale.force),
+            plain(_along(row["tangential_linear"], balls, ball, scale)),
+            written(
+                _along(row["tangential_finite"], balls, ball, scale), _over(row["tangential_finite_error"], scale.force)
+            ),
+            short_number(row["tangential_ratio"]),
+            written(row["strengthening_at_force"], row["strengthening_at_force_error"]),
+            written(row["strengthening_at_approach"], row["strengthening_at_approach_error"]),
         )
     return table
 
@@ -86,10 +105,14 @@ def _seen(component: float, force: Sequence[float]) -> float:
     return component if abs(component) > ROUNDOFF * math.hypot(*force) else 0.0
 
 
-def _along(force: Any, error: float | None, balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> str:
-    if force is None or any(c is None for c in force):
-        return "-"
-    return with_error(attraction(balls, ball, force) / scale.force, None if error is None else error / scale.force)
+def _along(force: Any, balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> float | None:
+    if force is None or any(c is None or math.isnan(c) for c in force):
+        return None
+    return attraction(balls, ball, force) / scale.force
+
+
+def _over(value: float | None, unit: float) -> float | None:
+    return None if value is None else value / unit
 
 
 def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from runs.presentation import Scale, attraction, with_error
+from runs.presentation import Scale, attraction, short_number, with_error, with_error_in_parentheses
 from runs.strengthening import answer, compare_steps, strengthening
 
 SCALE = Scale(1.0, 1.0)
@@ -112,15 +112,25 @@ def test_attraction_is_positive_towards_the_others() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "error", "text"),
+    ("value", "error", "text", "compact"),
     [
-        (1.4234, 0.0312, "1.42 ± 0.03"),
-        (1.00012, 0.00012, "1.00012 ± 0.00012"),
-        (1.161292e-7, 2e-9, "(1.161 ± 0.020)e-07"),
-        (-3e-5, 1e-4, "(-0.3 ± 1.0)e-04"),
-        (0.0, 0.0, "0"),
-        (None, None, "-"),
+        (1.4234, 0.0312, "1.42 ± 0.03", "1.42(3)"),
+        (1.00012, 0.00012, "1.00012 ± 0.00012", "1.00012(12)"),
+        (1.161292e-7, 2e-9, "(1.161 ± 0.020)e-07", "1.161(20)e-7"),
+        (-3e-5, 1e-4, "(-0.3 ± 1.0)e-04", "-0.3(1.0)e-4"),
+        (123.4, 12.0, "123 ± 12", "123(12)"),
+        (0.0, 0.0, "0", "0"),
+        (None, None, "-", "-"),
     ],
 )
-def test_a_value_is_written_to_the_place_of_its_error(value: float | None, error: float | None, text: str) -> None:
+def test_a_value_is_written_to_the_place_of_its_error(
+    value: float | None, error: float | None, text: str, compact: str
+) -> None:
     assert with_error(value, error) == text
+    assert with_error_in_parentheses(value, error) == compact
+
+
+def test_a_short_number_keeps_three_digits() -> None:
+    assert [short_number(v) for v in (-8.556e-8, -0.00199, 0.32, -2.02e-4, 123456.0, 0.0, None)] == [
+        "-8.56e-8", "-0.00199", "0.32", "-2.02e-4", "1.23e5", "0", "-",
+    ]  # fmt: skip
