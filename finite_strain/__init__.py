@@ -35,8 +35,10 @@ def solve(
     Parameters
     ----------
     problem
-        What is pressed into what. "finite_strain" is hyperelastic with contact in the deformed
-        configuration; "small_strain" is the same code with linear elasticity and linearised contact.
+        What is pressed into what.
+    model
+        "finite_strain" is hyperelastic with contact in the deformed configuration; "small_strain" is the
+        same code with linear elasticity and linearised contact.
     tangential_force
         Relative accuracy of T that the mesh is sized for; the result's own error tells what was reached.
     comm
@@ -47,11 +49,13 @@ def solve(
         Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
+
     """
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise MissingDependency(
-            f"{model} needs {', '.join(missing)}: not importable by {sys.executable} (Python {sys.version.split()[0]}); "
+            f"{model} needs {', '.join(missing)}: not importable by {sys.executable} "
+            f"(Python {sys.version.split()[0]}); "
             "`thirdbody doctor` tells which Python has them and how to install them"
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):

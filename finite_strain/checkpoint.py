@@ -27,7 +27,7 @@ def write_checkpoint(folder: Path, model: Model, history: list[State], steps: li
     comm = model.comm
     owned = model.space.dofmap.index_map.size_local
     points = gather_rows(model.space.tabulate_dof_coordinates()[:owned], comm)
-    fields = [gather_rows(state.nodal[:owned], comm) for state in history]
+    fields = [[gather_rows(values[:owned], comm) for values in (state.nodal, state.penalised)] for state in history]
     failure = None
     if comm.rank == 0:
         try:
@@ -36,9 +36,10 @@ def write_checkpoint(folder: Path, model: Model, history: list[State], steps: li
                 file.attrs["key"] = key
                 file.attrs["steps"] = json.dumps([step.to_dict() for step in steps])
                 file["points"] = points
-                for number, (state, nodal) in enumerate(zip(history, fields, strict=True)):
+                for number, (state, (nodal, penalised)) in enumerate(zip(history, fields, strict=True)):
                     group = file.create_group(f"state{number}")
                     group["nodal"] = nodal
+                    group["penalised"] = penalised
                     group.attrs["fraction"] = state.fraction
                     group.attrs["approaches"] = state.approaches
                     group.attrs["forces"] = state.forces
@@ -60,8 +61,12 @@ def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], 
                     "points": file["points"][:],
                     "steps": json.loads(file.attrs["steps"]),
                     "states": [
-                        (float(g.attrs["fraction"]), g["nodal"][:], tuple(map(float, g.attrs["approaches"])),
-                         tuple(map(float, g.attrs["forces"])))
+                        (
+                            float(g.attrs["fraction"]),
+                            g["nodal"][:],
+                            g["penalised"][:],
+                            *(tuple(map(float, g.attrs[name])) for name in ("approaches", "forces")),
+                        )
                         for g in groups
                     ],
                 }  # fmt: skip
@@ -72,7 +77,10 @@ def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], 
     nodes = model.space.tabulate_dof_coordinates()
     try:
         row = match_rows(nodes, found["points"], 1e-8 * float(np.ptp(found["points"])))
-        states = [State(fraction, nodal[row], approaches, forces) for fraction, nodal, approaches, forces in found["states"]]
+        states = [
+            State(fraction, nodal[row], penalised[row], approaches, forces)
+            for fraction, nodal, penalised, approaches, forces in found["states"]
+        ]
     except OutputUnusable as error:
         failure = str(error)
     _raise_together(failure, model)

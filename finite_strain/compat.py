@@ -30,7 +30,9 @@ _OLD = VERSION < (0, 6)
 if VERSION < (0, 5):
     raise MissingDependency(f"finite_strain needs DOLFINx 0.5 or newer, found {dolfinx.__version__}")
 if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-    raise MissingDependency("finite_strain needs a real build of PETSc, found a complex one: install python3-dolfinx-real")
+    raise MissingDependency(
+        "finite_strain needs a real build of PETSc, found a complex one: install python3-dolfinx-real"
+    )
 
 
 class _CompilerChatter(logging.Filter):
@@ -147,7 +149,7 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
         gmsh.option.setNumber("General.NumThreads", 1)
         try:
             gmsh.open(str(path))
-        except Exception as error:  # noqa: BLE001  (gmsh raises bare Exception)
+        except Exception as error:
             failure = f"mesh file {path} cannot be read: {error}"
         else:
             if not gmsh.model.getPhysicalGroups(3) or not gmsh.model.getPhysicalGroups(2):
@@ -164,7 +166,12 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that a finite-element result depends on."""
     petsc = ".".join(str(n) for n in PETSc.Sys.getVersion())
-    return {"dolfinx": dolfinx.__version__, "petsc": petsc, "mpi": MPI.Get_library_version().split(",")[0].split("\n")[0], "gmsh": gmsh.__version__}
+    return {
+        "dolfinx": dolfinx.__version__,
+        "petsc": petsc,
+        "mpi": MPI.Get_library_version().split(",")[0].split("\n")[0],
+        "gmsh": gmsh.__version__,
+    }
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:

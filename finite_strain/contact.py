@@ -124,7 +124,9 @@ def _quadratic_derivatives(points: np.ndarray, values: np.ndarray) -> np.ndarray
 class Contact:
     """The contact part of one ball: energy, residual and tangent for a displacement, and forces on the ball."""
 
-    def __init__(self, surface: Surface, indenter: Indenter, centre: tuple[float, float], radius: float, vertices: int) -> None:
+    def __init__(
+        self, surface: Surface, indenter: Indenter, centre: tuple[float, float], radius: float, vertices: int
+    ) -> None:
         self.surface = surface
         self.indenter = indenter
         self.radius = radius
@@ -212,7 +214,7 @@ class Contact:
         self.approach = approach
 
     def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> float:
-        """Add the residual's derivative by an in-plane shift of the ball [N/m]; return minus that of its traction force.
+        """Add the residual's derivative by an in-plane shift of the ball [N/m], return minus that of its force.
 
         The residual is a local vector (nodes, 3); the returned value is this rank's share at fixed displacement.
         """
@@ -276,7 +278,7 @@ class Contact:
         return np.einsum("fq,fqk->k", self.surface.weights, density)
 
     def extremes(self, displacement: np.ndarray, comm: MPI.Comm) -> dict[str, float]:
-        """Return penetration and gap under pressure [m], peak pressure [Pa] and deformed contact area [m^2], over all ranks."""
+        """Return penetration, gap under pressure [m], peak pressure [Pa], deformed contact area [m^2] (collective)."""
         gap = self.gap(displacement)
         pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
         pressed = pressure > 0.0

@@ -70,9 +70,7 @@ class Reduction:
             tuple(s * c for s, c in zip(image.signs, self.balls[image.model_ball].position, strict=True))
             for image in self.images
         ]
-        return [
-            [p for p in everyone if math.dist(p, ball.position) > _SAME * ball.radius] for ball in self.balls
-        ]  # type: ignore[misc]
+        return [[p for p in everyone if math.dist(p, ball.position) > _SAME * ball.radius] for ball in self.balls]  # type: ignore[misc]
 
 
 def reduce_scene(problem: Problem) -> Reduction:
@@ -98,7 +96,7 @@ def reduce_scene(problem: Problem) -> Reduction:
 
 
 def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, axis: int) -> bool:
-    size = max(float(np.ptp(local)), max(ball.radius for ball in problem.balls))
+    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     for ball, value, position in zip(problem.balls, values, local, strict=True):
         image = position.copy()
         image[axis] *= -1.0
@@ -113,7 +111,7 @@ def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, a
 
 
 def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, ...], local: np.ndarray) -> Reduction:
-    size = max(float(np.ptp(local)), max(ball.radius for ball in problem.balls))
+    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
     balls: list[ModelBall] = []
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
@@ -182,8 +180,10 @@ def box_to_mesh(problem: Problem, reduction: Reduction, resolution: Resolution, 
     layer = problem.layer
     expected = expected_indentation(problem)
     deepest = max(a for _, _, a in expected)
-    span = max([math.dist(p, b.position) for b, n in zip(reduction.balls, reduction.neighbours(), strict=True) for p in n],
-               default=0.0)
+    span = max(
+        [math.dist(p, b.position) for b, n in zip(reduction.balls, reduction.neighbours(), strict=True) for p in n],
+        default=0.0,
+    )
     margin = max(4.0 * layer.thickness, 6.0 * deepest, 2.0 * max(b.radius for b in problem.balls))
     depth = 0.0
     if problem.substrate is not None:
@@ -210,4 +210,11 @@ def box_to_mesh(problem: Problem, reduction: Reduction, resolution: Resolution, 
         coordinates = [ball.position[axis] for ball in reduction.balls]
         low.append(0.0 if axis in reduction.planes else min(coordinates) - margin)
         high.append(max(coordinates) + margin)
-    return Box((low[0], high[0]), (low[1], high[1]), layer.thickness, depth, tuple(zones), coarsest=max(0.35 * margin, layer.thickness))
+    return Box(
+        (low[0], high[0]),
+        (low[1], high[1]),
+        layer.thickness,
+        depth,
+        tuple(zones),
+        coarsest=max(0.35 * margin, layer.thickness),
+    )

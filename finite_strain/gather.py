@@ -22,7 +22,7 @@ def match_rows(points: np.ndarray, known: np.ndarray, tolerance: float) -> np.nd
     distance, row = cKDTree(known).query(points)
     if np.max(distance) > tolerance:
         raise OutputUnusable(
-            f"checkpoint: no saved value within {tolerance:g} m of a node of this mesh (nearest {np.max(distance):g} m); "
-            "it belongs to another mesh"
+            f"checkpoint: no saved value within {tolerance:g} m of a node of this mesh "
+            f"(nearest {np.max(distance):g} m); it belongs to another mesh"
         )
     return row

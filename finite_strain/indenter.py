@@ -16,16 +16,15 @@ Gap = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Indenter(Protocol):
-    """A rigid surface; ``reach`` is the largest horizontal distance [m] at which it can be touched.
-
-    ``deformed`` tells whether contact is met in the deformed configuration.
-    """
+    """A rigid surface."""
 
     @property
-    def reach(self) -> float: ...
+    def reach(self) -> float:
+        """Largest horizontal distance [m] of a touched point from the axis."""
 
     @property
-    def deformed(self) -> bool: ...
+    def deformed(self) -> bool:
+        """Whether contact is met in the deformed configuration."""
 
     def gap(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> Gap:
         """Return gap [m], its gradient and its Hessian by the displacement."""
@@ -43,6 +42,7 @@ class SphereInSpace:
 
     @property
     def reach(self) -> float:
+        """Largest horizontal distance [m] of a touched point from the axis."""
         return 1.5 * self.radius
 
     def gap(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> Gap:
@@ -67,6 +67,7 @@ class ParaboloidInSpace:
 
     @property
     def reach(self) -> float:
+        """Largest horizontal distance [m] of a touched point from the axis."""
         return 2.5 * self.radius
 
     def gap(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> Gap:
@@ -99,6 +100,7 @@ class LinearisedProfile:
 
     @property
     def reach(self) -> float:
+        """Largest horizontal distance [m] of a touched point from the axis."""
         return 0.999 * self.radius if self.shape == "sphere" else 2.5 * self.radius
 
     def gap(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> Gap:
@@ -108,7 +110,7 @@ class LinearisedProfile:
         gradient[..., 2] = -1.0
         return profile - approach - displacement[..., 2], gradient, np.zeros((*displacement.shape, 3))
 
-    def shift_gradient(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> np.ndarray:  # noqa: ARG002
+    def shift_gradient(self, reference: np.ndarray, displacement: np.ndarray, approach: float) -> np.ndarray:
         """Return the slope of the profile at the undeformed point."""
         return self._profile(reference)[1]
 

@@ -18,7 +18,9 @@ from finite_strain.materials import LAWS
 class Kinematics(Protocol):
     """What the model asks of a kinematics; ``gradient`` is the displacement gradient du_i/dX_J."""
 
-    quadrature_degree: int
+    @property
+    def quadrature_degree(self) -> int:
+        """Degree of the volume rule."""
 
     def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
         """Return the strain energy per reference volume [J/m^3]; ``shear`` and ``lame`` are Lame's mu and lambda."""
@@ -55,6 +57,6 @@ class Small:
         strain = ufl.sym(gradient)
         return shear * ufl.inner(strain, strain) + lame / 2 * ufl.tr(strain) ** 2
 
-    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:  # noqa: ARG002
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return the stress itself: at small strain the configurations coincide."""
         return stress

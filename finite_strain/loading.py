@@ -19,7 +19,7 @@ PENALTY = 10.0
 """Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
-FORCE_CHANGE = 2e-3
+FORCE_CHANGE = 4e-3
 """Relative change of the normal force by an augmentation at which the contact counts as resolved."""
 MAX_AUGMENTATIONS = 3
 MAX_FORCE_ITERATIONS = 12
@@ -43,10 +43,14 @@ class StepRecord:
 
 @dataclass(frozen=True)
 class State:
-    """A converged state that can be returned to: displacement, approaches [m], forces [N]."""
+    """A converged state that can be returned to: displacement, approaches [m], forces [N].
+
+    ``penalised`` is the displacement before the first augmentation, from which the next is predicted.
+    """
 
     fraction: float
     nodal: np.ndarray
+    penalised: np.ndarray
     approaches: tuple[float, ...]
     forces: tuple[float, ...]
 
@@ -72,6 +76,7 @@ class LoadPath:
         counts = [sum(image.model_ball == b for image in model.reduction.images) for b in range(len(self.balls))]
         self.counts = np.array(counts)
         self.history: list[State] = []
+        self._penalised = model.nodal.copy()
 
     def steps(self, fractions: list[float]) -> Iterator[StepRecord]:
         """Yield after each converged step; the fractions not yet reached are met, with smaller steps where needed."""
@@ -112,11 +117,12 @@ class LoadPath:
         for _ in range(MAX_FORCE_ITERATIONS):
             forces = self._control_force(fraction, record)
             changed = np.max(np.abs(forces - reference) / np.maximum(forces, 1e-3 * forces.max()))
-            if record.augmentations > 0 and changed < FORCE_CHANGE or record.augmentations == MAX_AUGMENTATIONS:
+            if (record.augmentations > 0 and changed < FORCE_CHANGE) or record.augmentations == MAX_AUGMENTATIONS:
                 record.normal_forces = [float(f) for f in forces]
                 return
             reference = forces
             if record.augmentations == 0:
+                self._penalised = self.model.nodal.copy()
                 self._before_augmentation()
             for contact in self.model.contacts:
                 contact.augment(self.model.nodal)
@@ -137,7 +143,9 @@ class LoadPath:
 
     def normal_forces(self) -> np.ndarray:
         """Return the normal force [N] on every ball of the model, whole balls (collective)."""
-        local = [c.force(self.model.nodal)[2] * ball.copies for c, ball in zip(self.model.contacts, self.balls, strict=True)]
+        local = [
+            c.force(self.model.nodal)[2] * ball.copies for c, ball in zip(self.model.contacts, self.balls, strict=True)
+        ]
         return np.array(self.model.comm.allreduce(np.array(local), op=MPI.SUM))
 
     def _control_force(self, fraction: float, record: StepRecord) -> np.ndarray:
@@ -200,7 +208,7 @@ class LoadPath:
         return self._indentation(approach, self.balls[ball].radius).normal_force if approach > 0.0 else 0.0
 
     def _first_guess(self, fraction: float) -> list[float]:
-        """Return the approaches to try at a load fraction: prescribed, or extrapolated from force and approach so far."""
+        """Return the approaches to try at a load fraction: prescribed, or extrapolated from the path so far."""
         if self.problem.load.kind == "approach":
             return [fraction * target for target in self.targets]
         if not self.history:
@@ -227,14 +235,15 @@ class LoadPath:
             return
         before, last = self.history[-2:]
         ratio = (fraction - last.fraction) / (last.fraction - before.fraction)
-        self.model.nodal[:] = last.nodal + ratio * (last.nodal - before.nodal)
+        self.model.nodal[:] = last.penalised + ratio * (last.penalised - before.penalised)
         if not math.isfinite(self.model.energy()):
-            self.model.nodal[:] = last.nodal
+            self.model.nodal[:] = last.penalised
 
     def _remember(self, fraction: float, record: StepRecord) -> None:
         state = State(
             fraction,
             self.model.nodal.copy(),
+            self._penalised,
             tuple(contact.approach for contact in self.model.contacts),
             tuple(record.normal_forces),
         )

@@ -92,11 +92,12 @@ class Model:
     def constants(self, bulk: Bulk) -> tuple[Any, Any]:
         """Return Lame's mu and lambda as constants, so that one compiled form serves every stiffness."""
         return tuple(
-            dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(v)) for v in (bulk.solid.shear_modulus, bulk.solid.lame_first)
+            dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(v))
+            for v in (bulk.solid.shear_modulus, bulk.solid.lame_first)
         )  # type: ignore[return-value]
 
     def volume_integral(self, density: Any, degree: int | None = None) -> Any:
-        """Return the sum over regions of the integral of ``density(psi, gradient)``, psi(gradient) the region's energy."""
+        """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
         gradient = ufl.grad(self.displacement)
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
         metadata = {"quadrature_degree": self.kinematics.quadrature_degree if degree is None else degree}
@@ -126,7 +127,7 @@ class Model:
 
     @property
     def nodal(self) -> np.ndarray:
-        """This rank's nodal displacements (nodes, 3) [m], ghosts included; a view."""
+        """Nodal displacements (nodes, 3) [m] of this rank, ghosts included; a view."""
         return self.displacement.x.array.reshape(-1, 3)
 
     def set_state(self, x: PETSc.Vec) -> None:
@@ -193,7 +194,7 @@ class Model:
         """Return the normal force [N] that the bottom returns to the simulated part."""
         residual = self.bulk_residual()
         held = [dof for dof in self._bottom if dof < len(residual)]
-        return float(self.comm.allreduce(-float(residual[held, 2].sum()), op=MPI.SUM))
+        return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
     def tangent(self) -> None:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""

@@ -108,15 +108,15 @@ class NewtonSolver:
         """Return an uninitialised vector of the model's size."""
         return self._x.duplicate()
 
-    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:  # noqa: ARG002
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self.model.set_state(x)
         self.model.residual(b)
 
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:  # noqa: ARG002
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         self.model.set_state(x)
         self.model.tangent()
 
-    def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:  # noqa: ARG002
+    def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         self.model.set_state(x)
         energy = self.model.energy()
         return energy if math.isfinite(energy) else math.nan

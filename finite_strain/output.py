@@ -20,7 +20,11 @@ from finite_strain import compat
 from finite_strain.model import Model
 from linear_bem.errors import OutputUnusable
 
-FIELDS = {"displacement": ("Node", "Vector"), "contact_pressure": ("Node", "Scalar"), "cauchy_stress": ("Cell", "Tensor")}
+FIELDS = {
+    "displacement": ("Node", "Vector"),
+    "contact_pressure": ("Node", "Scalar"),
+    "cauchy_stress": ("Cell", "Tensor"),
+}
 INDEX = "fields.xdmf"
 
 
@@ -42,7 +46,7 @@ class FieldWriter:
             (compat.compile_expression(stress, self._constant, model.comm), cells) for stress, cells in self._stresses()
         ]
 
-    def _stresses(self):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    def _stresses(self):  # type: ignore[no-untyped-def]
         model = self.model
         gradient = ufl.variable(ufl.grad(model.displacement))
         for bulk in model.bulks:
@@ -120,7 +124,7 @@ def _write_text(path: Path, grids: list[Xml.Element], temporal: bool) -> None:
 
 @dataclass(frozen=True)
 class SurfaceFields:
-    """The whole scene's top surface near the balls, on rank 0: points (n, 3) [m], triangles (m, 3), pressure (n,) [Pa]."""
+    """The whole scene's top surface: points (n, 3) [m], triangles (m, 3), contact pressure (n,) [Pa]."""
 
     reference: np.ndarray
     points: np.ndarray
@@ -129,7 +133,7 @@ class SurfaceFields:
 
 
 def gather_surface(model: Model) -> SurfaceFields | None:
-    """Return the deformed top surface of the whole scene on rank 0, completed by symmetry; None elsewhere (collective)."""
+    """Return the whole scene's deformed top surface on rank 0, completed by symmetry; None elsewhere (collective)."""
     vertex_points = model.linear_space.tabulate_dof_coordinates()
     displacement = model.vertex_displacements()
     pressure = np.zeros(len(vertex_points))

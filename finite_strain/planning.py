@@ -87,6 +87,8 @@ def _check_supported(problem: Problem, model: str) -> None:
             )
     values = problem.load.values
     if problem.load.kind == "force" and min(values) <= 0.0:
-        faults.append(f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out")
+        faults.append(
+            f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out"
+        )
     if faults:
         raise UnsupportedProblem("\n".join(faults))

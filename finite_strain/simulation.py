@@ -44,16 +44,16 @@ class Silence:
     """The observer that watches nothing."""
 
     def started(self, info: dict[str, Any]) -> None:
-        """Size and setting of the run."""
+        """Hear size and setting of the run."""
 
     def attempt(self, info: dict[str, Any]) -> None:
-        """A load step begins."""
+        """Hear that a load step begins."""
 
     def newton(self, info: dict[str, Any]) -> None:
-        """A Newton iteration was done."""
+        """Hear that a Newton iteration was done."""
 
     def step_done(self, step: Step, fields: Any) -> None:
-        """A load step is finished and written."""
+        """Take a finished, written load step."""
 
 
 def simulate(
@@ -286,9 +286,7 @@ def _working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
             scratch.cleanup()
 
 
-def _result(
-    plan: RunPlan, asked: float, model: Model, steps: list[Step], comm: MPI.Comm, seconds: float
-) -> Result:
+def _result(plan: RunPlan, asked: float, model: Model, steps: list[Step], comm: MPI.Comm, seconds: float) -> Result:
     last = steps[-1]
     size = max(math.hypot(*ball.tangential_force) for ball in last.balls)
     reached = max(ball.tangential_force_error for ball in last.balls)

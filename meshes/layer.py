@@ -180,7 +180,7 @@ def _mirrored(box: Box) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _merge(corners: np.ndarray, box: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Number the corners (n, 4, 3) of the tetrahedra, equal points once."""
+    """Merge equal corners (n, 4, 3) of the tetrahedra into numbered points."""
     finest = min(zone.finest for zone in box.zones)
     flat = corners.reshape(-1, 3)
     keys = np.round(flat / (1e-5 * finest)).astype(np.int64)
