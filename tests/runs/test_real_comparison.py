@@ -1,0 +1,88 @@
+"""The whole slice with the real finite elements: interrupted on two ranks, continued on one, fields on disk."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.launch import ROOT, environment, mpirun
+from tests.runs.test_command_line import strict
+
+pytestmark = [pytest.mark.slow, pytest.mark.mpi]
+
+THIN_PAIR = ROOT / "runs" / "scenes" / "paper_thin_pair.toml"
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """Return the thin pair, pressed in lightly and on coarse meshes: seconds instead of minutes."""
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "light_pair.toml"
+    text = THIN_PAIR.read_text(encoding="utf-8").replace("approach = 0.32", "approach = 0.04")
+    path.write_text(f"{text}\n[accuracy]\ntangential_force = 0.2\n", encoding="utf-8")
+    return path
+
+
+def stop_after_first_step(scene: Path, out: Path) -> str:
+    command = [shutil.which("mpirun") or "mpirun", "-n", "2", "--bind-to", "none", sys.executable, "-m", "runs.cli"]
+    command += ["compare", str(scene), "--out", str(out)]
+    said = ""
+    with subprocess.Popen(command, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            said += line
+            if line.startswith("step 1 "):
+                break
+        process.terminate()
+        said += process.stderr.read()
+        assert process.wait(timeout=60.0) != 0
+    return said
+
+
+def test_a_real_comparison_survives_interruption_and_tends_to_the_linear_model(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    said = stop_after_first_step(scene, out)
+    assert "the same command continues" in said
+    assert "Traceback" not in said
+    finished = strict((out / "result.json").read_text(encoding="utf-8"))["finite"]["steps"]
+    done = mpirun(1, "-m", "runs.cli", "compare", scene, "--out", out, "--json", timeout=280.0)
+    assert done.returncode == 0, done.stderr
+    assert "step 1 " not in done.stderr
+    document = strict(done.stdout)
+    steps = document["finite"]["steps"]
+    assert len(steps) > len(finished)
+    assert [s["balls"][0]["normal_force"] for s in steps[: len(finished)]] == [
+        s["balls"][0]["normal_force"] for s in finished
+    ]
+    left = [row for row in document["comparison"] if row["ball"] == 0]
+    for row in left:
+        # theory: at 0.01 to 0.04 R finite strain changes T by a few per cent; the rest is the coarse mesh
+        assert abs(row["strengthening_at_force"] - 1.0) < 0.05 + row["strengthening_at_force_error"]
+        assert row["strengthening_at_force_error"] > 0.0
+        assert row["tangential_finite"][0] < 0.0  # separation
+    assert "separation force" in document["answer"]
+    with open(out / "steps.csv", encoding="utf-8", newline="") as file:
+        assert len(list(csv.DictReader(file))) == 2 * len(steps)
+    for name in ("surface.png", "tangential_force.png", "tangential_force.svg", "fields/fields.xdmf"):
+        assert (out / name).stat().st_size > 1000, name
+    assert len(list((out / "fields").glob("step_*.h5"))) == len(steps)
+
+
+def test_small_strain_elements_meet_the_linear_model_by_name(scene: Path, tmp_path: Path) -> None:
+    args = ("solve", scene, "--json", "--model")
+    elements = mpirun(2, "-m", "runs.cli", *args, "small_strain", "--out", tmp_path / "elements", timeout=280.0)
+    linear = mpirun(1, "-m", "runs.cli", *args, "linear_bem", "--out", tmp_path / "linear")
+    assert elements.returncode == 0, elements.stderr
+    one, other = strict(elements.stdout), strict(linear.stdout)
+    assert one["model"] == "small_strain"
+    assert one["solved"]["ranks"] == 2
+    ours, theirs = one["balls"][0], other["balls"][0]
+    # discretisation: two cells per contact radius leave some per cent of Q; T carries its own error bar
+    assert ours["normal_force"] == pytest.approx(theirs["normal_force"], rel=0.05)
+    difference = abs(ours["tangential_force"][0] - theirs["tangential_force"][0])
+    assert difference < 0.05 * abs(theirs["tangential_force"][0]) + ours["tangential_force_error"]
