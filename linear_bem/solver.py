@@ -164,6 +164,12 @@ def _refined(
                 return _rested(contacts), error, ()
         previous = contacts
     assert previous is not None
+    if not np.all(np.isfinite(error)):
+        # one grid was all that fits: the routes' difference is what there is to judge by
+        error = np.maximum(np.max(np.abs(previous.mutual_force - previous.slope_force), axis=1), _floor(previous))
+        reached = float(np.max(error)) / _size(previous)
+        note = f"only one grid fits: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
+        return _rested(previous), error, (note,)
     return _rested(previous), error, (_note("finest grid", wanted, reached, settled),)
 
 

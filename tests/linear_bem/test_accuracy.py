@@ -49,3 +49,13 @@ def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
     assert isinstance(solution.contacts, GridContacts)
     assert "asked to 1e-08" in solution.notes[0]
     assert "asked to 1e-08" in solution.result().solved.notes[0]
+
+
+def test_where_one_grid_is_all_that_fits_the_routes_judge(monkeypatch):
+    monkeypatch.setattr(linear_bem.grid_contact, "MOST_CELLS", 3_000)
+    problem = problem_of("paper")
+    thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
+    result = solve(thin, 1e-4)
+    assert "only one grid fits" in result.solved.notes[0]
+    assert np.isfinite(result.balls[0].tangential_force_error)
+    assert result.balls[0].tangential_force_error > 0.0
