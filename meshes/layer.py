@@ -71,7 +71,8 @@ def _mesh(box: Box) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                 x, y = zone.position
                 d = zone.mirror
                 parts.append((3, occ.addBox(min(x, x + sx * d), min(y, y + sy * d), low, d, d, high - low)))
-    occ.fragment(parts, [])
+    if len(parts) > 1:  # gmsh refuses to fragment a single box
+        occ.fragment(parts, [])
     occ.synchronize()
     _set_sizes(box)
     for zone in box.zones:
