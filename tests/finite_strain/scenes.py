@@ -1,0 +1,101 @@
+"""Scenes that several tests press: the paper's dimensionless layer (E1 = 1, R = 1), and coarse models of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from finite_strain.domain import Resolution, box_to_mesh, reduce_scene
+from finite_strain.planning import RunPlan
+from linear_bem import Ball, Elastic, Layer, Load, Problem
+
+if TYPE_CHECKING:
+    from finite_strain.simulation import _Simulation
+
+PAPER_LOAD = 2.66666e-3
+STIFF_SUBSTRATE = Elastic(1e3, 0.3)
+SHAPES = {"finite_strain": "sphere", "small_strain": "paraboloid"}
+
+
+def relatively(value: Any, tolerance: float) -> Any:
+    """Return what equals ``value`` within a relative tolerance, however small it is (pytest's own lets 1e-12 pass)."""
+    return pytest.approx(value, rel=tolerance, abs=0.0)
+
+
+def balls_at(*positions: tuple[float, float], radius: float = 1.0, shape: str = "sphere") -> tuple[Ball, ...]:
+    return tuple(Ball(position, radius, shape) for position in positions)
+
+
+def on_layer(
+    balls: tuple[Ball, ...],
+    load: Load,
+    thickness: float = 1.16,
+    substrate: Elastic | None = None,
+    poisson: float = 0.48,
+) -> Problem:
+    return Problem(Layer(1.0, poisson, thickness), balls, load, substrate)
+
+
+def pair(
+    load: Load | float,
+    *,
+    distance: float = 2.0,
+    thickness: float = 1.16,
+    substrate: Elastic | None = None,
+    shape: str = "sphere",
+    angle: float = 0.0,
+) -> Problem:
+    """Return two equal balls; a number as load is the approach of both [m]."""
+    x, y = 0.5 * distance * math.cos(angle), 0.5 * distance * math.sin(angle)
+    load = load if isinstance(load, Load) else Load("approach", (load, load))
+    return on_layer(balls_at((-x, -y), (x, y), shape=shape), load, thickness, substrate)
+
+
+def single(approach: float, thickness: float = 1.0, poisson: float = 0.48, shape: str = "sphere") -> Problem:
+    load = Load("approach", (approach,))
+    return on_layer(balls_at((0.0, 0.0), shape=shape), load, thickness, poisson=poisson)
+
+
+def coarse_plan(
+    problem: Problem, model: str, resolution: Resolution, contact_radius: float, fractions: tuple[float, ...] = (1.0,)
+) -> RunPlan:
+    """Return a plan with one mesh, sized for a contact radius [m]."""
+    reduction = reduce_scene(problem)
+    box = box_to_mesh(problem, reduction, resolution, contact_radius)
+    return RunPlan(problem, model, reduction, fractions, (box, box))
+
+
+def coarse_simulation(plan: RunPlan, folder: Path) -> _Simulation:
+    """Return model, solver, load path and force meter of a plan on this process alone."""
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain.simulation import Silence, _Simulation  # noqa: PLC0415
+
+    return _Simulation(plan, plan.boxes[1], folder / "mesh.msh", MPI.COMM_SELF, Silence(), "test")
+
+
+class Recorder:
+    """An observer that remembers what it hears."""
+
+    def __init__(self) -> None:
+        self.info: dict[str, Any] = {}
+        self.attempts: list[dict[str, Any]] = []
+        self.residuals: list[float] = []
+        self.steps: list[Any] = []
+        self.surfaces: list[Any] = []
+
+    def started(self, info: dict[str, Any]) -> None:
+        self.info = info
+
+    def attempt(self, info: dict[str, Any]) -> None:
+        self.attempts.append(info)
+
+    def newton(self, info: dict[str, Any]) -> None:
+        self.residuals.append(info["residual"])
+
+    def step_done(self, step: Any, fields: Any) -> None:
+        self.steps.append(step)
+        self.surfaces.append(fields)

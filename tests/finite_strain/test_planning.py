@@ -1,0 +1,157 @@
+"""What will be run, and what is refused: answered without DOLFINx."""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import pairwise
+
+import pytest
+
+import finite_strain
+from finite_strain.domain import Resolution, reduce_scene
+from finite_strain.planning import COARSENING, plan_run
+from finite_strain.schedule import FIRST, GROWTH, LARGEST_STEP, load_fractions
+from linear_bem import Ball, Elastic, Layer, Load, Problem, UnsupportedProblem
+from tests.finite_strain.scenes import STIFF_SUBSTRATE, balls_at, on_layer, pair
+from tests.launch import python
+
+KEYS = {
+    "symmetries",
+    "unknowns",
+    "unknowns_companion",
+    "memory_bytes",
+    "seconds",
+    "domain",
+    "element_sizes",
+    "load_steps",
+}
+"""What the command ``plan`` prints."""
+
+
+@pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
+@pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
+def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
+    radius = 0.008
+    fractions = load_fractions(kind, deepest * radius, radius)
+    assert fractions[-1] == 1.0
+    assert all(0.0 < a < b for a, b in pairwise(fractions))
+    power = 1.0 if kind == "approach" else 2.0 / 3.0
+    approaches = [deepest * f**power for f in fractions]
+    assert approaches[0] <= FIRST * math.sqrt(GROWTH) * (1.0 + 1e-12)
+    for a, b in pairwise(approaches):
+        assert b - a <= LARGEST_STEP * (1.0 + 1e-12)
+        assert b <= GROWTH * a * (1.0 + 1e-12)
+
+
+def test_a_coarser_resolution_is_coarser_everywhere_by_one_ratio() -> None:
+    fine = Resolution(0.25, 0.2, 0.3)
+    assert fine.coarser(1.5) == Resolution(pytest.approx(0.375), pytest.approx(0.3), pytest.approx(0.45))
+
+
+def test_more_accuracy_costs_more_unknowns_within_bounds() -> None:
+    problem = pair(0.1)
+    unknowns = [finite_strain.plan(problem, accuracy)["unknowns"] for accuracy in (0.5, 0.06, 0.02, 0.005, 1e-4, 1e-6)]
+    assert unknowns[0] < unknowns[1] < unknowns[2] < unknowns[3] < unknowns[4]
+    assert unknowns[4] == unknowns[5]  # the resolution is clipped: memory is finite
+
+
+def test_the_companion_mesh_is_coarser_by_the_ratio_that_the_extrapolation_assumes() -> None:
+    coarse, fine = plan_run(pair(0.1), 0.02, "finite_strain").boxes
+    for a, b in zip(coarse.zones, fine.zones, strict=True):
+        assert a.finest / b.finest == pytest.approx(COARSENING)
+        assert a.growth / b.growth == pytest.approx(COARSENING)
+        assert a.outer_growth / b.outer_growth == pytest.approx(COARSENING)
+        assert a.mirror == b.mirror  # the domain integral's ramp ends at the same place on both
+    assert (coarse.x, coarse.y, coarse.substrate) == (fine.x, fine.y, fine.substrate)
+
+
+@pytest.mark.parametrize("substrate", [None, STIFF_SUBSTRATE, Elastic(1.0, 0.48)], ids=["rigid", "stiff", "as soft"])
+def test_the_box_reaches_far_from_every_contact_and_is_cut_at_mirror_planes(substrate: Elastic | None) -> None:
+    box = plan_run(pair(0.1, substrate=substrate), 0.02, "finite_strain").boxes[1]
+    assert (box.x[0], box.y[0]) == (0.0, 0.0)
+    assert box.x[1] >= 1.0 + 4.0 * 1.16
+    assert box.y[1] >= 4.0 * 1.16
+    assert (box.substrate > 0.0) == (substrate is not None)
+    if substrate is not None and substrate.young == 1.0:
+        # nothing stops the field of a half-space but distance
+        assert min(box.x[1], box.y[1], box.substrate) >= 8.0 * 2.0
+
+
+def test_prisms_of_neighbouring_balls_do_not_overlap() -> None:
+    balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 3.0))
+    zones = plan_run(on_layer(balls, Load("approach", (0.1,) * 3)), 0.02, "finite_strain").boxes[1].zones
+    assert len(zones) == 3
+    for i, a in enumerate(zones):
+        for b in zones[i + 1 :]:
+            apart = max(abs(a.position[k] - b.position[k]) for k in (0, 1))
+            assert a.mirror + b.mirror < apart
+
+
+def test_the_plan_answers_all_that_is_asked_of_it_in_plain_numbers() -> None:
+    answer = finite_strain.plan(pair(0.2), 0.02)
+    assert set(answer) == KEYS
+    assert json.loads(json.dumps(answer)) == answer
+    assert len(answer["symmetries"]) == 2
+    assert answer["unknowns"] > answer["unknowns_companion"] > 1000
+    assert answer["load_steps"] == len(load_fractions("approach", 0.2, 1.0))
+    assert 0.0 < answer["element_sizes"]["finest"] < answer["element_sizes"]["coarsest"]
+    assert answer["domain"]["layer"] == 1.16
+    assert 1e8 < answer["memory_bytes"] < 1e11
+    assert 1.0 < answer["seconds"] < 1e5
+
+
+BLOCKED = """
+import sys
+for name in ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"):
+    sys.modules[name] = None
+import finite_strain
+from tests.finite_strain.scenes import pair
+"""
+
+
+def test_a_plan_needs_no_dolfinx() -> None:
+    done = python("-c", BLOCKED + "print(finite_strain.plan(pair(0.1))['unknowns'])")
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == finite_strain.plan(pair(0.1))["unknowns"]
+
+
+def test_a_run_without_dolfinx_names_what_is_missing() -> None:
+    code = """
+from linear_bem.errors import MissingDependency
+try:
+    finite_strain.solve(pair(0.1))
+except MissingDependency as error:
+    print(error)
+"""
+    done = python("-c", BLOCKED + code)
+    assert done.returncode == 0, done.stderr
+    for word in ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py", "thirdbody doctor"):
+        assert word in done.stdout
+
+
+def test_everything_that_the_model_lacks_is_named_at_once() -> None:
+    balls = balls_at((-1.0, 0.0), (1.0, 0.0))
+    problem = Problem(Layer(1.0, 0.495, math.inf), balls, Load("force", (0.01, 0.0)), Elastic(10.0, 0.5))
+    with pytest.raises(UnsupportedProblem) as caught:
+        plan_run(problem, 0.02, "small_strain")
+    faults = str(caught.value).splitlines()
+    assert [fault.split(":")[0] for fault in faults] == [
+        "layer.thickness", "layer.poisson", "substrate.poisson", "load.force",
+    ]  # fmt: skip
+    assert all("small_strain" in fault for fault in faults)
+    assert "0.495" in faults[1]
+
+
+def test_a_shape_given_as_a_function_is_refused_by_its_key() -> None:
+    def cone(x, y):  # type: ignore[no-untyped-def]
+        return (x * x + y * y) ** 0.5
+
+    problem = on_layer((Ball((0.0, 0.0), 1.0, cone),), Load("approach", (0.1,)))
+    with pytest.raises(UnsupportedProblem, match=r"balls\.shape"):
+        reduce_scene(problem)
+
+
+def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UnsupportedProblem, match="finite_strain and small_strain, got large_strain"):
+        plan_run(pair(0.1), 0.02, "large_strain")

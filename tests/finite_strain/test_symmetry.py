@@ -1,0 +1,122 @@
+"""Which mirror planes a scene has, and how the forces of all its balls follow from those of the simulated ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from finite_strain.domain import reduce_scene
+from linear_bem import Ball, Load, Problem
+from tests.finite_strain.scenes import balls_at, on_layer, pair
+
+ROUNDOFF = 1e-12
+
+
+def scene(balls: tuple[Ball, ...], load: Load | None = None) -> Problem:
+    return on_layer(balls, load or Load("approach", (0.1,) * len(balls)))
+
+
+def turned(balls: tuple[Ball, ...], angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[Ball, ...]:
+    c, s = math.cos(angle), math.sin(angle)
+    return tuple(
+        Ball((c * b.position[0] - s * b.position[1] + shift[0], s * b.position[0] + c * b.position[1] + shift[1]),
+             b.radius, b.shape)
+        for b in balls
+    )  # fmt: skip
+
+
+SQUARE = balls_at((-1.2, -1.2), (1.2, -1.2), (1.2, 1.2), (-1.2, 1.2))
+LOPSIDED = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 3.0))
+EQUAL_ARMS = balls_at((0.0, 0.0), (2.4, 0.0), (0.0, 2.4))
+ROW = balls_at((-2.5, 0.0), (0.0, 0.0), (2.5, 0.0))
+TRIANGLE = balls_at(*((1.5 * math.cos(a), 1.5 * math.sin(a)) for a in (0.3, 0.3 + math.tau / 3, 0.3 - math.tau / 3)))
+UNEQUAL = (Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 0.7, "sphere"))
+MIXED = (Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 1.0, "paraboloid"))
+
+SCENES = {
+    # balls, mirror planes, simulated balls
+    "pair on x": (balls_at((-1.0, 0.0), (1.0, 0.0)), 2, 1),
+    "pair on y": (balls_at((0.0, -1.0), (0.0, 1.0)), 2, 1),
+    "pair at 30 degrees": (turned(balls_at((-1.0, 0.0), (1.0, 0.0)), math.pi / 6), 2, 1),
+    "pair off the origin": (turned(balls_at((-1.0, 0.0), (1.0, 0.0)), 1.0, (5.0, -3.0)), 2, 1),
+    "square": (SQUARE, 2, 1),
+    "square at 20 degrees": (turned(SQUARE, math.radians(20.0)), 2, 1),
+    "row of three": (ROW, 2, 2),
+    "one ball": (balls_at((0.3, 0.4)), 2, 1),
+    "L with equal arms": (EQUAL_ARMS, 1, 2),
+    "triangle": (TRIANGLE, 1, 2),
+    "L with unequal arms": (LOPSIDED, 0, 3),
+    "unequal radii": (UNEQUAL, 1, 2),
+    "unequal radii at 75 degrees": (turned(UNEQUAL, math.radians(75.0)), 1, 2),
+    "unequal shapes": (MIXED, 1, 2),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_mirror_plane_is_found_and_used(name: str) -> None:
+    balls, planes, simulated = SCENES[name]
+    reduction = reduce_scene(scene(balls))
+    assert len(reduction.planes) == planes
+    assert len(reduction.balls) == simulated
+    for ball in reduction.balls:
+        assert all(ball.position[axis] >= 0.0 for axis in reduction.planes)
+        assert ball.fixed_axes == tuple(axis for axis in reduction.planes if ball.position[axis] == 0.0)
+        assert ball.copies == 2 ** len(ball.fixed_axes)
+
+
+@pytest.mark.parametrize("kind", ["approach", "force"])
+def test_unequal_loads_leave_only_the_plane_along_the_line_of_balls(kind: str) -> None:
+    balls = balls_at((-1.0, 0.0), (1.0, 0.0))
+    assert reduce_scene(scene(balls, Load(kind, (0.1, 0.1)))).planes == (0, 1)
+    reduction = reduce_scene(scene(balls, Load(kind, (0.1, 0.2))))
+    assert reduction.planes == (1,)
+    assert [ball.index for ball in reduction.balls] == [0, 1]
+
+
+def test_one_total_force_on_a_pair_keeps_both_planes() -> None:
+    assert reduce_scene(pair(Load("total_force", (0.01,)))).planes == (0, 1)
+
+
+def attraction(balls: tuple[Ball, ...]) -> np.ndarray:
+    """Return made-up in-plane forces that depend on all balls as the real ones do: on distances, radii and shapes."""
+    forces = np.zeros((len(balls), 2))
+    for i, a in enumerate(balls):
+        for j, b in enumerate(balls):
+            if i != j:
+                line = np.subtract(b.position, a.position)
+                strength = a.radius * b.radius * (1.0 if b.shape == "sphere" else 1.3)
+                forces[i] += strength * line / np.linalg.norm(line) ** 3
+    return forces
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_forces_of_all_balls_follow_from_the_simulated_ones_by_mirror_and_turn(name: str) -> None:
+    balls = SCENES[name][0]
+    reduction = reduce_scene(scene(balls))
+    truth = attraction(balls)
+    c, s = math.cos(reduction.angle), math.sin(reduction.angle)
+    into_frame = np.array([[c, s], [-s, c]])
+    for number, ball in enumerate(balls):
+        simulated = reduction.balls[reduction.images[number].model_ball]
+        assert simulated.radius == ball.radius
+        assert simulated.shape == ball.shape
+        local = into_frame @ truth[simulated.index]
+        assert np.abs(local[list(simulated.fixed_axes)]).max(initial=0.0) < ROUNDOFF
+        assert reduction.to_scene(number, tuple(local)) == pytest.approx(truth[number], abs=ROUNDOFF)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_simulated_balls_stand_where_the_scene_has_them(name: str) -> None:
+    balls = SCENES[name][0]
+    reduction = reduce_scene(scene(balls))
+    for ball, others in zip(reduction.balls, reduction.neighbours(), strict=True):
+        x, y = ball.position
+        c, s = math.cos(reduction.angle), math.sin(reduction.angle)
+        placed = (c * x - s * y + reduction.origin[0], s * x + c * y + reduction.origin[1])
+        assert placed == pytest.approx(balls[ball.index].position, abs=ROUNDOFF)
+        distances = sorted(
+            math.dist(balls[ball.index].position, b.position) for b in balls if b is not balls[ball.index]
+        )
+        assert sorted(math.dist(ball.position, other) for other in others) == pytest.approx(distances, abs=ROUNDOFF)
