@@ -149,7 +149,7 @@ class Resolution:
     def for_accuracy(cls, tangential_force: float) -> Resolution:
         """Return the resolution that experience gives for a relative accuracy of T."""
         scale = float(np.clip((tangential_force / 0.02) ** 0.4, 0.4, 1.6))
-        return cls(inner=0.25 * scale, outer=0.20 * scale, finest=0.25 * scale)
+        return cls(inner=0.21 * scale, outer=0.17 * scale, finest=0.21 * scale)
 
     def coarser(self, ratio: float) -> Resolution:
         """Return the resolution whose elements are larger by a ratio everywhere."""

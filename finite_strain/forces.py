@@ -11,8 +11,8 @@ from the ball's axis, with a curvature k that translation would not have: the me
 small offset X, the first moment of the pressure over the undeformed surface divided by the force,
 therefore adds -k X to the traction integral, a few per cent of T on affordable meshes. Both are
 computed, k from one linear solve, and k X is added back. For k to be the mesh's own the contact must be
-a plain penalty, so the traction is taken before the first augmentation, as T/Q^2, which augmentation
-leaves alone.
+a plain penalty, so the two routes are compared before the first augmentation, where multipliers
+are zero.
 """
 
 from __future__ import annotations

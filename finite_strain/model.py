@@ -94,7 +94,7 @@ class Model:
         return tuple(
             dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(v))
             for v in (bulk.solid.shear_modulus, bulk.solid.lame_first)
-        )  # type: ignore[return-value]
+        )
 
     def volume_integral(self, density: Any, degree: int | None = None) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""

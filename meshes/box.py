@@ -44,6 +44,23 @@ class Box:
     zones: tuple[Zone, ...]
     coarsest: float
 
+    def in_units_of(self, length: float) -> Box:
+        """Return the same box with every length divided by ``length`` [m]."""
+
+        def both(pair: tuple[float, float]) -> tuple[float, float]:
+            return pair[0] / length, pair[1] / length
+
+        zones = tuple(
+            Zone(
+                both(zone.position), zone.finest / length, zone.growth, zone.radius / length, zone.outer_growth,
+                zone.mirror / length,
+            )
+            for zone in self.zones
+        )  # fmt: skip
+        return Box(
+            both(self.x), both(self.y), self.thickness / length, self.substrate / length, zones, self.coarsest / length
+        )
+
     def element_size(self, points: np.ndarray) -> np.ndarray:
         """Return the element size [m] asked for at points (n, 3) [m]."""
         size = np.full(len(points), self.coarsest)

@@ -35,8 +35,11 @@ def gmsh_session() -> Iterator[None]:
 
 def write_layer_mesh(box: Box, path: Path) -> int:
     """Mesh the box, write it with its physical groups (`TAGS`) to a .msh file; return the number of tetrahedra."""
+    # gmsh's geometric tolerances are absolute, so it meshes in units of the problem and the points are scaled back
+    unit = max(zone.radius for zone in box.zones)
     with gmsh_session():
-        points, tetrahedra, volume = _mesh(box)
+        points, tetrahedra, volume = _mesh(box.in_units_of(unit))
+    points *= unit
     with gmsh_session():
         _write(box, points, tetrahedra, volume, path)
     return len(tetrahedra)

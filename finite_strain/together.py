@@ -1,0 +1,50 @@
+"""What ranks do together: work of rank 0 whose failure is everyone's, and a folder that all of them know."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mpi4py import MPI
+
+from linear_bem.errors import OutputUnusable, ThirdBodyError
+
+
+def on_root(comm: MPI.Comm, action: Callable[[], object]) -> None:
+    """Do something on rank 0; if it fails, raise on every rank."""
+    failure: ThirdBodyError | None = None
+    if comm.rank == 0:
+        try:
+            action()
+        except ThirdBodyError as error:
+            failure = error
+        except OSError as error:
+            failure = OutputUnusable(f"output folder cannot be written: {error}")
+    failure = comm.bcast(failure, root=0)
+    if failure is not None:
+        raise failure
+
+
+@contextmanager
+def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
+    """Yield the folder, made if need be, or a scratch folder that goes with the block."""
+    if folder is not None:
+        on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
+        yield folder
+        return
+    scratch = tempfile.TemporaryDirectory(prefix="thirdbody-") if comm.rank == 0 else None
+    try:
+        yield Path(comm.bcast(scratch.name if scratch else None, root=0))
+        comm.barrier()
+    finally:
+        if scratch:
+            scratch.cleanup()
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all."""
+    draft = path.with_suffix(".part")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(path)
