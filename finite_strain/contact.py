@@ -213,19 +213,19 @@ class Contact:
             residual += sign * shifted / (2.0 * step)
         self.approach = approach
 
-    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> float:
-        """Add the residual's derivative by an in-plane shift of the ball [N/m], return minus that of its force.
+    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> np.ndarray:
+        """Add the residual's derivative by an in-plane shift of the ball [N/m], return minus that of its force (2,).
 
-        The residual is a local vector (nodes, 3); the returned value is this rank's share at fixed displacement.
+        The residual is a local vector (nodes, 3); the returned values are this rank's share at fixed displacement.
         """
         step = 1e-6 * self.radius
-        reference, stiffness = self.reference, 0.0
+        reference, stiffness = self.reference, np.zeros(2)
         for sign in (1.0, -1.0):
             self.reference = reference - sign * step * np.eye(3)[axis]
             shifted = np.zeros_like(residual)
             self.add_residual(displacement, shifted)
             residual += sign * shifted / (2.0 * step)
-            stiffness -= sign * self.force(displacement)[axis] / (2.0 * step)
+            stiffness -= sign * self.force(displacement)[:2] / (2.0 * step)
         self.reference = reference
         return stiffness
 

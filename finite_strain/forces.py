@@ -76,17 +76,17 @@ class ForceMeter:
     def _pinning(self, contact: Contact, axes: list[int], solver: NewtonSolver) -> np.ndarray:
         """Return minus the derivative of a ball's traction force by its position [N/m], along some axes."""
         model = self.model
-        columns, responses, own = [], [], np.zeros(len(axes))
+        columns, responses, own = [], [], np.zeros((len(axes), len(axes)))
         for number, axis in enumerate(axes):
             column, response = solver.new_vector(), solver.new_vector()
-            own[number] = model.shift_derivative(contact, axis, column)
+            own[:, number] = model.shift_derivative(contact, axis, column)[axes]
             solver.solve_linear(column, response, refactor=number == 0)
             columns.append(column)
             responses.append(response)
         coupled = np.array([[column.dot(response) for response in responses] for column in columns])
         for vector in (*columns, *responses):
             vector.destroy()
-        return np.diag(own) - coupled
+        return own - coupled
 
     def _domain_force(self, number: int, ball: ModelBall, contact_radii: list[float]) -> tuple[float, float]:
         self._weight.x.array[:] = self._ramp(number, contact_radii)

@@ -2,6 +2,8 @@
 
 S = T_finite . e / |T_linear| with e the direction of the linear force. Its error is the sum of both models'
 relative errors (bounds, not independent deviations, so they add): (e_finite + |S| e_linear) / |T_linear|.
+At equal force e_finite leaves out what the finite model's own error of Q adds to T at given approach; at
+equal approach it takes in what its error of D adds at given force.
 """
 
 from __future__ import annotations
@@ -31,8 +33,9 @@ def compare_steps(
 def _row(index: int, ball: int, states: tuple[Mapping[str, Any], ...]) -> dict[str, Any]:
     step, force_step, approach_step = states
     finite, same_force, same_approach = (state["balls"][ball] for state in states)
-    ratio_q, error_q, note_q = strengthening(finite, same_force, _floor(force_step))
-    ratio_d, error_d, note_d = strengthening(finite, same_approach, _floor(approach_step))
+    at_force, at_approach = _errors(step, ball)
+    ratio_q, error_q, note_q = strengthening(finite, same_force, _floor(force_step), at_force)
+    ratio_d, error_d, note_d = strengthening(finite, same_approach, _floor(approach_step), at_approach)
     load = finite["normal_force"]
     notes = [note_q, note_d, *(state["record"].get("failure") for state in states[1:])]
     return {
@@ -61,10 +64,27 @@ def _floor(step: Mapping[str, Any]) -> float:
     return ROUNDOFF * max(math.hypot(*ball["tangential_force"]) for ball in step["balls"])
 
 
+def _errors(step: Mapping[str, Any], ball: int) -> tuple[float, float]:
+    """Return the finite model's error of T [N] at its normal force, and at its approach."""
+    state, record = step["balls"][ball], step.get("record", {})
+    at_approach = state["tangential_force_error"]
+    at_force = (
+        record["tangential_force_error_at_force"][ball] if "tangential_force_error_at_force" in record else at_approach
+    )
+    if "approach_error" in record and state["approach"] > 0.0:
+        # T ~ Q^2 ~ D^3 to leading order
+        relative = 3.0 * record["approach_error"][ball] / state["approach"]
+        at_approach += relative * math.hypot(*state["tangential_force"])
+    return at_force, at_approach
+
+
 def strengthening(
-    finite: Mapping[str, Any], linear: Mapping[str, Any], floor: float = 0.0
+    finite: Mapping[str, Any], linear: Mapping[str, Any], floor: float = 0.0, finite_error: float | None = None
 ) -> tuple[float | None, float | None, str | None]:
-    """Return ratio, absolute error and note; no ratio where the linear force is not above its error and ``floor``."""
+    """Return ratio, absolute error and note; no ratio where the linear force is not above its error and ``floor``.
+
+    ``finite_error`` [N] stands for the finite state's own error of T where given.
+    """
     (tx, ty), (lx, ly) = finite["tangential_force"], linear["tangential_force"]
     size, error = math.hypot(lx, ly), linear["tangential_force_error"]
     if math.isnan(size):
@@ -72,7 +92,8 @@ def strengthening(
     if not size > max(error, floor):
         return None, None, BELOW_ERROR
     ratio = (tx * lx + ty * ly) / size**2
-    return ratio, (finite["tangential_force_error"] + abs(ratio) * error) / size, None
+    own = finite["tangential_force_error"] if finite_error is None else finite_error
+    return ratio, (own + abs(ratio) * error) / size, None
 
 
 def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
