@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,10 @@ from finite_strain.planning import RunPlan
 from linear_bem import Ball, Elastic, Layer, Load, Problem
 
 if TYPE_CHECKING:
-    from finite_strain.simulation import _Simulation
+    from finite_strain.forces import ForceMeter
+    from finite_strain.loading import LoadPath, StepRecord
+    from finite_strain.model import Model
+    from finite_strain.newton import NewtonSolver
 
 PAPER_LOAD = 2.66666e-3
 STIFF_SUBSTRATE = Elastic(1e3, 0.3)
@@ -68,13 +72,45 @@ def coarse_plan(
     return RunPlan(problem, model, reduction, fractions, (box, box))
 
 
-def coarse_simulation(plan: RunPlan, folder: Path) -> _Simulation:
-    """Return model, solver, load path and force meter of a plan on this process alone."""
+@dataclass
+class Rig:
+    """A model on one mesh of this process alone, with what drives and measures it."""
+
+    plan: RunPlan
+    model: Model
+    solver: NewtonSolver
+    meter: ForceMeter
+    path: LoadPath
+
+    def contact_radii(self) -> list[float]:
+        """Return the radius [m] of every model ball's contact, as a run places its domain integrals by."""
+        model = self.model
+        areas = [contact.extremes(model.nodal, model.comm)["contact_area"] for contact in model.contacts]
+        return [
+            math.sqrt(ball.copies * area / math.pi) for ball, area in zip(model.reduction.balls, areas, strict=True)
+        ]
+
+    def press(self) -> list[StepRecord]:
+        """Go along the plan's load path to its end."""
+        return list(self.path.steps(list(self.plan.fractions)))
+
+
+def coarse_rig(plan: RunPlan, folder: Path) -> Rig:
+    """Mesh a plan's main box and return the model on it with its solver, force meter and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.simulation import Silence, _Simulation  # noqa: PLC0415
+    from finite_strain.forces import ForceMeter  # noqa: PLC0415
+    from finite_strain.kinematics import Finite, Small  # noqa: PLC0415
+    from finite_strain.loading import LoadPath  # noqa: PLC0415
+    from finite_strain.model import Model  # noqa: PLC0415
+    from finite_strain.newton import NewtonSolver  # noqa: PLC0415
+    from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
-    return _Simulation(plan, plan.boxes[1], folder / "mesh.msh", MPI.COMM_SELF, Silence(), "test")
+    write_layer_mesh(plan.boxes[1], folder / "mesh.msh")
+    kinematics = Small() if plan.model == "small_strain" else Finite()
+    model = Model(plan.problem, plan.reduction, kinematics, folder / "mesh.msh", MPI.COMM_SELF)
+    solver = NewtonSolver(model)
+    return Rig(plan, model, solver, ForceMeter(model, plan.boxes[1]), LoadPath(plan.problem, model, solver))
 
 
 class Recorder:
