@@ -1,4 +1,4 @@
-"""The command ``thirdbody``: solve, compare, plan, doctor. Each loads only what it needs."""
+"""The command ``thirdbody``: solve, compare, plan, study, doctor. Each loads only what it needs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from runs import ranks
+from runs import ranks, studies
 from runs.models import ModelName
 
 app = typer.Typer(
@@ -81,6 +81,19 @@ def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = 
     from runs.scene import read_scene  # noqa: PLC0415
 
     plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
+
+
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"One of: {studies.listing()}.", show_default=False)],
+    quick: Annotated[bool, typer.Option("--quick", help="A coarser version that takes seconds.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/study-NAME.")
+    ] = None,
+    fresh: FreshOption = False,
+) -> None:
+    """Make a study's tables and figures anew. Parts that an unfinished run has saved are not computed again."""
+    studies.run_study(name, studies.Options(quick, out, fresh))
 
 
 @app.command()

@@ -1,0 +1,101 @@
+"""The paper's pair of balls, varied: T over thickness, modulus, distance and kind of load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from linear_bem import BallResult, Elastic, Problem, solve
+from runs.scene import Scene, read_scene
+
+Array = NDArray[np.float64]
+Samples = Sequence[float] | Array
+
+SCENE = Path(__file__).parent / "pair.toml"
+ACCURACY = 1e-5
+"""Relative accuracy asked of T at features; curves are drawn from values to 1e-3."""
+
+
+@cache
+def scene() -> Scene:
+    """Return the paper's pair as the scene file gives it."""
+    return read_scene(SCENE)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The scene's pair with some of its values replaced: None keeps the scene's. Dimensionless, as the scene is.
+
+    ``approach`` prescribes the approach of both balls in place of the force ``force``; ``half_space`` True
+    leaves out the substrate and lets the layer go on for ever.
+    """
+
+    thickness: float | None = None
+    distance: float | None = None
+    young: float | None = None
+    poisson: float | None = None
+    ratio: float | None = None
+    approach: float | None = None
+    half_space: bool = False
+
+    def problem(self) -> Problem:
+        """Return the contact problem."""
+        base = scene().problem
+        layer = replace(
+            base.layer,
+            thickness=base.layer.thickness if self.thickness is None else self.thickness,
+            young=base.layer.young if self.young is None else self.young,
+            poisson=base.layer.poisson if self.poisson is None else self.poisson,
+        )
+        substrate = base.substrate
+        if substrate is not None and self.ratio is not None:
+            substrate = Elastic(layer.young / self.ratio, substrate.poisson)
+        if self.half_space:
+            layer, substrate = replace(layer, thickness=np.inf), None
+        left, right = base.balls
+        if self.distance is not None:
+            left = replace(left, position=(-0.5 * self.distance, 0.0))
+            right = replace(right, position=(0.5 * self.distance, 0.0))
+        changed = replace(base, layer=layer, substrate=substrate, balls=(left, right))
+        return changed if self.approach is None else changed.with_load("approach", (self.approach,) * 2)
+
+    def left(self, accuracy: float = ACCURACY) -> BallResult:
+        """Return the state of the left ball."""
+        return solve(self.problem(), accuracy).balls[0]
+
+    def attraction(self, accuracy: float = ACCURACY) -> float:
+        """Return Tx on the left ball: positive attracts, negative separates."""
+        return self.left(accuracy).tangential_force[0]
+
+
+def sign_changes(function: Callable[[float], float], at: Samples, values: Samples) -> list[float]:
+    """Return the roots of ``function`` between sample points where ``values`` change sign, to 1e-9 in log x."""
+    return [
+        float(np.exp(brentq(lambda s: function(float(np.exp(s))), np.log(a), np.log(b), xtol=1e-9)))
+        for a, b, u, v in zip(at[:-1], at[1:], values[:-1], values[1:], strict=True)
+        if u * v < 0.0
+    ]
+
+
+def extremum(
+    function: Callable[[float], float], at: Samples, values: Samples, sign: float, *, place: float = 1e-5
+) -> tuple[float, float]:
+    """Return where and how large the largest (sign +1) or smallest (-1) value is.
+
+    The location is found to ``place`` in its logarithm, the value to about the square of that.
+    """
+    best = int(np.argmax(sign * np.asarray(values)))
+    low, high = np.log(at[max(best - 1, 0)]), np.log(at[min(best + 1, len(at) - 1)])
+    found = minimize_scalar(
+        lambda s: -sign * function(float(np.exp(s))) / abs(values[best]),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": place},
+    )
+    return float(np.exp(found.x)), -sign * float(found.fun) * abs(values[best])
