@@ -72,7 +72,7 @@ class FieldWriter:
         failure = None
         if model.comm.rank == 0:
             try:
-                _write_text(self.folder / f"{stem}.xdmf", [_grid(self.folder, stem, number)], temporal=False)
+                _write_text(self.folder / f"{stem}.xdmf", [_grid(self.folder, stem)], temporal=False)
                 steps = sorted(path.stem for path in self.folder.glob("step_*.h5"))
                 grids = [_grid(self.folder, name, int(name.removeprefix("step_"))) for name in steps]
                 _write_text(self.folder / INDEX, grids, temporal=True)
@@ -83,8 +83,8 @@ class FieldWriter:
             raise OutputUnusable(failure)
 
 
-def _grid(folder: Path, stem: str, number: int) -> Xml.Element:
-    """Return the XDMF grid of one step, with the sizes that its HDF5 file has."""
+def _grid(folder: Path, stem: str, number: int | None = None) -> Xml.Element:
+    """Return the XDMF grid of one step, with the sizes that its HDF5 file has; ``number`` is its time in an index."""
     grid = Xml.Element("Grid", Name=stem, GridType="Uniform")
     with h5py.File(folder / f"{stem}.h5", "r") as file:
         cells, points = file["Mesh/mesh/topology"].shape, file["Mesh/mesh/geometry"].shape
@@ -94,7 +94,8 @@ def _grid(folder: Path, stem: str, number: int) -> Xml.Element:
         _item(topology, f"{stem}.h5:/Mesh/mesh/topology", cells, "Int", 8)
         geometry = Xml.SubElement(grid, "Geometry", GeometryType="XYZ")
         _item(geometry, f"{stem}.h5:/Mesh/mesh/geometry", points, "Float", 8)
-        Xml.SubElement(grid, "Time", Value=str(number))
+        if number is not None:
+            Xml.SubElement(grid, "Time", Value=str(number))
         for name, (center, kind) in FIELDS.items():
             group = file[f"Function/{name}"]
             dataset = f"Function/{name}/{next(iter(group))}"
