@@ -16,6 +16,7 @@ import numpy as np
 from finite_strain.gather import gather_rows, match_rows
 from finite_strain.loading import State
 from finite_strain.model import Model
+from finite_strain.together import on_root
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import Step
 
@@ -51,26 +52,7 @@ def write_checkpoint(folder: Path, model: Model, history: list[State], steps: li
 
 def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], list[Step]]:
     """Return states and finished steps of a checkpoint of the same run, or nothing (collective)."""
-    comm = model.comm
-    found: dict[str, Any] | None = None
-    if comm.rank == 0 and (folder / NAME).exists():
-        with h5py.File(folder / NAME, "r") as file:
-            if file.attrs["key"] == key:
-                groups = [file[name] for name in sorted(name for name in file if name.startswith("state"))]
-                found = {
-                    "points": file["points"][:],
-                    "steps": json.loads(file.attrs["steps"]),
-                    "states": [
-                        (
-                            float(g.attrs["fraction"]),
-                            g["nodal"][:],
-                            g["penalised"][:],
-                            *(tuple(map(float, g.attrs[name])) for name in ("approaches", "forces")),
-                        )
-                        for g in groups
-                    ],
-                }  # fmt: skip
-    found = comm.bcast(found, root=0)
+    found = on_root(model.comm, lambda: _load(folder / NAME, key))
     if found is None:
         return [], []
     failure, states = None, []
@@ -85,6 +67,31 @@ def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], 
         failure = str(error)
     _raise_together(failure, model)
     return states, [Step.from_dict(step) for step in found["steps"]]
+
+
+def _load(path: Path, key: str) -> dict[str, Any] | None:
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs["key"] != key:
+                return None
+            groups = [file[name] for name in sorted(name for name in file if name.startswith("state"))]
+            return {
+                "points": file["points"][:],
+                "steps": json.loads(file.attrs["steps"]),
+                "states": [
+                    (
+                        float(g.attrs["fraction"]),
+                        g["nodal"][:],
+                        g["penalised"][:],
+                        *(tuple(map(float, g.attrs[name])) for name in ("approaches", "forces")),
+                    )
+                    for g in groups
+                ],
+            }
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
 
 
 def _raise_together(failure: str | None, model: Model) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from finite_strain.planning import COARSENING
+from linear_bem.errors import OutputUnusable
 
 FORCE_RATIO_ORDER = 4.0
 """Order of convergence of T / Q^2 in the element size that its extrapolation assumes; 3.5 to 5 are observed."""
@@ -64,6 +65,8 @@ def saved_rows(path: Path, key: str) -> list[dict[str, Any]]:
     """Return the load steps that an earlier run of the same key left in a file."""
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
+        return saved["rows"] if saved["key"] == key else []
     except FileNotFoundError:
         return []
-    return saved["rows"] if saved["key"] == key else []
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error

@@ -202,7 +202,7 @@ def box_to_mesh(problem: Problem, reduction: Reduction, resolution: Resolution, 
                 growth=resolution.inner,
                 radius=1.3 * contact,
                 outer_growth=resolution.outer,
-                mirror=mirror,
+                mirror=min(mirror, 0.8 * margin),
             )
         )
     low, high = [], []

@@ -19,8 +19,11 @@ PENALTY = 10.0
 """Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
-FORCE_CHANGE = 4e-3
-"""Relative change of the normal force by an augmentation at which the contact counts as resolved."""
+INDENTATION_CHANGE = 4e-3
+"""Relative change of force times approach by an augmentation at which the contact counts as resolved.
+
+The next augmentation would change it by about a tenth of that.
+"""
 MAX_AUGMENTATIONS = 3
 MAX_FORCE_ITERATIONS = 12
 MAX_CUTS = 8
@@ -113,21 +116,24 @@ class LoadPath:
         self._set_approaches(self._first_guess(fraction))
         if predict:
             self._extrapolate(fraction)
-        reference = self._newton(record)
-        for _ in range(MAX_FORCE_ITERATIONS):
+        self._newton(record)
+        before = np.full(len(self.balls), math.inf)
+        while True:
             forces = self._control_force(fraction, record)
-            changed = np.max(np.abs(forces - reference) / np.maximum(forces, 1e-3 * forces.max()))
-            if (record.augmentations > 0 and changed < FORCE_CHANGE) or record.augmentations == MAX_AUGMENTATIONS:
+            # what is prescribed does not change, so forces tell under a given approach, approaches under a given force
+            now = forces * np.array([contact.approach for contact in self.model.contacts])
+            changed = np.max(np.abs(now - before) / np.maximum(now, 1e-3 * now.max()))
+            if changed < INDENTATION_CHANGE or record.augmentations == MAX_AUGMENTATIONS:
                 record.normal_forces = [float(f) for f in forces]
                 return
-            reference = forces
+            before = now
             if record.augmentations == 0:
                 self._penalised = self.model.nodal.copy()
                 self._before_augmentation()
             for contact in self.model.contacts:
                 contact.augment(self.model.nodal)
             record.augmentations += 1
-            moved = np.max(np.abs(self._newton(record) - reference) / np.maximum(reference, 0.1 * reference.max()))
+            moved = np.max(np.abs(self._newton(record) - forces) / np.maximum(forces, 0.1 * forces.max()))
             if moved > SPURIOUS:
                 raise NotConverged(f"augmentation {record.augmentations} moved a normal force by {100 * moved:.0f} %")
 

@@ -17,6 +17,8 @@ MODELS = ("finite_strain", "small_strain")
 COARSENING = 1.4
 """Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
 LARGEST_POISSON = 0.49
+SOFT_SUBSTRATE = 0.02
+"""Layer over substrate modulus beyond which the substrate's far field is felt in T."""
 _UNKNOWNS_PER_TETRAHEDRON = 3.8
 _NEWTON_ITERATIONS_PER_STEP = 13
 
@@ -30,6 +32,19 @@ class RunPlan:
     reduction: Reduction
     fractions: tuple[float, ...]
     boxes: tuple[Box, Box]
+
+    def notes(self) -> list[str]:
+        """Return what the reader must know about the model, beside its numbers."""
+        problem, box = self.problem, self.boxes[1]
+        if problem.substrate is None:
+            return []
+        softness = problem.layer.contact_modulus / problem.substrate.contact_modulus
+        if softness < SOFT_SUBSTRATE:
+            return []
+        return [
+            f"the substrate is only {1.0 / softness:.3g} times as stiff as the layer, and the model ends "
+            f"{box.substrate:.3g} m below the layer and at its sides: what lies beyond is not in the error of T"
+        ]
 
     def unknowns(self) -> list[float]:
         """Estimate the unknowns of both meshes (within about 40 %)."""

@@ -86,7 +86,7 @@ def simulate(
 def _companion(plan: RunPlan, folder: Path, key: str, comm: MPI.Comm, observer: Any) -> Companion:
     """Run the coarser mesh along the load path, or read what an earlier run of it left in the folder."""
     path = folder / "companion.json"
-    rows = comm.bcast(saved_rows(path, key) if comm.rank == 0 else None, root=0)
+    rows = on_root(comm, lambda: saved_rows(path, key))
     reached = rows[-1]["fraction"] if rows else 0.0
     if reached < 1.0:
         rows = []
@@ -111,7 +111,7 @@ def _result(plan: RunPlan, asked: float, model: Model, steps: list[Step], comm: 
     last = steps[-1]
     size = max(math.hypot(*ball.tangential_force) for ball in last.balls)
     reached = max(ball.tangential_force_error for ball in last.balls)
-    notes = []
+    notes = plan.notes()
     if size > 0.0 and reached > asked * size:
         notes.append(
             f"tangential force known to {100 * reached / size:.2g} % at full load; "

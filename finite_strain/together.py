@@ -6,25 +6,30 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from mpi4py import MPI
 
 from linear_bem.errors import OutputUnusable, ThirdBodyError
 
+Value = TypeVar("Value")
 
-def on_root(comm: MPI.Comm, action: Callable[[], object]) -> None:
-    """Do something on rank 0; if it fails, raise on every rank."""
+
+def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
+    """Do something on rank 0 and return on every rank what it gave; if it fails, raise on every rank."""
     failure: ThirdBodyError | None = None
+    value = None
     if comm.rank == 0:
         try:
-            action()
+            value = action()
         except ThirdBodyError as error:
             failure = error
         except OSError as error:
             failure = OutputUnusable(f"output folder cannot be written: {error}")
-    failure = comm.bcast(failure, root=0)
+    failure, value = comm.bcast((failure, value), root=0)
     if failure is not None:
         raise failure
+    return value
 
 
 @contextmanager
