@@ -58,6 +58,11 @@ def pair(
     return on_layer(balls_at((-x, -y), (x, y), shape=shape), load, thickness, substrate)
 
 
+def light_pair() -> Problem:
+    """Return the thin pair pressed in so lightly that two load steps on small meshes do."""
+    return pair(0.02)
+
+
 def single(approach: float, thickness: float = 1.0, poisson: float = 0.48, shape: str = "sphere") -> Problem:
     load = Load("approach", (approach,))
     return on_layer(balls_at((0.0, 0.0), shape=shape), load, thickness, poisson=poisson)

@@ -1,0 +1,67 @@
+"""Press the light pair in as a program on any number of ranks: ``FOLDER [last step | fail]``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from mpi4py import MPI
+
+import finite_strain
+from linear_bem.errors import ThirdBodyError
+from tests.finite_strain.scenes import Recorder, light_pair
+
+ACCURACY = 0.3
+STOPPED = 3
+
+
+class Stopped(Exception):
+    """The run was to end here."""
+
+
+class StopAfter(Recorder):
+    """Raises on every rank when a step is done."""
+
+    def __init__(self, last: int) -> None:
+        super().__init__()
+        self.last = last
+
+    def step_done(self, step: Any, fields: Any) -> None:
+        super().step_done(step, fields)
+        if step.record["step"] == self.last:
+            raise Stopped
+
+
+def main() -> None:
+    folder, *rest = sys.argv[1:]
+    comm = MPI.COMM_WORLD
+    observer = StopAfter(int(rest[0]) if rest and rest[0].isdigit() else 0)
+    if "fail" in rest:
+        from finite_strain import loading, newton  # noqa: PLC0415
+
+        loading.MAX_CUTS = 1
+        begin = newton.NewtonSolver.__init__
+
+        def hasty(self: Any, *args: Any, **kwargs: Any) -> None:
+            begin(self, *args, **kwargs)
+            self.max_iterations = 1
+
+        newton.NewtonSolver.__init__ = hasty  # type: ignore[method-assign]
+    try:
+        result = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer)
+    except Stopped:
+        raise SystemExit(STOPPED) from None
+    except ThirdBodyError as error:
+        for rank in range(comm.size):
+            comm.barrier()
+            if rank == comm.rank:
+                print(f"rank {rank}: {type(error).__name__}: {error}", flush=True)
+        raise SystemExit(1) from None
+    if comm.rank == 0:
+        meshes = sorted({attempt["mesh"] for attempt in observer.attempts})
+        print(json.dumps({**result.to_dict(), "resumed": observer.info["resumed_steps"], "meshes_run": meshes}))
+
+
+if __name__ == "__main__":
+    main()

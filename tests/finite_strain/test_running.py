@@ -1,0 +1,252 @@
+"""One light run, on one and two ranks, stopped and continued, and what it leaves on disk."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import finite_strain
+from finite_strain.planning import plan_run
+from linear_bem.errors import OutputUnusable
+from tests.finite_strain.press import ACCURACY, STOPPED
+from tests.finite_strain.scenes import Recorder, light_pair, relatively
+from tests.launch import mpirun
+
+PARALLEL = 1e-6
+"""Relative: equilibria are closed to 1e-9 of the normal force, and T is a thousandth of that force or less."""
+WRITTEN_PRESSURE = 0.2
+"""Discretisation: pressure is written linear on triangles, two of which span a contact radius, and never negative."""
+STEPS = 2
+
+
+def press(ranks: int, folder: Path, *args: str, code: int = 0) -> Any:
+    done = mpirun(ranks, "-m", "tests.finite_strain.press", folder, *args, timeout=200.0)
+    assert done.returncode == code, done.stderr
+    return json.loads(done.stdout) if code == 0 else done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("light")
+
+
+@pytest.fixture(scope="module")
+def heard() -> Recorder:
+    return Recorder()
+
+
+@pytest.fixture(scope="module")
+def result(folder: Path, heard: Recorder) -> Any:
+    """The light pair, pressed in by this process."""
+    return finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=heard)
+
+
+def test_two_mirrored_balls_feel_opposite_forces_to_the_last_bit(result: Any) -> None:
+    for step in result.steps:
+        left, right = step.balls
+        assert left.tangential_force == (-right.tangential_force[0], 0.0)
+        assert left.tangential_force[0] < 0.0  # the thin layer's pair separates
+        assert left.normal_force == right.normal_force
+        for ball in step.balls:
+            assert ball.tangential_force_error > 0.0
+            assert set(ball.tangential_force_routes) >= {"domain", "domain_companion"}
+
+
+def test_every_step_answers_for_the_prescribed_approach(result: Any) -> None:
+    assert len(result.steps) == STEPS
+    assert [b.approach for b in result.balls] == [relatively(0.02, 1e-12)] * 2
+    forces = [step.balls[0].normal_force for step in result.steps]
+    assert 0.0 < forces[0] < forces[1]
+    assert result.steps[-1].balls == result.balls
+
+
+def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
+    for step in result.steps:
+        # solver: the residual is closed to 1e-9 of the normal force
+        assert step.record["force_balance"] <= 1e-8
+        assert 0.0 < step.record["penetration"] < 0.02 * 0.02
+    assert result.solved.converged
+    assert result.solved.certificate["force_balance"] <= 1e-8
+
+
+def test_a_single_rank_foresees_the_number_of_its_unknowns(result: Any) -> None:
+    # theory: the estimate's own statement
+    assert plan_run(light_pair(), ACCURACY, "finite_strain").unknowns()[1] == relatively(result.solved.unknowns, 0.4)
+
+
+def test_the_observer_hears_size_attempts_iterations_and_steps(result: Any, heard: Recorder) -> None:
+    assert heard.info["unknowns"] == result.solved.unknowns
+    assert heard.info["load_steps"] == STEPS
+    assert heard.info["resumed_steps"] == 0
+    assert {attempt["mesh"] for attempt in heard.attempts} == {"companion", "main"}
+    assert len(heard.residuals) >= result.solved.iterations
+    assert tuple(heard.steps) == result.steps
+
+
+def test_the_surface_handed_to_the_observer_is_the_whole_scenes(result: Any, heard: Recorder) -> None:
+    surface = heard.surfaces[-1]
+    low, high = surface.reference.min(axis=0), surface.reference.max(axis=0)
+    assert low[:2] == pytest.approx(-high[:2])
+    corners = surface.points[surface.triangles]
+    assert np.isfinite(corners).all()
+    flat = surface.reference[surface.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]), axis=1).sum()
+    assert area == relatively(np.prod((high - low)[:2]), 1e-9)
+    force = integral_over(surface.reference, surface.triangles, surface.pressure)
+    assert force == relatively(sum(ball.normal_force for ball in result.balls), WRITTEN_PRESSURE)
+    deepest = surface.points[np.argmin(surface.points[:, 2])]
+    assert abs(abs(deepest[0]) - 1.0) < 0.1
+    assert deepest[2] == relatively(-0.02, 0.02)
+
+
+def integral_over(points: np.ndarray, triangles: np.ndarray, values: np.ndarray) -> float:
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return float(np.sum(areas * values[triangles].mean(axis=1)))
+
+
+def top_triangles(mesh: Any) -> np.ndarray:
+    """Return the faces (n, 3) of a tetrahedral mesh that lie in z = 0."""
+    cells = mesh.cells_dict["tetra"]
+    faces = np.concatenate([np.delete(cells, k, axis=1) for k in range(4)])
+    return faces[np.all(np.abs(mesh.points[faces][..., 2]) < 1e-12, axis=1)]
+
+
+def test_every_step_file_opens_with_its_fields(result: Any, folder: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    for number, step in enumerate(result.steps, start=1):
+        mesh = meshio.read(folder / f"step_{number:04d}.xdmf")
+        u, p = mesh.point_data["displacement"], mesh.point_data["contact_pressure"].ravel()
+        (stress,) = mesh.cell_data["cauchy_stress"]
+        assert u.shape == mesh.points.shape
+        assert len(stress) == len(mesh.cells_dict["tetra"])
+        assert np.isfinite(u).all()
+        assert np.isfinite(stress).all()
+        bottom = mesh.points[:, 2] < -1.16 + 1e-9
+        assert bottom.any()
+        assert np.abs(u[bottom]).max() < 1e-15  # roundoff
+        assert p.min() >= -1e-12 * p.max()  # roundoff
+        # the model holds half of one ball
+        force = integral_over(mesh.points, top_triangles(mesh), p)
+        assert force == relatively(0.5 * step.balls[0].normal_force, WRITTEN_PRESSURE)
+        # discretisation: a quadratic displacement is written at vertices, and the deepest is on the ball's axis
+        assert u[:, 2].min() == relatively(-step.balls[0].approach, 0.02)
+
+
+def test_stress_under_the_ball_balances_the_contact_pressure(result: Any, folder: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    mesh = meshio.read(folder / f"step_{STEPS:04d}.xdmf")
+    (stress,) = mesh.cell_data["cauchy_stress"]
+    stress = stress.reshape(-1, 3, 3)
+    assert np.abs(stress - stress.transpose(0, 2, 1)).max() < 1e-12
+    centroids = mesh.points[mesh.cells_dict["tetra"]].mean(axis=1)
+    nearest = np.argsort(np.linalg.norm(centroids - np.array([1.0, 0.0, 0.0]), axis=1))[:8]
+    # discretisation: one constant stress per tetrahedron, a third of the contact radius below the surface
+    assert stress[nearest, 2, 2].mean() == relatively(-result.balls[0].peak_pressure, 0.25)
+
+
+def test_the_index_holds_every_step(result: Any, folder: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        assert reader.num_steps == STEPS
+        assert len(cells) == 1
+        dents = []
+        for k in range(reader.num_steps):
+            time, point_data, cell_data = reader.read_data(k)
+            assert time == k + 1
+            assert len(point_data["displacement"]) == len(points)
+            assert "cauchy_stress" in cell_data
+            dents.append(point_data["displacement"][:, 2].min())
+    assert dents == sorted(dents, reverse=True)
+
+
+def assert_same_answer(found: Any, expected: Any, tolerance: float) -> None:
+    assert len(found["steps"]) == len(expected["steps"])
+    for a, b in zip(found["steps"], expected["steps"], strict=True):
+        for ball, other in zip(a["balls"], b["balls"], strict=True):
+            assert ball["normal_force"] == relatively(other["normal_force"], tolerance)
+            assert ball["tangential_force"][0] == relatively(other["tangential_force"][0], tolerance)
+            assert ball["contact_area"] == relatively(other["contact_area"], tolerance)
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path) -> None:
+    found = press(2, tmp_path)
+    assert found["solved"]["ranks"] == 2
+    assert found["meshes_run"] == ["companion", "main"]
+    assert (tmp_path / "mesh.msh").read_bytes() == (folder / "mesh.msh").read_bytes()
+    assert_same_answer(found, result.to_dict(), PARALLEL)
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.parametrize(("before", "after"), [(2, 1), (1, 2)], ids=["from two ranks to one", "from one to two"])
+def test_a_stopped_run_goes_on_from_its_folder(result: Any, before: int, after: int, tmp_path: Path) -> None:
+    press(before, tmp_path, "1", code=STOPPED)
+    assert (tmp_path / "step_0001.h5").exists()
+    assert not (tmp_path / "step_0002.h5").exists()
+    found = press(after, tmp_path)
+    assert found["resumed"] == 1
+    assert found["meshes_run"] == ["main"]  # the companion's answers are kept too
+    assert_same_answer(found, result.to_dict(), PARALLEL)
+
+
+def test_a_finished_run_is_answered_from_its_folder(result: Any, folder: Path) -> None:
+    again = Recorder()
+    found = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=again)
+    assert not again.attempts
+    assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in result.steps]
+
+
+@pytest.mark.parametrize("name", ["checkpoint.h5", "companion.json"])
+def test_an_unreadable_file_in_the_folder_is_named(result: Any, folder: Path, tmp_path: Path, name: str) -> None:
+    for file in ("checkpoint.h5", "companion.json"):
+        (tmp_path / file).write_bytes((folder / file).read_bytes())
+    (tmp_path / name).write_bytes(b"{ torn")
+    with pytest.raises(OutputUnusable, match=name):
+        finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    heard = Recorder()
+    with pytest.raises(OutputUnusable, match="cannot be written"):
+        finite_strain.solve(light_pair(), folder=tmp_path / "file" / "out", observer=heard)
+    assert not heard.attempts
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", ["checkpoint.h5", "companion.json"])
+def test_an_unreadable_file_stops_every_rank(result: Any, folder: Path, tmp_path: Path, name: str) -> None:
+    for file in ("checkpoint.h5", "companion.json"):
+        (tmp_path / file).write_bytes((folder / file).read_bytes())
+    (tmp_path / name).write_bytes(b"")
+    said = press(2, tmp_path, code=1)
+    assert said.count("OutputUnusable") == 2
+    assert said.count(name) == 2
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_run_that_does_not_converge_says_so_on_every_rank(ranks: int, tmp_path: Path) -> None:
+    said = press(ranks, tmp_path, "fail", code=1)
+    lines = [line for line in said.splitlines() if line.startswith("rank ")]
+    assert [line.split(":")[0] for line in lines] == [f"rank {rank}" for rank in range(ranks)]
+    for line in lines:
+        assert "NotConverged" in line
+        assert "DIVERGED_MAX_IT" in line
+        assert "last good state is at 0 of the full load" in line
+
+
+def test_the_tangential_force_is_known_far_better_than_its_own_size(result: Any) -> None:
+    ball = result.balls[0]
+    assert ball.tangential_force_error < 0.3 * math.hypot(*ball.tangential_force)
