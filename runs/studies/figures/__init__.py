@@ -9,7 +9,7 @@ from typing import Any
 
 from runs.studies import Options
 
-PARTS = ("bulge", "thickness")
+PARTS = ("bulge", "pressure", "thickness", "modulus", "distance", "map_lengths", "map_materials")
 
 
 def run(options: Options) -> None:

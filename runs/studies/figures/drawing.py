@@ -54,13 +54,28 @@ def save_figure(figure: Any, folder: Path, stem: str) -> None:
             figure.savefig(draft, format=kind, **more)
 
 
+def map_colors() -> dict[str, Any]:
+    """Return colour map and scale of T/T0: orange separates, white is zero, blue attracts."""
+    from matplotlib.colors import LinearSegmentedColormap, SymLogNorm  # noqa: PLC0415
+
+    colors = LinearSegmentedColormap.from_list("sign", ["#b35806", "#fdb863", "#ffffff", "#92c5de", "#2166ac"])
+    return {"cmap": colors, "norm": SymLogNorm(1e-3, linscale=0.3, vmin=-1.0, vmax=1.0)}
+
+
 def zero_line(axes: Any) -> None:
     """Draw T = 0."""
     axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
 
 
 def feature(
-    axes: Any, x: float, y: float, text: str, offset: tuple[float, float], color: str = "0.15", marker: str = "o"
+    axes: Any,
+    x: float,
+    y: float,
+    text: str,
+    offset: tuple[float, float],
+    color: str = "0.15",
+    marker: str = "o",
+    line: str | None = None,
 ) -> None:
     """Mark a point and name it; ``offset`` [points] places the text."""
     axes.plot([x], [y], marker, color=color, ms=5.5, mfc="white", mew=1.5, zorder=5)
@@ -73,6 +88,6 @@ def feature(
         color=color,
         ha="left" if offset[0] >= 0.0 else "right",
         va="center",
-        arrowprops={"arrowstyle": "-", "color": color, "lw": 0.7, "shrinkB": 4},
+        arrowprops={"arrowstyle": "-", "color": line or color, "lw": 0.7, "shrinkB": 4},
         zorder=6,
     )

@@ -18,8 +18,13 @@ Array = NDArray[np.float64]
 Samples = Sequence[float] | Array
 
 SCENE = Path(__file__).parent / "pair.toml"
-ACCURACY = 1e-5
-"""Relative accuracy asked of T at features; curves are drawn from values to 1e-3."""
+CURVES = 1e-3
+"""Relative accuracy asked of T where a curve is drawn."""
+
+
+def at_features(quick: bool) -> float:
+    """Return the relative accuracy asked of T at features."""
+    return CURVES if quick else 1e-5
 
 
 @cache
@@ -65,11 +70,11 @@ class Pair:
         changed = replace(base, layer=layer, substrate=substrate, balls=(left, right))
         return changed if self.approach is None else changed.with_load("approach", (self.approach,) * 2)
 
-    def left(self, accuracy: float = ACCURACY) -> BallResult:
+    def left(self, accuracy: float) -> BallResult:
         """Return the state of the left ball."""
         return solve(self.problem(), accuracy).balls[0]
 
-    def attraction(self, accuracy: float = ACCURACY) -> float:
+    def attraction(self, accuracy: float) -> float:
         """Return Tx on the left ball: positive attracts, negative separates."""
         return self.left(accuracy).tangential_force[0]
 

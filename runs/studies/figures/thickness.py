@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from runs.studies.figures.drawing import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import Pair, extremum, sign_changes
+from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, sign_changes
 from runs.studies.figures.part import Findings, Part
 
 REFERENCE = {1.16: -1.161292e-7, 6.0: 4.098673e-7, np.inf: 4.362335e-7}
@@ -18,26 +18,27 @@ CHANGES = (0.171697, 1.697711)
 
 def compute(quick: bool) -> Findings:
     """Return T'(h') at the paper's force and at the approach that this force makes on the half-space."""
-    whole = Pair(half_space=True).left()
+    asked = at_features(quick)
+    whole = Pair(half_space=True).left(asked)
     limit, depth = whole.tangential_force[0], whole.approach
-    thin = np.geomspace(2e-3, 0.1, 8 if quick else 25)
-    h = np.concatenate([thin[:-1], np.geomspace(0.1, 1000.0, 25 if quick else 140)])
+    thin = np.geomspace(2e-3, 0.1, 5 if quick else 25)
+    h = np.concatenate([thin[:-1], np.geomspace(0.1, 1000.0, 20 if quick else 140)])
 
     def at_force(thickness: float) -> float:
-        return Pair(thickness=thickness).attraction()
+        return Pair(thickness=thickness).attraction(asked)
 
     def at_approach(thickness: float) -> float:
-        return Pair(thickness=thickness, approach=depth).attraction()
+        return Pair(thickness=thickness, approach=depth).attraction(asked)
 
-    force = np.array([Pair(thickness=float(t)).attraction(1e-3) for t in h])
+    force = np.array([Pair(thickness=float(t)).attraction(CURVES) for t in h])
     # a thin layer at this approach would be squeezed to nothing: from ten times its depth on
     wide = h[h > 10.0 * depth]
-    approach = np.array([Pair(thickness=float(t), approach=depth).attraction(1e-3) for t in wide])
-    bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction()
+    approach = np.array([Pair(thickness=float(t), approach=depth).attraction(CURVES) for t in wide])
+    bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
     least, most = extremum(at_force, h, force, -1.0), extremum(at_approach, wide, approach, 1.0)
     thick = h > least[0]
     hump = extremum(
-        lambda t: Pair(thickness=t).attraction(1e-3), h[h < 0.15], force[h < 0.15], 1.0, place=0.1 if quick else 0.003
+        lambda t: Pair(thickness=t).attraction(CURVES), h[h < 0.15], force[h < 0.15], 1.0, place=0.1 if quick else 0.003
     )
     numbers = {
         "limit_thick": limit,

@@ -1,0 +1,132 @@
+"""Map of the sign of T over Poisson's ratio and modulus of the layer, by the point-load law, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from runs.studies.figures.drawing import feature, map_colors, panels
+from runs.studies.figures.pair import Pair, at_features
+from runs.studies.figures.part import Columns, Findings, Part
+from runs.studies.figures.point_law import PointLaw
+
+THICKNESS, DISTANCE = 1.16, 2.0
+CHECKED = (
+    (0.0, 1e-3), (0.2, 1e-3), (0.23, 1e-3), (0.26, 1e-3), (0.3, 1e-3), (0.48, 1e-3), (0.5, 1e-5), (0.3, 0.1),
+    (0.4, 0.05), (0.48, 0.1), (0.48, 0.2), (0.48, 0.25), (0.48, 1.0), (0.1, 5.0),
+)  # fmt: skip
+"""nu1, E1/E2 of points at which the full solver is asked; some embrace the boundary."""
+
+
+def compute(quick: bool) -> Findings:
+    """Return T/T0 at h' = 1.16, L' = 2 and the nearest L/h of separation over (nu1, E1/E2), and the check."""
+    asked = at_features(quick)
+    poisson = np.linspace(0.0, 0.5, 11 if quick else 41)
+    ratio = np.geomspace(1e-5, 10.0, 13 if quick else 49)
+    rho = DISTANCE / THICKNESS
+    force, lower, upper = (np.full((poisson.size, ratio.size), np.nan) for _ in range(3))
+    for i, nu in enumerate(poisson):
+        for j, r in enumerate(ratio):
+            law = PointLaw(float(nu), float(r))
+            force[i, j] = law.attraction(rho)
+            changes = law.sign_changes()
+            if changes.size:
+                lower[i, j], upper[i, j] = changes[0], changes[1] if changes.size > 1 else np.inf
+    checks = []
+    for nu, r in CHECKED[::3] if quick else CHECKED:
+        bare = Pair(poisson=nu, half_space=True).attraction(asked)
+        full = Pair(poisson=nu, ratio=r).attraction(asked) / bare
+        checks.append({"nu1": nu, "E1_over_E2": r, "law": float(PointLaw(nu, r).attraction(rho)), "full": full})
+    numbers = {
+        "ratio_without_separation": {f"{nu:g}": _largest_ratio(nu) for nu in (0.0, 0.3, 0.4, 0.48, 0.5)},
+        "lower_at_poisson": {f"{nu:g}": float(PointLaw(nu, 1e-3).sign_changes()[0]) for nu in (0.0, 0.3, 0.48, 0.5)},
+        "signs_agree": int(sum(c["law"] * c["full"] > 0.0 for c in checks)),
+        "checked": len(checks),
+        "largest_difference": max(abs(c["law"] - c["full"]) for c in checks),
+        "poisson_at_zero": _zero(lambda nu: float(PointLaw(nu, 1e-3).attraction(rho)), 0.1, 0.4),
+        "poisson_at_zero_full": _zero(lambda nu: Pair(poisson=nu).attraction(asked), 0.2, 0.3),
+        "checks": checks,
+    }
+    grid = {
+        "nu1": np.repeat(poisson, ratio.size).tolist(),
+        "E1_over_E2": np.tile(ratio, poisson.size).tolist(),
+        "T_over_half_space": force.ravel().tolist(),
+        "lower_L_over_h": lower.ravel().tolist(),
+        "upper_L_over_h": upper.ravel().tolist(),
+    }
+    check = {key: [c[key] for c in checks] for key in ("nu1", "E1_over_E2", "law", "full")}
+    tables: dict[str, Columns] = {"map": grid, "check": check}
+    return Findings(tables, numbers)
+
+
+def _zero(function: Any, low: float, high: float) -> float:
+    from scipy.optimize import brentq  # noqa: PLC0415
+
+    return float(brentq(function, low, high, xtol=1e-6))
+
+
+def _largest_ratio(poisson: float) -> float:
+    """Return E1/E2 beyond which balls attract at every distance."""
+    low, high = -3.0, 1.0
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if PointLaw(poisson, 10.0**middle).sign_changes().size else (low, middle)
+    return float(10.0 ** (0.5 * (low + high)))
+
+
+def draw(found: Findings) -> Any:
+    """Draw T/T0 for one place, and the least L/h at which balls separate."""
+    t, n = found.tables["map"], found.numbers
+    nu, ratio = np.unique(t["nu1"]), np.unique(t["E1_over_E2"])
+
+    def grid(key: str) -> Any:
+        return np.reshape(np.array(t[key], dtype=float), (nu.size, ratio.size)).T
+
+    figure, (force, reach) = panels(6.4, 6.4, height=5.0)
+    mesh = force.pcolormesh(nu, ratio, grid("T_over_half_space"), shading="gouraud", rasterized=True, **map_colors())
+    figure.colorbar(mesh, ax=force, label="$T / T_0$", extend="both")
+    force.contour(nu, ratio, grid("T_over_half_space"), [0.0], colors="black", linewidths=1.6)
+    for sign, marker, label in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
+        at = [(c["nu1"], c["E1_over_E2"]) for c in n["checks"] if c["full"] * sign > 0.0]
+        if at:
+            force.plot(*zip(*at, strict=True), marker, color="black", mfc="none", ms=7, label=f"full solver: {label}")
+    feature(force, n["poisson_at_zero_full"], 1e-3, f"$\\nu_1$ = {n['poisson_at_zero_full']:.4f}", (-28, -22))
+    force.set_title("(a) $h'$ = 1.16, $L'$ = 2: sign of T")
+    force.annotate("separation", (0.39, 8e-5), fontsize=12, style="italic", ha="center")
+    force.annotate("attraction", (0.12, 8e-5), fontsize=12, style="italic", ha="center")
+    force.legend(loc="upper left", frameon=True, framealpha=0.85, edgecolor="none")
+    lower, upper = grid("lower_L_over_h"), grid("upper_L_over_h")
+    mesh = reach.pcolormesh(nu, ratio, lower, shading="nearest", rasterized=True, cmap="cividis_r", vmin=1.1, vmax=2.6)
+    figure.colorbar(mesh, ax=reach, label="least $L/h$ at which balls separate", extend="max")
+    lines = reach.contour(nu, ratio, lower, [1.2, 1.4, 1.6, 1.8, 2.0], colors="black", linewidths=0.9)
+    reach.clabel(lines, fontsize=9, fmt="%.1f")
+    lines = reach.contour(nu, ratio, upper, [4.0, 6.0, 8.0, 12.0], colors="white", linewidths=1.1, linestyles="--")
+    reach.clabel(lines, fontsize=9, fmt="%g")
+    reach.set_title("(b) black: separation from, white: up to this $L/h$")
+    reach.annotate("attraction at every distance", (0.25, 1.6), fontsize=12, style="italic", ha="center")
+    for axes in (force, reach):
+        axes.set(yscale="log", xlabel="Poisson's ratio of the layer $\\nu_1$", ylabel="$E_1 / E_2$")
+        axes.set(xlim=(0.0, 0.5), ylim=(1e-5, 10.0))
+    return figure
+
+
+def sentences(n: Mapping[str, Any]) -> list[str]:
+    """Return what the map says and how well the law behind it holds."""
+    measured = "; ".join(
+        f"nu1 = {c['nu1']:g}, E1/E2 = {c['E1_over_E2']:g}: {c['full']:+.4f} (law {c['law']:+.4f})" for c in n["checks"]
+    )
+    stiff = ", ".join(f"{value:.3f} at nu1 = {nu}" for nu, value in n["ratio_without_separation"].items())
+    lower = ", ".join(f"{value:.3f} at nu1 = {nu}" for nu, value in n["lower_at_poisson"].items())
+    return [
+        "Low compressibility is not needed for separation, only for separation near by: with E1/E2 = 1e-3 balls "
+        f"separate from L/h = {lower} on. At h' = 1.16, L' = 2 that takes nu1 > {n['poisson_at_zero_full']:.4f} "
+        f"(the law: {n['poisson_at_zero']:.4f}).",
+        f"Where the layer is stiffer than a limit, balls attract at every distance: E1/E2 above {stiff}.",
+        f"Check at h' = 1.16, L' = 2: the full solver has the law's sign at {n['signs_agree']} of {n['checked']} "
+        f"points, T/T0 differs by at most {n['largest_difference']:.4f}. T/T0 of the full solver: {measured}.",
+    ]
+
+
+PART = Part("map_materials", "Map: sign of T over Poisson's ratio and modulus", compute, draw, sentences)

@@ -1,0 +1,104 @@
+"""Figure 11: T over the layer's modulus under a force that stays the same, on a substrate that stays the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from runs.studies.figures.drawing import BLUE, feature, panels, zero_line
+from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, scene, sign_changes
+from runs.studies.figures.part import Findings, Part
+
+UNIT = 60e6
+"""The modulus [Pa] that the paper scales the force by: its E1 where E1/E2 = 1e-3, hence E2 = 60 GPa here."""
+THICKNESSES = (0.6, 1.16, 1.5)
+
+
+def compute(quick: bool) -> Findings:
+    """Return T'' = T/(60 MPa R^2) over E1 from 6 MPa to 6e6 MPa, the sign change and the maximum."""
+    asked = at_features(quick)
+    substrate = scene().problem.substrate
+    assert substrate is not None
+    young = np.geomspace(0.1, 1e5, 31 if quick else 151)
+    force = np.array([Pair(young=float(e)).attraction(CURVES) for e in young])
+    rows = []
+    for thickness in THICKNESSES:
+
+        def attraction(e: float, h: float = thickness) -> float:
+            return Pair(thickness=h, young=e).attraction(asked)
+
+        coarse = np.geomspace(1.0, 1e5, 16)
+        values = force if thickness == THICKNESSES[1] else [attraction(float(e)) for e in coarse]
+        at = young if thickness == THICKNESSES[1] else coarse
+        top = extremum(attraction, at, values, 1.0, place=1e-4)
+        change = sign_changes(attraction, at, values)[0]
+        rows.append({"thickness": thickness, "change": change, "top": top[0], "value": top[1]})
+    main = rows[1]
+    numbers = {
+        "sign_change_over_E2": main["change"] / substrate.young,
+        "sign_change_GPa": main["change"] * UNIT / 1e9,
+        "maximum": main["value"],
+        "maximum_over_E2": main["top"] / substrate.young,
+        "maximum_GPa": main["top"] * UNIT / 1e9,
+        "at_60_MPa": Pair().attraction(asked),
+        "largest_over_at_60_MPa": abs(main["value"] / Pair().attraction(asked)),
+        "E1_T_at_6_MPa": float(young[0] * force[0]),
+        "stiffest_over_maximum": float(force[-1] / main["value"]),
+        "other_thicknesses": [
+            {k: v / substrate.young if k in ("change", "top") else v for k, v in row.items()} for row in rows
+        ],
+    }
+    table = {
+        "E1_MPa": (young * UNIT / 1e6).tolist(),
+        "E1_over_E2": (young / substrate.young).tolist(),
+        "T": force.tolist(),
+    }
+    return Findings({"modulus": table}, numbers)
+
+
+def draw(found: Findings) -> Any:
+    """Draw T'' over E1: where the balls separate, and enlarged where they attract."""
+    t, n = found.tables["modulus"], found.numbers
+    young = np.array(t["E1_MPa"]) / 1e3
+    figure, (soft, stiff) = panels(5.0, 6.4)
+    soft.plot(young, 1e7 * np.array(t["T"]), color=BLUE)
+    zero_line(soft)
+    feature(soft, 0.06, 1e7 * n["at_60_MPa"], f"$E_1$ = 60 MPa:\n{1e7 * n['at_60_MPa']:.6f}", (24, -14))
+    soft.set(xscale="log", xlim=(0.01, 100.0), ylim=(-7.0, 0.5), xlabel="$E_1$ [GPa]")
+    soft.set(ylabel="$10^7\\,T'' = 10^7\\,T / (60\\,\\mathrm{MPa}\\,R^2)$", title="(a) soft layers separate the balls")
+    stiff.plot(young, 1e10 * np.array(t["T"]), color=BLUE)
+    zero_line(stiff)
+    change, top = n["sign_change_GPa"], n["maximum_GPa"]
+    feature(stiff, change, 0.0, f"T = 0 at {change:.3f} GPa\n$E_1/E_2$ = {n['sign_change_over_E2']:.4f}", (20, -30))
+    words = f"maximum {1e10 * n['maximum']:.4f}\nat {top:.1f} GPa, $E_1/E_2$ = {n['maximum_over_E2']:.3f}"
+    feature(stiff, top, 1e10 * n["maximum"], words, (14, 16))
+    stiff.axvline(60.0, color="0.5", lw=0.8, ls="--", zorder=0)
+    stiff.annotate("$E_1 = E_2$ ", (60.0, -2.6), fontsize=9, color="0.35", ha="right")
+    stiff.set(xscale="log", xlim=(2.0, 6000.0), ylim=(-4.0, 5.8), xlabel="$E_1$ [GPa]", ylabel="$10^{10}\\,T''$")
+    stiff.set_title("(b) stiff layers, enlarged: attraction, with a maximum")
+    return figure
+
+
+def sentences(n: Mapping[str, Any]) -> list[str]:
+    """Return what the figure shows, and where it agrees with the paper's text."""
+    others = "; ".join(
+        f"h' = {row['thickness']:g}: sign change at E1/E2 = {row['change']:.4f}, maximum at {row['top']:.3f}"
+        for row in n["other_thicknesses"]
+    )
+    return [
+        f"At E1 = 60 MPa T'' = {n['at_60_MPa']:.6e}; T'' changes sign at E1 = {n['sign_change_GPa']:.3f} GPa "
+        f"(E1/E2 = {n['sign_change_over_E2']:.4f}) and has its maximum {n['maximum']:.4e} at "
+        f"{n['maximum_GPa']:.1f} GPa (E1/E2 = {n['maximum_over_E2']:.3f}).",
+        "Agrees: a stiffer layer weakens the separation, then the balls attract, then T has a maximum and decreases "
+        f"(to {n['stiffest_over_maximum']:.2f} of it at E1 = 6000 GPa).",
+        f"To show the maximum the E1 axis must go beyond E2, to {n['maximum_GPa']:.0f} GPa or "
+        f"{n['maximum_GPa'] / 0.06:.0f} times the 60 MPa it starts from; the attraction there is "
+        f"{n['largest_over_at_60_MPa']:.4f} of the separation at 60 MPa, too small for one linear axis.",
+        f"Assumed, because the paper does not say: h' = 1.16 and E2 = 60 GPa. How the features depend on h': {others}.",
+        f"Limit of soft layers: E1 T is constant, T'' = {n['E1_T_at_6_MPa']:.4e} / (E1 / 60 MPa) at 6 MPa.",
+    ]
+
+
+PART = Part("figure_11_modulus", "Figure 11: T over the layer's modulus", compute, draw, sentences)

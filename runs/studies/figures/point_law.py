@@ -1,0 +1,53 @@
+"""The sign of T by the point-load law: a function of L/h and the materials alone.
+
+T/T0 = 1 - rho^2 s'(rho) with rho = L/h, s the smooth part of the layered kernel and T0 the attraction on a half-space
+of the layer's material. It takes neither the size nor the shape of the contacts into account.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from linear_bem import Elastic
+from linear_bem.kernel import smooth_kernel
+from linear_bem.response import LayerResponse
+
+Array = NDArray[np.float64]
+
+NEAREST, FARTHEST = 0.25, 400.0
+"""Range of L/h in which sign changes are looked for."""
+
+
+@dataclass(frozen=True)
+class PointLaw:
+    """T/T0 over L/h for one pair of materials (nu1, E1/E2, nu2), from a spline through ``count`` quadratures."""
+
+    poisson: float
+    ratio: float
+    substrate_poisson: float = 0.3
+    count: int = 160
+
+    def _spline(self) -> CubicSpline:
+        response = LayerResponse(Elastic(1.0, self.poisson), Elastic(1.0 / self.ratio, self.substrate_poisson))
+        y = np.linspace(np.log(NEAREST) - 0.1, np.log(FARTHEST) + 0.1, self.count)
+        return CubicSpline(y, smooth_kernel(response, np.exp(y)) * np.exp(y))
+
+    def attraction(self, rho: Array | float) -> Array:
+        """Return T/T0 at L/h = ``rho``."""
+        y = np.log(np.asarray(rho, dtype=float))
+        spline = self._spline()
+        # with f(y) = rho s(rho): rho^2 s' = f' - f
+        return np.asarray(1.0 - spline(y, 1) + spline(y))
+
+    def sign_changes(self) -> Array:
+        """Return the values of L/h at which T changes sign."""
+        spline = self._spline()
+        y = np.linspace(np.log(NEAREST), np.log(FARTHEST), 8 * self.count)
+        values = 1.0 - spline(y, 1) + spline(y)
+        k = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+        share = values[k] / (values[k] - values[k + 1])
+        return np.asarray(np.exp(y[k] + share * (y[k + 1] - y[k])))

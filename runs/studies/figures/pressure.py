@@ -1,0 +1,94 @@
+"""Figure 9: contact pressure under both balls, and how far each is from symmetric."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from linear_bem import solve_contact
+from runs.studies.figures.drawing import BLUE, ORANGE, PURPLE, feature, panels, zero_line
+from runs.studies.figures.pair import Pair
+from runs.studies.figures.part import Findings, Part
+
+
+def compute(quick: bool) -> Findings:
+    """Return p'(xi) under the left and the right ball on their common axis, xi from each ball's own axis."""
+    solution = solve_contact(Pair().problem(), 1e-6)
+    left, right = solution.result().balls
+    x, _ = solution.outline(0)
+    reach = 1.08 * float(np.max(np.abs(x - left.position[0])))
+    xi = np.linspace(-reach, reach, 161 if quick else 641)
+    young = solution.problem.layer.young
+    p = [solution.pressure(ball.position[0] + xi, np.zeros_like(xi)) / young for ball in (left, right)]
+    difference = p[0] - p[1]
+    largest = int(np.argmax(difference))
+    peak = left.peak_pressure / young
+    hertz = _hertz(left.contact_area, left.normal_force)
+    numbers = {
+        "peak_pressure": peak,
+        "peak_pressure_of_hertz_on_same_area": hertz,
+        "contact_radius": float(np.sqrt(left.contact_area / np.pi)),
+        "inner_edge": float(np.max(x) - left.position[0]),
+        "outer_edge": float(left.position[0] - np.min(x)),
+        "largest_difference": float(difference[largest]),
+        "largest_difference_over_peak": float(difference[largest] / peak),
+        "at": float(xi[largest]),
+        "antisymmetry": float(np.max(np.abs(difference + difference[::-1])) / np.max(difference)),
+        "one_sign": bool(np.all(difference[xi > 0.0] >= -1e-12 * peak)),
+        "mutual": left.tangential_force_routes["mutual"][0],
+        "slope": left.tangential_force_routes["slope"][0],
+        "on_right": right.tangential_force[0],
+        "over_normal_force": left.tangential_force[0] / left.normal_force,
+        "error": left.tangential_force_error,
+    }
+    table = {"xi": xi.tolist(), "p_left": p[0].tolist(), "p_right": p[1].tolist(), "difference": difference.tolist()}
+    return Findings({"pressure": table}, numbers)
+
+
+def _hertz(area: float, force: float) -> float:
+    """Return the peak of the semi-elliptical pressure with this area and force."""
+    return 1.5 * force / area
+
+
+def draw(found: Findings) -> Any:
+    """Draw both pressures and their difference."""
+    t, n = found.tables["pressure"], found.numbers
+    figure, (both, difference) = panels(5.4, 5.8)
+    both.plot(t["xi"], t["p_left"], color=BLUE, lw=3.0, label="left ball")
+    both.plot(t["xi"], t["p_right"], "--", color=ORANGE, label="right ball")
+    feature(both, 0.0, n["peak_pressure"], f"peak {n['peak_pressure']:.6f}", (18, 9))
+    both.annotate(f"contact radius {n['contact_radius']:.6f}", (0.0, 0.008), ha="center", fontsize=9)
+    both.legend(loc="center")
+    both.set(xlabel="$x / R$ from the ball's own axis", ylabel="$p / E_1$", title="(a) contact pressure, $y = 0$")
+    both.set_ylim(0.0, 1.15 * n["peak_pressure"])
+    difference.plot(t["xi"], 1e6 * np.array(t["difference"]), color=PURPLE)
+    zero_line(difference)
+    place, top = n["at"], 1e6 * n["largest_difference"]
+    words = f"{n['largest_difference']:.4e}\n= {n['largest_difference_over_peak']:.2e} of the peak"
+    feature(difference, place, top, words, (-26, -2))
+    for sign, where in ((1, "inner edge\nof the left ball"), (-1, "outer edge\nof the left ball")):
+        difference.annotate(where, (sign * 0.82 * n["contact_radius"], -0.22 * top * sign), ha="center", fontsize=9)
+    difference.set(xlabel="$x / R$ from the ball's own axis", ylabel="$10^6\\,(p_{left} - p_{right}) / E_1$")
+    difference.set(title="(b) left less right", ylim=(-1.2 * top, 1.2 * top))
+    return figure
+
+
+def sentences(n: Mapping[str, Any]) -> list[str]:
+    """Return what the figure shows, and where it agrees with the paper's text."""
+    return [
+        f"Peak p' = {n['peak_pressure']:.6f} on a contact of radius {n['contact_radius']:.6f}; a semi-ellipse of the "
+        f"same area and force has {n['peak_pressure_of_hertz_on_same_area']:.6f}.",
+        "Agrees: the two pressures look like one curve; their difference, "
+        f"at most {n['largest_difference']:.4e} or {n['largest_difference_over_peak']:.2e} of the peak (at xi = "
+        f"{n['at']:+.4f}), is antisymmetric to {n['antisymmetry']:.0e} and "
+        f"{'has one sign' if n['one_sign'] else 'changes sign'} on each side.",
+        "Agrees: the forces on the balls are opposite. The left ball is pressed more on its inner side, so that the "
+        f"surface pushes it outwards: T' = {n['mutual']:.6e} on the left and {n['on_right']:.6e} on the right ball, "
+        f"{abs(n['over_normal_force']):.3e} of the normal force; the slope integral gives {n['slope']:.6e}, the "
+        f"error estimate is {n['error']:.0e}.",
+    ]
+
+
+PART = Part("figure_9_pressure", "Figure 9: contact pressures and their difference", compute, draw, sentences)
