@@ -199,9 +199,3 @@ def vertex_dofs(scalar_linear_space: Any) -> np.ndarray:
     table = np.zeros(len(mesh.geometry.x), dtype=np.int64)
     table[geometry.ravel()] = dofs.ravel()
     return table
-
-
-def vertex_dof_positions(space: Any) -> list[list[int]]:
-    """Return, for each vertex of a cell, which of the cell's dofs lies on it."""
-    layout = space.dofmap.dof_layout
-    return [list(layout.entity_dofs(0, vertex)) for vertex in range(4)]

@@ -207,18 +207,10 @@ class Model:
             contact.add_tangent(self.nodal, matrix, self.constrained)
         matrix.assemble()
 
-    def vertex_displacements(self) -> np.ndarray:
-        """Return the displacement [m] at this rank's vertices (linear dofs, 3)."""
-        values = np.zeros((len(self._vertex_work.x.array), 3))
-        quadratic, linear = compat.cell_dofs(self.space), compat.cell_dofs(self.linear_space)
-        corners = [positions[0] for positions in compat.vertex_dof_positions(self.space)]
-        values[linear] = self.nodal[quadratic[:, corners]]
-        return values
-
-    def top_triangles(self) -> np.ndarray:
-        """Return the linear dofs (n, 3) of the top facets whose cell this rank owns."""
-        surface = Surface.near(self.space, self.linear_space, self.facet_tags.find(TAGS["top"]), (0.0, 0.0), np.inf)
-        return surface.corners
+    def top_dofs(self) -> np.ndarray:
+        """Return the local nodes (n, 6) of the top facets whose cell this rank owns, corners first."""
+        top = self.facet_tags.find(TAGS["top"])
+        return Surface.near(self.space, self.linear_space, top, (0.0, 0.0), np.inf).dofs
 
     def project(self, contact: Contact, density: np.ndarray) -> np.ndarray:
         """Return a density (facets, points) of a contact projected to this rank's vertices, zero elsewhere."""

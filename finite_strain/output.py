@@ -135,23 +135,35 @@ class SurfaceFields:
 
 def gather_surface(model: Model) -> SurfaceFields | None:
     """Return the whole scene's deformed top surface on rank 0, completed by symmetry; None elsewhere (collective)."""
-    vertex_points = model.linear_space.tabulate_dof_coordinates()
-    displacement = model.vertex_displacements()
-    pressure = np.zeros(len(vertex_points))
+    nodes = model.space.tabulate_dof_coordinates()
+    triangles = _straight_triangles(model.top_dofs(), nodes)
+    pressure = np.zeros(len(nodes))
     for contact in model.contacts:
-        pressure += np.maximum(model.project(contact, contact.true_pressure(model.nodal)), 0.0)
-    triangles = model.top_triangles()
-    local = (vertex_points[triangles], displacement[triangles], pressure[triangles])
-    parts = model.comm.gather(local, root=0)
+        pressure += contact.nodal_pressure(model.nodal)
+    parts = model.comm.gather((nodes[triangles], model.nodal[triangles], pressure[triangles]), root=0)
     if parts is None:
         return None
     reference, moved, pressures = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    flat, inverse = np.unique(np.round(reference.reshape(-1, 3), 12), axis=0, return_inverse=True)
-    u, p = np.zeros_like(flat), np.zeros(len(flat))
-    u[inverse], p[inverse] = moved.reshape(-1, 3), pressures.ravel()
-    corners = inverse.reshape(-1, 3)
-    deformed = flat + u if model.contacts[0].indenter.deformed else flat + u * np.array([0.0, 0.0, 1.0])
-    return _completed(model, SurfaceFields(flat, deformed, corners, p))
+    size = float(np.ptp(reference))
+    _, first, inverse = np.unique(
+        np.round(reference.reshape(-1, 3) / (1e-9 * size)), axis=0, return_index=True, return_inverse=True
+    )
+    points = reference.reshape(-1, 3)[first]
+    u, p = moved.reshape(-1, 3)[first], pressures.ravel()[first]
+    deformed = points + u if model.contacts[0].indenter.deformed else points + u * np.array([0.0, 0.0, 1.0])
+    return _completed(model, SurfaceFields(points, deformed, inverse.reshape(-1, 3), p))
+
+
+def _straight_triangles(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Split quadratic facets (n, 6), corners first, into four straight triangles each (4 n, 3)."""
+    corners, mids = dofs[:, :3], dofs[:, 3:]
+    edges = nodes[corners][:, [[1, 2], [0, 2], [0, 1]]].mean(axis=2)
+    distance = np.linalg.norm(nodes[mids][:, None, :, :] - edges[:, :, None, :], axis=-1)
+    opposite = np.take_along_axis(mids, np.argmin(distance, axis=2), axis=1)  # of edge k: the node opposite corner k
+    a, b, c = corners.T
+    at_a, at_b, at_c = opposite.T
+    parts = [(a, at_c, at_b), (at_c, b, at_a), (at_b, at_a, c), (at_a, at_b, at_c)]
+    return np.concatenate([np.column_stack(part) for part in parts])
 
 
 def _completed(model: Model, part: SurfaceFields) -> SurfaceFields:
