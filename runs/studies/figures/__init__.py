@@ -46,6 +46,6 @@ def run(options: Options) -> None:
 
 
 def _made(part: Any, quick: bool) -> Any:
-    begun = time.perf_counter()
+    begun = time.process_time()
     found = part.compute(quick)
-    return type(found)(found.tables, found.numbers, time.perf_counter() - begun)
+    return type(found)(found.tables, found.numbers, time.process_time() - begun)

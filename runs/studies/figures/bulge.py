@@ -45,9 +45,9 @@ def anywhere(thickness: float) -> tuple[float, float, float]:
 
 def compute(quick: bool) -> Findings:
     """Return w*, x* over h/a on the axis, the deepest bulge off the axis for thin layers, and their features."""
-    thickness = np.geomspace(0.011, 20.0, 25 if quick else 90)
+    thickness = np.geomspace(0.011, 20.0, 19 if quick else 70)
     axis = np.array([on_axis(float(h)) for h in thickness])
-    leaves = _leaving(6 if quick else 14)
+    leaves = _leaving(5 if quick else 12)
     near = leaves * (1.0 - np.linspace(0.0, 1.0, 5 if quick else 14)[1:] ** 2)  # y* starts like a square root
     thin = np.sort(np.concatenate([near[near > 0.02], [0.015, leaves, 1.1 * leaves, 1.25 * leaves]]))
     surface = np.array([anywhere(float(h)) for h in thin])

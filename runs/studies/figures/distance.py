@@ -17,7 +17,7 @@ LAYERS = {"thin": 1.16, "thick": 6.0}
 def compute(quick: bool) -> Findings:
     """Return T'(L') on both layers with sign changes, extrema, and the share of T left far away."""
     asked = at_features(quick)
-    distance = np.geomspace(2.0, 300.0, 25 if quick else 120)
+    distance = np.geomspace(2.0, 300.0, 25 if quick else 90)
     tables, numbers = {}, dict[str, Any]()
     for name, thickness in LAYERS.items():
 

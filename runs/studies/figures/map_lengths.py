@@ -61,12 +61,12 @@ def compute(quick: bool) -> Findings:
         "share_left_at_rest": float(rigid.attraction(FINAL / 1.25) * 4.0 / FINAL**2 / rigid.attraction(2.0 / 1.25)),
         "checks": checks,
     }
-    grid = {
+    grid: Columns = {
         "h": np.tile(h, distance.size).tolist(),
         "L": np.repeat(distance, h.size).tolist(),
         "T_over_half_space": ratio.ravel().tolist(),
     }
-    check = {key: [c[key] for c in checks] for key in ("h", "L", "law", "full")}
+    check: Columns = {key: [c[key] for c in checks] for key in ("h", "L", "law", "full")}
     tables: dict[str, Columns] = {"map": grid, "check": check}
     return Findings(tables, numbers)
 
@@ -85,7 +85,7 @@ def draw(found: Findings) -> Any:
     figure, (axes,) = panels(7.6, height=5.4)
     mesh = axes.pcolormesh(h, distance, values, shading="gouraud", rasterized=True, **map_colors())
     figure.colorbar(mesh, ax=axes, label="$T / T_0$,  $T_0$: half-space of the layer's material", extend="both")
-    line = np.array([0.05, 50.0])
+    line = np.array([0.02, 50.0])
     for key, start in (("lower_L_over_h", 11.0), ("upper_L_over_h", 1.3)):
         axes.plot(line, n[key] * line, color="black", lw=1.6)
         axes.annotate(
@@ -95,17 +95,26 @@ def draw(found: Findings) -> Any:
     for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
         at = [(c["h"], c["L"]) for c in n["checks"] if c["full"] * sign > 0.0]
         if at:
-            axes.plot(*zip(*at, strict=True), marker, color="black", mfc="none", ms=7, label=f"full solver: {what}")
+            axes.plot(
+                *zip(*at, strict=True),
+                marker,
+                color="black",
+                mfc="none",
+                ms=7,
+                clip_on=False,
+                zorder=4,
+                label=f"full solver: {what}",
+            )
     for name, (thickness, separated) in EXPERIMENTS.items():
         seen = "separated" if separated else "stayed"
-        offset = {"16 mm": (-34, -20), "10 mm": (-2, -34), "7 mm": (26, -22)}[name]
+        offset = {"16 mm": (-34, -20), "10 mm": (-8, -40), "7 mm": (26, -22)}[name]
         feature(axes, thickness, 2.0, f"{name}: {seen}", offset, marker="D", line="black")
     axes.plot([1.25, 1.25], [2.0, FINAL], color="black", lw=0.9, ls="--")
-    feature(axes, 1.25, FINAL, "came to rest", (-22, 12), marker="D", line="black")
+    feature(axes, 1.25, FINAL, "came to rest", (12, 8), marker="D", line="black")
     for text, place in (("attraction", (9.0, 3.2)), ("separation", (0.62, 3.6)), ("attraction, weak", (0.14, 20.0))):
         axes.annotate(text, place, fontsize=12, style="italic", ha="center")
-    axes.set(xscale="log", yscale="log", xlim=(0.05, 50.0), ylim=(1.3, 100.0))
-    axes.axhspan(1.3, 2.0, color="white", zorder=1.5)
+    axes.set(xscale="log", yscale="log", xlim=(0.05, 50.0), ylim=(1.1, 100.0))
+    axes.axhspan(1.1, 2.0, color="white", zorder=1.5)
     axes.axhline(2.0, color="0.4", lw=0.8)
     axes.annotate("balls touch", (0.055, 1.8), fontsize=9, color="0.35")
     axes.set(xlabel="layer thickness $h' = h/R$", ylabel="distance $L' = L/R$")

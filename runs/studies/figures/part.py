@@ -24,6 +24,7 @@ class Findings:
     tables: dict[str, Columns]
     numbers: dict[str, Any]
     seconds: float = field(default=0.0, compare=False)
+    """Processor time [s] that it took."""
 
 
 @dataclass(frozen=True)

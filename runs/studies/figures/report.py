@@ -24,7 +24,7 @@ def report(folder: Path, done: Sequence[tuple[Part, Findings]], *, quick: bool) 
         f"# Figures 8 to 12 of {SOURCE}, and maps of the sign of T",
         "",
         f"Made by `thirdbody study figures{' --quick' if quick else ''}` in "
-        f"{sum(found.seconds for _, found in done):.1f} s of computing; {versions}, "
+        f"{sum(found.seconds for _, found in done):.1f} s of processor time; {versions}, "
         f"Python {platform.python_version()}.",
         "Lengths are over R (figure 8: over a), forces over E1 R^2; T > 0 on the left ball attracts. T at features is "
         "asked to 1e-5, on curves to 1e-3.",
