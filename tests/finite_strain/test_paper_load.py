@@ -1,4 +1,4 @@
-"""At the paper's load, where theories nearly agree, against the boundary element model at the default accuracy."""
+"""At the paper's load, where theories nearly agree, against the boundary element model."""
 
 from __future__ import annotations
 
@@ -15,22 +15,28 @@ from tests.finite_strain.scenes import PAPER_LOAD, SHAPES, STIFF_SUBSTRATE, pair
 
 pytestmark = pytest.mark.slow
 
-CASES = [("small_strain", 1.16), ("small_strain", 6.0), ("finite_strain", 1.16), ("finite_strain", 6.0)]
+CASES = [
+    ("small_strain", 1.16, 0.02),
+    ("small_strain", 6.0, 0.04),
+    ("finite_strain", 1.16, 0.02),
+    ("finite_strain", 6.0, 0.04),
+]
+"""Model, thickness, and the accuracy asked for: the default, and twice that where the box is large."""
 
 
-@pytest.fixture(scope="module", params=CASES, ids=[f"{model}, h = {h}" for model, h in CASES])
+@pytest.fixture(scope="module", params=CASES, ids=[f"{model}, h = {h}" for model, h, _ in CASES])
 def both(request: pytest.FixtureRequest) -> tuple[str, Any, Any]:
     """The finite-element and the boundary-element answer to one scene."""
-    model, thickness = request.param
+    model, thickness, accuracy = request.param
     load = Load("force", (PAPER_LOAD, PAPER_LOAD))
     problem = pair(load, thickness=thickness, substrate=STIFF_SUBSTRATE, shape=SHAPES[model])
-    return model, finite_strain.solve(problem, model=model), linear_bem.solve(problem)
+    return model, finite_strain.solve(problem, model=model, tangential_force=accuracy), linear_bem.solve(problem)
 
 
 def test_the_tangential_force_meets_the_linear_model(both: tuple[str, Any, Any]) -> None:
     _, elements, linear = both
     ball, reference = elements.balls[0], linear.balls[0]
-    # the accuracy that was asked for; theory adds a few tenths of a per cent at D = 0.012 R
+    # the default accuracy; theory adds a few tenths of a per cent at D = 0.012 R
     assert ball.tangential_force[0] == relatively(reference.tangential_force[0], 0.02)
     difference = abs(ball.tangential_force[0] - reference.tangential_force[0])
     assert difference < ball.tangential_force_error + reference.tangential_force_error
