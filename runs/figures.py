@@ -49,6 +49,8 @@ def draw_comparison(
     ):
         ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
+        if not np.any(np.isfinite(ratio)):
+            continue  # one ball, or no tangential force above its error
         factors.errorbar(
             depth + (beside if key == "approach" else 0.0),
             ratio,
@@ -64,7 +66,10 @@ def draw_comparison(
     factors.set_ylabel("T finite / T linear")
     factors.set_xlim(left=0.0)
     factors.set_title("Strengthening by finite strain", loc="left", fontsize=10)
-    factors.legend(frameon=False)
+    if factors.get_legend_handles_labels()[0]:
+        factors.legend(frameon=False)
+    else:
+        factors.text(0.5, 0.5, "no tangential force to compare", transform=factors.transAxes, ha="center")
     _save(figure, folder, "tangential_force", ("png", "svg"))
 
 

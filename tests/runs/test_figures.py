@@ -62,3 +62,15 @@ def test_missing_ratios_leave_gaps_and_not_errors(tmp_path: Path) -> None:
     figures.draw_comparison(tmp_path, [row, gap], balls, Scale.of(PAIR))
     assert (tmp_path / "tangential_force.png").stat().st_size > 10_000
     assert "<svg" in (tmp_path / "tangential_force.svg").read_text(encoding="utf-8")[:1000]
+
+
+def test_one_ball_has_no_ratio_to_draw(tmp_path: Path) -> None:
+    balls = [{"position": [0.0, 0.0], "tangential_force": [0.0, 0.0]}]
+    row = {
+        "ball": 0, "normal_force": 0.1, "approach": 0.2,
+        "tangential_linear": [0.0, 0.0], "tangential_linear_error": 0.0,
+        "tangential_finite": [0.0, 0.0], "tangential_finite_error": 1e-12,
+    }  # fmt: skip
+    row |= {f"strengthening_at_{kind}{end}": None for kind in ("force", "approach") for end in ("", "_error")}
+    figures.draw_comparison(tmp_path, [row, {**row, "approach": 0.3}], balls, Scale.of(PAIR))
+    assert "no tangential force to compare" in (tmp_path / "tangential_force.svg").read_text(encoding="utf-8")
