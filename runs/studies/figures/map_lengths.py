@@ -85,8 +85,8 @@ def draw(found: Findings) -> Any:
     figure, (axes,) = panels(7.6, height=5.4)
     mesh = axes.pcolormesh(h, distance, values, shading="gouraud", rasterized=True, **map_colors())
     figure.colorbar(mesh, ax=axes, label="$T / T_0$,  $T_0$: half-space of the layer's material", extend="both")
-    line = np.array([0.02, 50.0])
-    for key, start in (("lower_L_over_h", 11.0), ("upper_L_over_h", 1.3)):
+    for key, start in (("lower_L_over_h", 11.0), ("upper_L_over_h", 3.3)):
+        line = np.array([2.0 / n[key], 50.0])
         axes.plot(line, n[key] * line, color="black", lw=1.6)
         axes.annotate(
             f"T = 0 at $L = {n[key]:.3f}\\,h$", (start, n[key] * start), fontsize=10, rotation=47, ha="center",
@@ -107,7 +107,7 @@ def draw(found: Findings) -> Any:
             )
     for name, (thickness, separated) in EXPERIMENTS.items():
         seen = "separated" if separated else "stayed"
-        offset = {"16 mm": (-34, -20), "10 mm": (-8, -40), "7 mm": (26, -22)}[name]
+        offset = {"16 mm": (-34, -20), "10 mm": (4, -38), "7 mm": (26, -22)}[name]
         feature(axes, thickness, 2.0, f"{name}: {seen}", offset, marker="D", line="black")
     axes.plot([1.25, 1.25], [2.0, FINAL], color="black", lw=0.9, ls="--")
     feature(axes, 1.25, FINAL, "came to rest", (12, 8), marker="D", line="black")

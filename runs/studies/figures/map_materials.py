@@ -104,8 +104,9 @@ def draw(found: Findings) -> Any:
     feature(force, n["poisson_at_zero_full"], 1e-3, f"$\\nu_1$ = {n['poisson_at_zero_full']:.4f}", (-28, -22))
     force.set_title("(a) $h'$ = 1.16, $L'$ = 2: sign of T")
     force.annotate("separation", (0.39, 8e-5), fontsize=12, style="italic", ha="center")
-    force.annotate("attraction", (0.12, 8e-5), fontsize=12, style="italic", ha="center")
-    force.legend(loc="upper left", frameon=True, framealpha=0.85, edgecolor="none")
+    force.annotate("attraction", (0.12, 8e-3), fontsize=12, style="italic", ha="center")
+    force.legend(loc="lower left", frameon=True, framealpha=0.85, edgecolor="none")
+    reach.set_yscale("log")  # labels of contours are placed for the axes as they are now
     lower, upper = grid("lower_L_over_h"), grid("upper_L_over_h")
     mesh = reach.pcolormesh(nu, ratio, lower, shading="nearest", rasterized=True, cmap="cividis_r", vmin=1.1, vmax=2.6)
     figure.colorbar(mesh, ax=reach, label="least $L/h$ at which balls separate", extend="max")

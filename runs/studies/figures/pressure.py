@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem import solve_contact
+from linear_bem import Solution, solve_contact
 from runs.studies.figures.drawing import BLUE, ORANGE, PURPLE, feature, panels, zero_line
 from runs.studies.figures.pair import Pair
 from runs.studies.figures.part import Findings, Part
@@ -17,8 +17,8 @@ def compute(quick: bool) -> Findings:
     """Return p'(xi) under the left and the right ball on their common axis, xi from each ball's own axis."""
     solution = solve_contact(Pair().problem(), 1e-6)
     left, right = solution.result().balls
-    x, _ = solution.outline(0)
-    inner, outer = float(np.max(x) - left.position[0]), float(left.position[0] - np.min(x))
+    radius = float(np.sqrt(left.contact_area / np.pi))
+    inner, outer = (_edge(solution, left.position[0], side, radius) for side in (1.0, -1.0))
     reach, count = max(inner, outer), 81 if quick else 321
     # the pressures end like square roots: points close up towards both edges, and between them
     side = reach * np.sin(np.linspace(0.0, 0.5 * np.pi, count))
@@ -33,7 +33,7 @@ def compute(quick: bool) -> Findings:
     numbers = {
         "peak_pressure": peak,
         "peak_pressure_of_hertz_on_same_area": hertz,
-        "contact_radius": float(np.sqrt(left.contact_area / np.pi)),
+        "contact_radius": radius,
         "inner_edge": inner,
         "outer_edge": outer,
         "difference_at_nine_tenths": float(np.interp(0.9 * reach, xi, difference)),
@@ -50,6 +50,16 @@ def compute(quick: bool) -> Findings:
     }
     table = {"xi": xi.tolist(), "p_left": p[0].tolist(), "p_right": p[1].tolist(), "difference": difference.tolist()}
     return Findings({"pressure": table}, numbers)
+
+
+def _edge(solution: Solution, centre: float, side: float, radius: float) -> float:
+    """Return how far the contact reaches from the ball's axis to one side."""
+    low, high = 0.9 * radius, 1.1 * radius
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        pressed = float(solution.pressure(np.array([centre + side * middle]), np.zeros(1))[0]) > 0.0
+        low, high = (middle, high) if pressed else (low, middle)
+    return low
 
 
 def _hertz(area: float, force: float) -> float:
@@ -95,7 +105,8 @@ def sentences(n: Mapping[str, Any]) -> list[str]:
         "Agrees: the two pressures look like one curve; their difference, "
         f"at most {n['largest_difference']:.4e} or {n['largest_difference_over_peak']:.2e} of the peak (at xi = "
         f"{n['at']:+.5f}, between the contacts' edges, which are {abs(n['inner_edge'] - n['outer_edge']):.2e} R "
-        f"apart), {n['difference_at_nine_tenths']:.3e} at nine tenths of the radius, is antisymmetric to {n['antisymmetry']:.0e} and "
+        f"apart), {n['difference_at_nine_tenths']:.3e} at nine tenths of the radius, "
+        f"is antisymmetric to {n['antisymmetry']:.0e} and "
         f"{'has one sign' if n['one_sign'] else 'changes sign'} on each side.",
         "Agrees: the forces on the balls are opposite. The left ball is pressed more on its inner side, so that the "
         f"surface pushes it outwards: T' = {n['mutual']:.6e} on the left and {n['on_right']:.6e} on the right ball, "
