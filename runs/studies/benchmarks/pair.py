@@ -1,0 +1,78 @@
+"""Time to a T of given accuracy for the paper's pair, once the kernel's table is there; growth with many balls."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve
+from linear_bem.kernel import _table, far_rule, near_rule
+
+FORCE = 2.66666e-3
+THICKNESS = 1.16
+
+
+def lattice(count: int) -> Problem:
+    """Return ``count`` touching balls on a square lattice under one rigid holder, at the paper's load per ball."""
+    side = int(np.ceil(np.sqrt(count)))
+    middle = 0.5 * (side - 1)
+    places = [(2.0 * (i % side - middle), 2.0 * (i // side - middle)) for i in range(count)]
+    balls = tuple(Ball(place, 1.0) for place in places)
+    return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("total_force", (FORCE * count,)), Elastic(1e3, 0.3))
+
+
+def pair() -> Problem:
+    """Return the paper's pair."""
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("force", (FORCE,) * 2), Elastic(1e3, 0.3))
+
+
+def table_seconds() -> float:
+    """Return the time that the kernel's table takes from nothing."""
+    for cache in (_table, far_rule, near_rule):
+        cache.cache_clear()
+    begun = time.perf_counter()
+    LayeredKernel.of(pair())
+    return time.perf_counter() - begun
+
+
+def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
+    """Return the best time to T within 1e-2 to 1e-5, and the error against an answer asked to 1e-7."""
+    problem = pair()
+    exact = solve(problem, 1e-7).balls[0].tangential_force[0]
+    rows = []
+    for wanted, limit in ((1e-2, 0.01), (1e-3, 0.02), (1e-4, 0.05), (1e-5, 0.5)):
+        seconds = []
+        for _ in range(repeats):
+            begun = time.perf_counter()
+            found = solve(problem, wanted).balls[0]
+            seconds.append(time.perf_counter() - begun)
+        error = abs(found.tangential_force[0] / exact - 1.0)
+        estimate = found.tangential_force_error / abs(exact)
+        row = {"wanted": wanted, "seconds": min(seconds), "aim_seconds": limit, "error": error, "estimate": estimate}
+        rows.append(row)
+    return rows
+
+
+def growth(counts: list[int]) -> list[dict[str, Any]]:
+    """Return time and largest memory of this process so far for lattices of balls, T asked to 1e-3."""
+    rows = []
+    for count in counts:
+        begun = time.perf_counter()
+        found = solve(lattice(count), 1e-3)
+        seconds = time.perf_counter() - begun
+        size = max(float(np.hypot(*ball.tangential_force)) for ball in found.balls)
+        unit = 2.0**30 if sys.platform == "darwin" else 2.0**20
+        rows.append(
+            {
+                "balls": count,
+                "seconds": seconds,
+                "GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit,
+                "estimate": max(ball.tangential_force_error for ball in found.balls) / size,
+            }
+        )
+    return rows

@@ -1,0 +1,114 @@
+"""One sphere on a homogeneous half-space on one grid: this project, tamaas and ASPHER at one tolerance.
+
+Every code gets the same heights, load and tolerance; the error is measured in the same way for all, from the pressure
+that each returns against Hertz's. tamaas without periodic images and ASPHER solve the same problem as this project.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem import Layer, solve_height_field
+
+Array = NDArray[np.float64]
+
+RADIUS, CONTACT, SIDE = 1.0, 0.3, 1.0
+"""Sphere's radius, Hertz's contact radius and the grid's side, with a contact modulus of 1."""
+FORCE = 4.0 / 3.0 * CONTACT**3 / RADIUS
+PEAK = 2.0 * CONTACT / (np.pi * RADIUS)
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Row:
+    """Time [s] and errors of one code on one grid; ``remark`` says why there are none."""
+
+    code: str
+    cells: int
+    seconds: float = np.nan
+    pressure_error: float = np.nan
+    load_error: float = np.nan
+    remark: str = ""
+
+
+def heights(cells: int) -> Array:
+    """Return the paraboloid's heights at the centres of ``cells`` x ``cells`` cells."""
+    x = SIDE * ((np.arange(cells) + 0.5) / cells - 0.5)
+    return np.asarray((x[:, None] ** 2 + x**2) / (2.0 * RADIUS))
+
+
+def hertz(cells: int) -> Array:
+    """Return Hertz's pressure at the centres of the cells."""
+    return np.asarray(PEAK * np.sqrt(np.maximum(1.0 - 2.0 * RADIUS * heights(cells) / CONTACT**2, 0.0)))
+
+
+def by_this_project(cells: int) -> Array:
+    """Return the pressure of `linear_bem.solve_height_field`."""
+    layer = Layer(1.0, 0.0, np.inf)
+    return solve_height_field(
+        layer, None, heights(cells), SIDE / cells, normal_force=FORCE, tolerance=TOLERANCE
+    ).pressure
+
+
+def by_aspher(cells: int) -> Array:
+    """Return the pressure of ASPHER's nested solver (https://pypi.org/project/aspher)."""
+    aspher = importlib.import_module("aspher")
+    found = aspher.solve_nested(
+        cells, heights(cells), FORCE / SIDE**2, domain_size=SIDE, E_star=1.0, tol=TOLERANCE, precision="double"
+    )
+    return np.asarray(found.pressure, dtype=float).reshape(cells, cells)
+
+
+def by_tamaas(cells: int, *, periodic: bool) -> Array:
+    """Return the pressure of tamaas' Polonsky-Keer solver (https://pypi.org/project/tamaas)."""
+    tm: Any = importlib.import_module("tamaas")
+    tm.set_log_level(tm.LogLevel.warning)
+    tm.initialize(1)
+    model = tm.ModelFactory.createModel(tm.model_type.basic_2d, [SIDE, SIDE], [cells, cells])
+    model.E, model.nu = 1.0, 0.0
+    if not periodic:
+        tm.ModelFactory.registerNonPeriodic(model, "dcfft")
+    kind = tm.PolonskyKeerRey.pressure
+    solver = tm.PolonskyKeerRey(model, -heights(cells), TOLERANCE, primal_type=kind, constraint_type=kind)
+    if not periodic:
+        solver.setIntegralOperator("dcfft")
+    solver.max_iter = 5000
+    solver.solve(FORCE / SIDE**2)
+    return np.array(model.traction, dtype=float).reshape(cells, cells)
+
+
+CODES: dict[str, tuple[str, Callable[[int], Array]]] = {
+    "this project": ("", by_this_project),
+    "ASPHER": ("aspher", by_aspher),
+    "tamaas": ("tamaas", lambda cells: by_tamaas(cells, periodic=False)),
+    "tamaas, periodic": ("tamaas", lambda cells: by_tamaas(cells, periodic=True)),
+}
+"""Name, package and solver of every code."""
+
+
+def measure(code: str, cells: int) -> Row:
+    """Return time and errors of one code; a code that cannot be imported says how to get it."""
+    package, solver = CODES[code]
+    try:
+        if package:
+            importlib.import_module(package)
+    except ImportError as error:
+        return Row(code, cells, remark=f"not measured ({error}): pip install {package}")
+    begun = time.perf_counter()
+    pressure = solver(cells)
+    seconds = time.perf_counter() - begun
+    exact = hertz(cells)
+    return Row(
+        code,
+        cells,
+        seconds,
+        float(np.linalg.norm(pressure - exact) / np.linalg.norm(exact)),
+        float(abs(np.sum(pressure) * (SIDE / cells) ** 2 / FORCE - 1.0)),
+    )
