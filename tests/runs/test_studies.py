@@ -1,10 +1,9 @@
-"""The studies: what the numbers behind the paper's figures are, that finished parts are kept, and names that are none."""
+"""The studies: the numbers behind the paper's figures, finished parts that are kept, names that are none."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +23,13 @@ PARTS = (
 
 
 @pytest.fixture(scope="module")
-def out(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study") / "figures"
     done = python("-m", "runs.cli", "study", "figures", "--quick", "--out", folder)
     assert done.returncode == 0, done.stderr
     assert "# Figures 8 to 12" in done.stdout
     assert done.stdout == (folder / "figures.md").read_text(encoding="utf-8") + "\n"
-    yield folder
+    return folder
 
 
 def numbers(out: Path, part: str) -> Any:
@@ -64,7 +63,8 @@ def test_the_bulge_has_its_reference_depth_and_leaves_the_axis_in_thin_layers(ou
 
 def test_the_pressures_differ_by_an_odd_function_that_presses_the_inner_sides(out: Path) -> None:
     found = table(out / "figure_9_pressure_pressure.csv")
-    assert found["difference"] == pytest.approx(-found["difference"][::-1], abs=1e-9 * np.max(found["p_left"]))
+    # roundoff: next to the edge the pressure is the square root of a difference
+    assert found["difference"] == pytest.approx(-found["difference"][::-1], abs=1e-7 * np.max(found["p_left"]))
     assert np.all(found["difference"][found["xi"] > 0.0] >= 0.0)
     assert numbers(out, "figure_9_pressure")["mutual"] == pytest.approx(-1.161292e-7, rel=REFERENCE)
 

@@ -75,7 +75,14 @@ def draw(found: Findings) -> Any:
     for n, color in ((thick, BLUE), (thin, ORANGE)):
         for change in n["sign_changes"]:
             far.axvline(change, ymax=0.06, color=color, lw=1.2)
-            far.annotate(f"{change:.4g}", (change, 7.0 * floor), color=color, fontsize=9, ha="center")
+            far.annotate(
+                f"{change:.4g}",
+                (change, 7.0 * floor),
+                color=color,
+                fontsize=9,
+                ha="center",
+                bbox={"fc": "white", "ec": "none", "pad": 1.0},
+            )
     far.set(xlim=(1.9, 300.0), ylim=(floor, 2e-6), xlabel="distance $L' = L/R$", ylabel="$|T'|$")
     far.set_title("(b) far away; ticks at the sign changes")
     far.legend(loc="upper right")
