@@ -64,8 +64,12 @@ class MeshRun:
         squared = forces[:, None] ** 2
         return np.divide(self.meter.domain(radii), squared, out=np.zeros((len(forces), 2)), where=squared > 0.0)
 
-    def answer(self, record: StepRecord, number: int, companion: Companion) -> Step:
-        """Return the finished step with forces, routes and errors for every ball of the scene (collective)."""
+    def answer(self, record: StepRecord, earlier: list[Step], companion: Companion) -> Step:
+        """Return the finished step with forces, routes and errors for every ball of the scene (collective).
+
+        The mesh error is the largest relative one on the load path so far: where the difference of the two
+        meshes changes its sign it is small by chance.
+        """
         states = self.contact_states()
         raw = self.per_squared_force(states)
         coarse = companion.at(record.fraction)
@@ -74,9 +78,11 @@ class MeshRun:
         forces, force_error = extrapolated(np.array(record.normal_forces), coarse.normal_forces)
         approaches, approach_error = extrapolated(np.array(self.path.history[-1].approaches), coarse.approaches)
         squared = forces**2
-        routes = np.abs(self._route_difference).max(axis=1)
-        error_at_force = squared * (np.abs(change).max(axis=1) + routes) + self.solver.tolerance
         size = np.abs(ratio).max(axis=1) * squared
+        mesh_error = np.abs(change).max(axis=1) / np.maximum(np.abs(ratio).max(axis=1), np.finfo(float).tiny)
+        mesh_error = np.max([mesh_error, *(step.record["mesh_error"] for step in earlier)], axis=0)
+        routes = squared * np.abs(self._route_difference).max(axis=1)
+        error_at_force = size * mesh_error + routes + self.solver.tolerance
         error = error_at_force + 2.0 * size * np.divide(
             force_error, forces, out=np.zeros_like(forces), where=forces > 0
         )
@@ -112,7 +118,7 @@ class MeshRun:
         reaction = self.model.base_reaction()
         pressed = sum(f / ball.copies for f, ball in zip(record.normal_forces, reduction.balls, strict=True))
         details = {
-            "step": number,
+            "step": len(earlier) + 1,
             "fraction": record.fraction,
             "iterations": record.newton_iterations,
             "augmentations": record.augmentations,
@@ -123,6 +129,7 @@ class MeshRun:
             "open_gap": max(s["open_gap"] for s in states),
             "force_balance": abs(pressed - reaction) / pressed,
             "strain_energy": whole * self.model.strain_energy(),
+            "mesh_error": mesh_error.tolist(),
             "normal_force_error": [float(force_error[i.model_ball]) for i in reduction.images],
             "approach_error": [float(approach_error[i.model_ball]) for i in reduction.images],
             "tangential_force_error_at_force": [float(error_at_force[i.model_ball]) for i in reduction.images],

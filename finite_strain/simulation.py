@@ -27,7 +27,7 @@ from finite_strain.together import on_root, replace_text, working_folder
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
 
-FORMAT = 2
+FORMAT = 3
 """Changes whenever a checkpoint of an older version must not be continued."""
 
 
@@ -74,7 +74,7 @@ def simulate(
             }
         )
         for record in main.path.steps(list(plan.fractions)):
-            step = main.answer(record, len(steps) + 1, companion)
+            step = main.answer(record, steps, companion)
             steps.append(step)
             if writer is not None:
                 writer.write(len(steps))
