@@ -247,15 +247,15 @@ class Contact:
         self.multiplier = self.pressure(displacement)
 
     def project(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return this rank's share of the biorthogonal moments of a density (facets, points), and of their weights.
+        """Return this rank's share of a density's moments (facets, points) with the linear functions, and their areas.
 
-        Summed over ranks, moment over weight is the density at the vertices of the linear space; a linear
-        density comes back unchanged [Wohlmuth 2000, doi 10.1137/S0036142999350929].
+        Summed over ranks, moment over area is the density at the vertices: never negative where the density
+        is not, and with the same integral over the surface.
         """
         moments, weights = np.zeros(self.vertices), np.zeros(self.vertices)
-        dual = 4.0 * self.surface.corner_values - 1.0  # 3 N_i - N_j - N_k, and the N sum to 1
-        np.add.at(moments, self.surface.corners, (self.surface.weights * density) @ dual)
-        np.add.at(weights, self.surface.corners, self.surface.weights @ dual)
+        linear = self.surface.corner_values
+        np.add.at(moments, self.surface.corners, (self.surface.weights * density) @ linear)
+        np.add.at(weights, self.surface.corners, self.surface.weights @ linear)
         return moments, weights
 
     def force(self, displacement: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from finite_strain.companion import FORCE_RATIO_ORDER, Companion, extrapolated, gain
+from finite_strain.companion import CAUTIOUS_ORDER, FORCE_RATIO_ORDER, Companion, extrapolated, gain
 from finite_strain.forces import ForceMeter
 from finite_strain.kinematics import Finite, Kinematics, Small
 from finite_strain.loading import LoadPath, StepRecord
@@ -67,19 +67,23 @@ class MeshRun:
     def answer(self, record: StepRecord, earlier: list[Step], companion: Companion) -> Step:
         """Return the finished step with forces, routes and errors for every ball of the scene (collective).
 
-        The mesh error is the largest relative one on the load path so far: where the difference of the two
-        meshes changes its sign it is small by chance.
+        The mesh error is that of a lower order than the extrapolation's, and the largest relative one on the
+        load path so far: where the difference of the two meshes changes its sign it is small by chance.
         """
         states = self.contact_states()
         raw = self.per_squared_force(states)
         coarse = companion.at(record.fraction)
-        change = gain(FORCE_RATIO_ORDER) * (raw - coarse.per_squared_force)
-        ratio = raw + change
+        difference = raw - coarse.per_squared_force
+        ratio = raw + gain(FORCE_RATIO_ORDER) * difference
         forces, force_error = extrapolated(np.array(record.normal_forces), coarse.normal_forces)
         approaches, approach_error = extrapolated(np.array(self.path.history[-1].approaches), coarse.approaches)
         squared = forces**2
         size = np.abs(ratio).max(axis=1) * squared
-        mesh_error = np.abs(change).max(axis=1) / np.maximum(np.abs(ratio).max(axis=1), np.finfo(float).tiny)
+        mesh_error = (
+            gain(CAUTIOUS_ORDER)
+            * np.abs(difference).max(axis=1)
+            / np.maximum(np.abs(ratio).max(axis=1), np.finfo(float).tiny)
+        )
         mesh_error = np.max([mesh_error, *(step.record["mesh_error"] for step in earlier)], axis=0)
         routes = squared * np.abs(self._route_difference).max(axis=1)
         error_at_force = size * mesh_error + routes + self.solver.tolerance

@@ -61,7 +61,7 @@ class FieldWriter:
         pressure = values["contact_pressure"].x.array
         pressure[:] = 0.0
         for contact in model.contacts:
-            pressure += np.maximum(model.project(contact, contact.true_pressure(model.nodal)), 0.0)
+            pressure += model.project(contact, contact.true_pressure(model.nodal))
         for expression, cells in self._stress:
             values["cauchy_stress"].interpolate(expression, cells)
         stem = f"step_{number:04d}"

@@ -27,7 +27,7 @@ from finite_strain.together import on_root, replace_text, working_folder
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
 
-FORMAT = 3
+FORMAT = 4
 """Changes whenever a checkpoint of an older version must not be continued."""
 
 

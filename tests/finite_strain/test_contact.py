@@ -219,14 +219,15 @@ def test_quadrature_weights_add_up_to_the_top_within_reach(model: Model) -> None
     assert surface.weights.sum() < area
 
 
-def test_projecting_a_linear_density_returns_it_at_the_vertices(model: Model) -> None:
+def test_projecting_a_density_keeps_its_integral_and_its_sign(model: Model) -> None:
     contact = model.contacts[0]
-    density = 2.0 + 0.3 * contact.surface.points[..., 0] - 0.7 * contact.surface.points[..., 1]
+    x, y = contact.surface.points[..., 0], contact.surface.points[..., 1]
+    density = np.maximum(0.3 - np.hypot(x - x.mean(), y - y.mean()), 0.0)
     projected = model.project(contact, density)
-    vertices = model.linear_space.tabulate_dof_coordinates()
-    touched = np.unique(contact.surface.corners)
-    expected = 2.0 + 0.3 * vertices[touched, 0] - 0.7 * vertices[touched, 1]
-    assert projected[touched] == pytest.approx(expected, abs=1e-10)
+    assert projected.min() == 0.0
+    integral = np.sum(contact.surface.weights * (projected[contact.surface.corners] @ contact.surface.corner_values.T))
+    assert integral == relatively(np.sum(contact.surface.weights * density), 1e-12)
+    assert model.project(contact, np.ones_like(x))[np.unique(contact.surface.corners)] == pytest.approx(1.0)
 
 
 def test_extremes_describe_a_known_indentation(model: Model) -> None:
