@@ -17,6 +17,8 @@ from linear_bem.result import Result
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
+FORMAT = 5
+"""Changes whenever a run that an older version left behind must not be continued or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Relative accuracy of the tangential force that is aimed at where none is asked for."""
 
@@ -72,4 +74,4 @@ def plan(problem: Problem, tangential_force: float = DEFAULT_ACCURACY, model: st
     return plan_run(problem, tangential_force, model).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "NEEDED", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "plan", "solve"]

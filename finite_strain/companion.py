@@ -27,9 +27,9 @@ def gain(order: float) -> float:
 
 
 def extrapolated(fine: np.ndarray, coarse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return force or approach extrapolated from both meshes, and its error."""
+    """Return forces or approaches extrapolated from both meshes, and their errors; none changes its sign."""
     change = gain(INDENTATION_ORDER) * (fine - coarse)
-    return fine + change, np.abs(change)
+    return np.where(fine * (fine + change) > 0.0, fine + change, fine), np.abs(change)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import fcntl
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from linear_bem.errors import MissingDependency, ThirdBodyError
+from linear_bem.errors import MissingDependency, OutputUnusable, ThirdBodyError
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
@@ -78,15 +78,21 @@ def compile_form(form: Any, comm: MPI.Comm) -> Any:
 @contextmanager
 def _compiler_cache(comm: MPI.Comm) -> Iterator[Path]:
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
-    if comm.rank != 0:
-        yield cache
-        return
-    cache.mkdir(parents=True, exist_ok=True)
-    with (cache / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        for source in cache.glob("*.c"):
-            if not source.with_suffix(".c.cached").exists():
-                source.unlink()
+    failure = None
+    with ExitStack() as stack:
+        if comm.rank == 0:
+            try:
+                cache.mkdir(parents=True, exist_ok=True)
+                lock = stack.enter_context((cache / "lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                for source in cache.glob("*.c"):
+                    if not source.with_suffix(".c.cached").exists():
+                        source.unlink()
+            except OSError as error:
+                failure = f"compiled forms cannot be kept in {cache}: {error}; set XDG_CACHE_HOME to a writable folder"
+        failure = comm.bcast(failure, root=0)
+        if failure:
+            raise OutputUnusable(failure)
         yield cache
 
 
@@ -199,3 +205,9 @@ def vertex_dofs(scalar_linear_space: Any) -> np.ndarray:
     table = np.zeros(len(mesh.geometry.x), dtype=np.int64)
     table[geometry.ravel()] = dofs.ravel()
     return table
+
+
+def free_dropped_objects(comm: MPI.Comm) -> None:
+    """Free PETSc objects that Python has dropped (collective): since PETSc 3.18 they only queue up in parallel."""
+    if hasattr(PETSc, "garbage_cleanup"):
+        PETSc.garbage_cleanup(comm)

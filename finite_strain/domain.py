@@ -16,6 +16,8 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Ball, Problem
 from meshes.box import Box, Zone
 
+LEAST_SHARE = 0.1
+"""Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from mpi4py import MPI
 
+from finite_strain.domain import LEAST_SHARE
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
 from linear_bem.closed_forms import Indentation, indentation_of_layer
@@ -196,16 +197,12 @@ class LoadPath:
         return copies[:, None] * (np.diag(own) - coupled)
 
     def _set_approaches(self, approaches: np.ndarray | list[float]) -> None:
-        modulus = self.problem.layer.contact_modulus
+        """Move the balls and fit each penalty to its contact, but for no ball to a mere touch."""
+        deepest = max(approaches)
         for contact, approach in zip(self.model.contacts, approaches, strict=True):
             contact.approach = float(approach)
-            if approach > 0.0:
-                radius = self._indentation(contact.approach, contact.radius).contact_radius
-                contact.penalty = PENALTY * modulus / radius
-        deepest = max(contact.approach for contact in self.model.contacts)
-        for contact in self.model.contacts:
-            if contact.approach <= 0.0:
-                contact.penalty = PENALTY * modulus / self._indentation(deepest, contact.radius).contact_radius
+            radius = self._indentation(max(contact.approach, LEAST_SHARE * deepest), contact.radius).contact_radius
+            contact.penalty = PENALTY * self.problem.layer.contact_modulus / radius
 
     def _indentation(self, approach: float, radius: float) -> Indentation:
         return indentation_of_layer(self.problem.layer, self.problem.substrate, radius, approach=approach)
@@ -227,14 +224,18 @@ class LoadPath:
             common = sum(guesses) / len(guesses)
             return [common] * len(guesses) if self.problem.load.kind == "total_force" else guesses
         last = self.history[-1]
-        exponents = [2.0 / 3.0] * len(self.balls)
-        if len(self.history) > 1:
-            before = self.history[-2]
-            exponents = [
-                math.log(d1 / d0) / math.log(last.fraction / before.fraction)
-                for d0, d1 in zip(before.approaches, last.approaches, strict=True)
-            ]
-        return [d * (fraction / last.fraction) ** e for d, e in zip(last.approaches, exponents, strict=True)]
+        if len(self.history) < 2:
+            return [d * (fraction / last.fraction) ** (2.0 / 3.0) for d in last.approaches]
+        before = self.history[-2]
+        guesses = []
+        for d0, d1 in zip(before.approaches, last.approaches, strict=True):
+            if min(d0, d1) > 0.0:
+                exponent = math.log(d1 / d0) / math.log(last.fraction / before.fraction)
+                guesses.append(d1 * (fraction / last.fraction) ** exponent)
+            else:  # a neighbour's bulge lifts this ball
+                slope = (d1 - d0) / (last.fraction - before.fraction)
+                guesses.append(d1 + slope * (fraction - last.fraction))
+        return guesses
 
     def _extrapolate(self, fraction: float) -> None:
         if len(self.history) < 2:

@@ -40,6 +40,11 @@ class MeshRun:
         self._route_difference = np.zeros((len(plan.reduction.balls), 2))
         self._began = time.monotonic()
 
+    def close(self) -> None:
+        """Free matrix, factors and vectors (collective)."""
+        self.solver.close()
+        self.model.close()
+
     def _compare_routes(self) -> None:
         """Note by how much traction and domain integral differ, as T / Q^2, before the first augmentation."""
         forces = self.path.normal_forces()
@@ -67,7 +72,7 @@ class MeshRun:
     def answer(self, record: StepRecord, earlier: list[Step], companion: Companion) -> Step:
         """Return the finished step with forces, routes and errors for every ball of the scene (collective).
 
-        The mesh error is that of a lower order than the extrapolation's, and the largest relative one on the
+        The mesh error is that of a lower order than the extrapolation's, and the largest (of T / Q^2) on the
         load path so far: where the difference of the two meshes changes its sign it is small by chance.
         """
         states = self.contact_states()
@@ -79,14 +84,10 @@ class MeshRun:
         approaches, approach_error = extrapolated(np.array(self.path.history[-1].approaches), coarse.approaches)
         squared = forces**2
         size = np.abs(ratio).max(axis=1) * squared
-        mesh_error = (
-            gain(CAUTIOUS_ORDER)
-            * np.abs(difference).max(axis=1)
-            / np.maximum(np.abs(ratio).max(axis=1), np.finfo(float).tiny)
-        )
+        mesh_error = gain(CAUTIOUS_ORDER) * np.abs(difference).max(axis=1)
         mesh_error = np.max([mesh_error, *(step.record["mesh_error"] for step in earlier)], axis=0)
-        routes = squared * np.abs(self._route_difference).max(axis=1)
-        error_at_force = size * mesh_error + routes + self.solver.tolerance
+        routes = np.abs(self._route_difference).max(axis=1)
+        error_at_force = squared * (mesh_error + routes) + self.solver.tolerance
         error = error_at_force + 2.0 * size * np.divide(
             force_error, forces, out=np.zeros_like(forces), where=forces > 0
         )
@@ -110,10 +111,10 @@ class MeshRun:
                     peak_pressure=states[b]["peak_pressure"],
                     contact_area=states[b]["contact_area"],
                     tangential_force_routes={
-                        "domain_extrapolated": turned(ratio),
-                        "traction_extrapolated": turned(ratio + self._route_difference),
-                        "domain": turned(raw),
-                        "domain_companion": turned(coarse.per_squared_force),
+                        "domain": turned(ratio),
+                        "traction": turned(ratio + self._route_difference),
+                        "domain_main_mesh": turned(raw),
+                        "domain_companion_mesh": turned(coarse.per_squared_force),
                     },
                 )
             )

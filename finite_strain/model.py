@@ -120,6 +120,12 @@ class Model:
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._work = compat.ghosted_vector(self._residual, self.space)
 
+    def close(self) -> None:
+        """Free the matrix and the work vector (collective)."""
+        self.matrix.destroy()
+        self._work.destroy()
+        compat.free_dropped_objects(self.comm)
+
     @property
     def unknowns(self) -> int:
         """Number of displacement components on all ranks."""

@@ -63,6 +63,11 @@ class NewtonSolver:
         self.tolerance = 0.0
         self.max_iterations = 25
 
+    def close(self) -> None:
+        """Free the solver, with the matrix's factors (collective)."""
+        for item in (self.snes, self._x, self._b, self._start):
+            item.destroy()
+
     def solve(self, tolerance: float) -> Equilibrium:
         """Bring the model into equilibrium from its present displacement.
 
@@ -73,16 +78,18 @@ class NewtonSolver:
         self.model.get_state(self._x)
         self._x.copy(self._start)
         iterations = 0
-        for search in ("bt", "basic"):
+        options = PETSc.Options("thirdbody_")
+        usual = options.getString("snes_linesearch_type")
+        for search in (usual, "basic"):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
             if search == "basic":
                 # at the end the potential's decrease drowns in its own roundoff and the search stalls:
                 # a full step is then safe, and the residual decides
-                PETSc.Options("thirdbody_")["snes_linesearch_type"] = "basic"
+                options["snes_linesearch_type"] = "basic"
                 self.snes.setFromOptions()
             self.snes.solve(None, self._x)
             if search == "basic":
-                PETSc.Options("thirdbody_")["snes_linesearch_type"] = "bt"
+                options["snes_linesearch_type"] = usual
                 self.snes.setFromOptions()
             iterations += self.snes.getIterationNumber()
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()

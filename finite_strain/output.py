@@ -54,6 +54,14 @@ class FieldWriter:
             stress = model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
             yield stress, model.cell_tags.find(bulk.tag)
 
+    def forget_after(self, number: int) -> None:
+        """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
+        if self.model.comm.rank == 0:
+            for path in self.folder.glob("step_*.*"):
+                if path.stem > _stem(number):
+                    path.unlink()
+        self.model.comm.barrier()
+
     def write(self, number: int) -> None:
         """Write step ``number`` (1, 2, ...) and bring the index up to date."""
         model, values = self.model, self._values
@@ -64,7 +72,7 @@ class FieldWriter:
             pressure += model.project(contact, contact.true_pressure(model.nodal))
         for expression, cells in self._stress:
             values["cauchy_stress"].interpolate(expression, cells)
-        stem = f"step_{number:04d}"
+        stem = _stem(number)
         with dolfinx.io.XDMFFile(model.comm, str(self.folder / f"{stem}.xdmf"), "w") as file:
             file.write_mesh(model.mesh)
             for function in values.values():
@@ -73,14 +81,17 @@ class FieldWriter:
         if model.comm.rank == 0:
             try:
                 _write_text(self.folder / f"{stem}.xdmf", [_grid(self.folder, stem)], temporal=False)
-                steps = sorted(path.stem for path in self.folder.glob("step_*.h5"))
-                grids = [_grid(self.folder, name, int(name.removeprefix("step_"))) for name in steps]
+                grids = [_grid(self.folder, _stem(n), n) for n in range(1, number + 1)]
                 _write_text(self.folder / INDEX, grids, temporal=True)
             except OSError as error:
                 failure = f"fields in {self.folder} cannot be written: {error}"
         failure = model.comm.bcast(failure, root=0)
         if failure:
             raise OutputUnusable(failure)
+
+
+def _stem(number: int) -> str:
+    return f"step_{number:04d}"
 
 
 def _grid(folder: Path, stem: str, number: int | None = None) -> Xml.Element:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from finite_strain.domain import Reduction, Resolution, box_to_mesh, expected_indentation, reduce_scene
+from finite_strain.domain import LEAST_SHARE, Reduction, Resolution, box_to_mesh, expected_indentation, reduce_scene
 from finite_strain.schedule import load_fractions
 from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
@@ -17,6 +17,8 @@ MODELS = ("finite_strain", "small_strain")
 COARSENING = 1.4
 """Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
 LARGEST_POISSON = 0.49
+LARGEST_APPROACH = 0.9
+"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 SOFT_SUBSTRATE = 0.02
 """Layer over substrate modulus beyond which the substrate's far field is felt in T."""
 _UNKNOWNS_PER_TETRAHEDRON = 3.8
@@ -79,7 +81,9 @@ def plan_run(problem: Problem, tangential_force: float, model: str) -> RunPlan:
     fractions = load_fractions(problem.load.kind, deepest, radius)
     first = fractions[0] if problem.load.kind == "approach" else fractions[0] ** (2.0 / 3.0)
     smallest = min(
-        indentation_of_layer(problem.layer, problem.substrate, ball.radius, approach=first * approach).contact_radius
+        indentation_of_layer(
+            problem.layer, problem.substrate, ball.radius, approach=first * max(approach, LEAST_SHARE * deepest)
+        ).contact_radius
         for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)
         if approach > 0.0
     )
@@ -104,6 +108,11 @@ def _check_supported(problem: Problem, model: str) -> None:
     if problem.load.kind == "force" and min(values) <= 0.0:
         faults.append(
             f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out"
+        )
+    if problem.load.kind == "approach" and max(values) >= LARGEST_APPROACH * problem.layer.thickness:
+        faults.append(
+            f"load.approach: {model} takes approaches below {LARGEST_APPROACH:g} of the layer's thickness "
+            f"({problem.layer.thickness:g} m), got {max(values):g} m"
         )
     if faults:
         raise UnsupportedProblem("\n".join(faults))

@@ -1,8 +1,8 @@
 """One run: companion mesh, main mesh, every load step answered, written and handed on.
 
 T / Q^2 is the domain integral's, extrapolated from the two meshes, and so is Q where the approach is
-prescribed (D where the force is). The error of T adds up what the extrapolations moved and what the
-traction route differs by.
+prescribed (D where the force is). The error of T adds up the mesh error, estimated more cautiously than the
+extrapolation, and what the traction route differs by.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from finite_strain import compat
+from finite_strain import FORMAT, compat
 from finite_strain.checkpoint import read_checkpoint, write_checkpoint
 from finite_strain.companion import Companion, saved_rows
 from finite_strain.mesh_run import MeshRun
@@ -26,9 +26,6 @@ from finite_strain.planning import RunPlan, plan_run
 from finite_strain.together import on_root, replace_text, working_folder
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
-
-FORMAT = 4
-"""Changes whenever a checkpoint of an older version must not be continued."""
 
 
 class Silence:
@@ -62,6 +59,8 @@ def simulate(
         writer = FieldWriter(main.model, where) if folder is not None else None
         history, steps = read_checkpoint(where, main.model, key)
         main.path.resume(history)
+        if writer is not None:
+            writer.forget_after(len(steps))
         observer.started(
             {
                 "model": model,
@@ -80,7 +79,9 @@ def simulate(
                 writer.write(len(steps))
                 write_checkpoint(where, main.model, main.path.history, steps, key)
             observer.step_done(step, gather_surface(main.model))
-    return _result(plan, tangential_force, main.model, steps, comm, time.monotonic() - began)
+    result = _result(plan, tangential_force, main.model, steps, comm, time.monotonic() - began)
+    main.close()
+    return result
 
 
 def _companion(plan: RunPlan, folder: Path, key: str, comm: MPI.Comm, observer: Any) -> Companion:
@@ -104,6 +105,7 @@ def _companion(plan: RunPlan, folder: Path, key: str, comm: MPI.Comm, observer: 
             )
             text = json.dumps({"key": key, "unknowns": run.model.unknowns, "rows": rows})
             on_root(comm, lambda text=text: replace_text(path, text))  # type: ignore[misc]
+        run.close()
     return Companion(rows)
 
 

@@ -26,6 +26,8 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
             failure = error
         except OSError as error:
             failure = OutputUnusable(f"output folder cannot be written: {error}")
+        except Exception as error:  # gmsh raises the base class itself
+            failure = ThirdBodyError(f"{type(error).__name__}: {error}")
     failure, value = comm.bcast((failure, value), root=0)
     if failure is not None:
         raise failure

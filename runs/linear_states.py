@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from linear_bem.errors import NotConverged
+from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import LoadKind, Problem
 from linear_bem.result import BallResult, Result, Solved, Step
 from runs.models import MODELS, Run, without
@@ -42,7 +42,7 @@ class LinearStates:
         states = tuple(Step.from_dict(state) for state, _ in found)
         accounts = [account for _, account in found if account is not None]
         solved = Solved(
-            all(a.converged for a in accounts),
+            all(a.converged for a in accounts) and not any("failure" in state.record for state in states),
             sum(a.iterations for a in accounts),
             max((a.unknowns for a in accounts), default=0),
             sum(a.seconds for a in accounts),
@@ -62,7 +62,7 @@ class LinearStates:
             return self._nothing({**record, "failure": "no ball is pressed in"}), None
         try:
             result = MODELS["linear_bem"].solve(self.problem.with_load(kind, values), Run(self.accuracy))
-        except NotConverged as error:  # one missing ratio must not end a long finite-strain run
+        except ThirdBodyError as error:  # one missing ratio must not end a long finite-strain run
             return self._nothing({**record, "failure": f"linear model: {error}"}), None
         record |= {"seconds": result.solved.seconds, "unknowns": result.solved.unknowns}
         return Step(result.balls, record).to_dict(), result.solved

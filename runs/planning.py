@@ -95,9 +95,9 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
 
 def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
-    ball = balls[tables.leading_ball(balls)]
+    ball = max(balls, key=lambda b: (math.hypot(*b["tangential_force"]), b["normal_force"]))
     radius = math.sqrt(ball["contact_area"] / math.pi)
-    ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"]
+    ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
     say("expected by the linear model:", "bold")
     say(
         f"  D = {number(ball['approach'] / scale.radius)} R, "

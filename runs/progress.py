@@ -28,6 +28,7 @@ class Progress:
         self.scale, self.goal, self.root = scale, goal, root
         self.take, self.log = take, log
         self._began = self._step_began = time.monotonic()
+        self._cuts = 0
 
     def started(self, info: Mapping[str, Any]) -> None:
         """Tell size and setting of the run."""
@@ -46,7 +47,8 @@ class Progress:
         self._step_began = time.monotonic()
         if self.root:
             self.log("attempt: " + ", ".join(f"{key} {_word(value)}" for key, value in info.items()))
-            if info.get("cuts"):
+            cuts, self._cuts = self._cuts, info.get("cuts", 0)
+            if self._cuts > cuts:
                 tell(f"the step did not converge: cut back to {100.0 * info['fraction']:.0f} % of the load")
             elif info.get("mesh", "main") != "main":
                 tell(f"{info['mesh']} mesh: {100.0 * info['fraction']:.0f} % of the load")

@@ -62,6 +62,7 @@ class Session:
     def _open_folder(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
         identity = {
             "command": self.command,
+            "format": _element_format() if self.model.parallel else None,
             "model": self.model.name,
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": self.scene.tangential_force,
@@ -156,3 +157,9 @@ def _versions() -> str:
         except importlib.metadata.PackageNotFoundError:
             found.append(f"{name} -")
     return ", ".join([*found, platform.platform()])
+
+
+def _element_format() -> int:
+    from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
+
+    return FORMAT
