@@ -125,3 +125,12 @@ def test_version_and_help() -> None:
     commands = python("-m", "runs.cli", "--help").stdout
     for command in ("solve", "compare", "plan", "doctor"):
         assert command in commands
+
+
+def test_without_the_packages_of_the_command_line_the_script_names_them(tmp_path: Path) -> None:
+    code = "import sys; sys.modules['typer'] = None; from runs.entry import main; main()"
+    done = python("-c", code, cwd=ROOT)
+    assert done.returncode == 1
+    assert "typer" in done.stderr
+    assert 'pip install ".[cli]"' in done.stderr
+    assert "Traceback" not in done.stderr
