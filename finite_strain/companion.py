@@ -15,7 +15,7 @@ from linear_bem.errors import OutputUnusable
 
 FORCE_RATIO_ORDER = 4.0
 """Order of convergence of T / Q^2 in the element size that its extrapolation assumes; 3.5 to 5 are observed."""
-CAUTIOUS_ORDER = 3.0
+CAUTIOUS_ORDER = 2.0
 """The order that the error of T / Q^2 is estimated with."""
 INDENTATION_ORDER = 3.0
 """The same for Q at given approach and D at given force, which feel the contact's edge; 2.7 to 3.2 are observed."""

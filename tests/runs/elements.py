@@ -121,7 +121,7 @@ def _surface(problem: Problem, step: Step) -> SimpleNamespace:
 def install() -> None:
     """Put this stand-in where ``import finite_strain`` finds it."""
     module = ModuleType("finite_strain")
-    module.solve, module.plan = solve, plan  # type: ignore[attr-defined]
+    module.solve, module.plan, module.FORMAT = solve, plan, 0  # type: ignore[attr-defined]
     sys.modules["finite_strain"] = module
 
 
