@@ -13,6 +13,7 @@ LAUNCHERS = (
     ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
     ("PMI_RANK", "PMI_SIZE"),
     ("MV2_COMM_WORLD_RANK", "MV2_COMM_WORLD_SIZE"),
+    ("SLURM_PROCID", "SLURM_STEP_NUM_TASKS"),
 )
 PATIENCE = 5.0
 """Seconds that a failing rank waits for the others to fail as well before it ends them."""
@@ -41,7 +42,7 @@ def joined() -> bool:
 
 
 def world() -> Any:
-    """Return the communicator of all ranks; raises `MissingDependency` without mpi4py."""
+    """Return the communicator of all ranks; raises `MissingDependency` without mpi4py or a launcher that fits it."""
     global _farewell  # noqa: PLW0603
     try:
         from mpi4py import MPI  # noqa: PLC0415  (only a run that needs MPI loads it)
@@ -49,6 +50,13 @@ def world() -> Any:
         raise MissingDependency(
             f"mpi4py cannot be imported by {sys.executable}: {error}; `thirdbody doctor` says what to do"
         ) from None
+    started, seen = rank_and_size()[1], MPI.COMM_WORLD.size
+    if started != seen:
+        library = MPI.Get_library_version().split(",")[0].strip("\0 \n")
+        raise MissingDependency(
+            f"the launcher started {started} process(es), but mpi4py ({library}) sees {seen}: start the ranks with the "
+            "mpirun of that MPI; under Slurm choose a plugin from `srun --mpi=list`"
+        )
     if _farewell is None:
         _farewell = MPI.COMM_WORLD.Dup()
     return MPI.COMM_WORLD
