@@ -1,17 +1,20 @@
 #!/usr/bin/env bash
 # Proves the README's two commands on a bare Debian: a debootstrapped root with nothing but the base system.
 #
-#   tests/on_debian.sh RELEASE [quickstart|tests|both|setup] [options]
+#   tests/on_debian.sh RELEASE [quickstart|tests|both|setup] [options] [-- options of tests/run.sh]
 #
-# RELEASE is 12, 13, sid or a code name. `both` is the default; `setup` is the set-up of both without their jobs.
+# RELEASE is 12 (DOLFINx 0.5), 13 (0.9), sid (the newest of Debian) or a code name. `both` is the default; `setup` is the set-up of
+# both without their jobs. Prints a table at the end: command, seconds, exit code; exit code 1 when one did not end as it should.
 #   --user         run as an ordinary user without sudo, once before the Debian packages are there (the command must refuse,
 #                  in plain words) and once after root has installed them
 #   --commit REV   prove that commit; without it, the files of the working tree that git does not ignore
-#   --keep         go on in the root of the last run; without it, the root is a bare base system again
+#   --keep         go on in the root of the last run; without it, the root is a bare base system again (its packages come from the
+#                  cache, so this takes minutes, not an hour)
 #   --cache DIR    where the base system, the Debian packages and the root are kept (default /var/tmp/thirdbody-debian-RELEASE)
 #   --ca FILE      certificates that pip trusts inside (default: those PIP_CERT or SSL_CERT_FILE name here, if either is set)
 #
-# Needs root and the network (deb.debian.org, pypi.org). All runs in namespaces of its own: mounts and processes end with it.
+# Needs root, 8 GB of disk a release, and the network (deb.debian.org, pypi.org). All runs in namespaces of its own: mounts and
+# processes end with it, however it ends. Two releases may be proved at once, one release only by one run at a time.
 set -euo pipefail
 mirror=http://deb.debian.org/debian
 checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
@@ -26,7 +29,7 @@ usage() {
   exit "$1"
 }
 
-release='' what=both account=root commit='' keep=no cache='' ca=${PIP_CERT:-${SSL_CERT_FILE:-}}
+release='' suite='' what=both account=root extra=() commit='' keep=no cache='' ca=${PIP_CERT:-${SSL_CERT_FILE:-}}
 arguments=("$@")
 while (($#)); do
   case $1 in
@@ -37,6 +40,7 @@ while (($#)); do
     --ca) ca=${2:?--ca wants a file} && shift ;;
     quickstart | tests | both | setup) what=$1 ;;
     -h | --help) usage 0 ;;
+    --) extra=("${@:2}") && break ;;
     12 | bookworm) release=12 suite=bookworm ;;
     13 | trixie) release=13 suite=trixie ;;
     sid | unstable) release=sid suite=sid ;;
@@ -47,6 +51,7 @@ done
 [[ -n $release ]] || usage 2
 ((EUID == 0)) || stop "needs root, for debootstrap and chroot: sudo $0 ${arguments[*]}"
 [[ -z $ca || -r $ca ]] || stop "cannot read the certificates $ca"
+((${#extra[@]} == 0)) || [[ $what == tests || $what == both ]] || stop "options after -- are for tests/run.sh; '$what' does not run it"
 cache=${cache:-/var/tmp/thirdbody-debian-$release}
 root=$cache/root base=$cache/base.tar inside=/srv/thirdbody
 if [[ $account != root ]]; then inside=/home/$account/thirdbody; fi
@@ -59,6 +64,8 @@ if [[ ${THIRDBODY_NAMESPACE:-} != inside ]]; then
   mkdir -p "$cache/packages/partial"
   exec 9>"$cache/lock"
   flock -n 9 || stop "another run uses $cache: wait for it, or name another --cache"
+  unshare --mount --pid --fork --propagation private true 2>/dev/null ||
+    stop "this machine does not let root make namespaces (an unprivileged container?)" "in a container: docker run --privileged ..."
   export THIRDBODY_NAMESPACE=inside
   exec unshare --mount --pid --fork --kill-child --propagation private bash "${BASH_SOURCE[0]}" "${arguments[@]}"
 fi
@@ -68,6 +75,7 @@ make_base() {
   local log=$cache/debootstrap.log script=()
   if [[ ! -e /usr/share/debootstrap/scripts/$suite ]]; then script=(sid); fi # an older debootstrap than the release
   echo "on_debian: making the base system of $suite"
+  (($(df --output=avail -k "$cache" | tail -n 1) > 8000000)) || stop "$cache has less than 8 GB free: make room, or name another --cache"
   rm -rf "$cache/base"
   debootstrap --variant=minbase "$suite" "$cache/base" "$mirror" ${script[@]+/usr/share/debootstrap/scripts/"${script[@]}"} >"$log" 2>&1 ||
     { tail -n 5 "$log" >&2 && stop "debootstrap failed; all it printed is in $log"; }
@@ -124,13 +132,16 @@ run() {
   echo "on_debian: $name: $* (as $who)"
   begin=$(date +%s%N)
   chroot "$root" runuser -u "$who" -- env -i HOME="$home" USER="$who" PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
-    "${passed[@]}" "$@" </dev/null 2>&1 | tee "$cache/$name.log" | sed 's/^/  /' || status=$?
+    "${passed[@]}" "$@" </dev/null 2>&1 | tee "$cache/$name.log" | sed -u 's/^/  /' || status=$?
   seconds=$((($(date +%s%N) - begin) / 100000000))
   if [[ ($expected == works && $status != 0) || ($expected == refuses && $status == 0) ]]; then
     verdict="NOT AS EXPECTED" faults=1
   fi
   summary+=("$(printf '%-22s %7s s   exit code %-3s (it %s: %s)' "$name" "$((seconds / 10)).$((seconds % 10))" "$status" "$expected" "$verdict")")
 }
+
+# installed PACKAGE: its version in the root, without Debian's own part.
+installed() { chroot "$root" dpkg-query -W -f='${Version}' "$1" 2>/dev/null | sed 's/^[0-9]*://; s/-[^-]*$//' || true; }
 
 [[ -s $base ]] || make_base
 make_root
@@ -149,12 +160,15 @@ if [[ $account != root && $keep == no ]]; then
 fi
 for command in "${commands[@]}"; do
   read -ra words <<<"$command"
+  if [[ ${words[1]} == tests/run.sh ]]; then words+=(${extra[@]+"${extra[@]}"}); fi
   run "${words[0]}" works "$account" bash "$inside/${words[1]}" "${words[@]:2}"
 done
 run setup-again works "$account" bash "$inside/runs/setup.sh" "$again"
 
 echo
 echo "on_debian: Debian $(<"$root/etc/debian_version") ($suite), $(chroot "$root" dpkg-query -W -f='.' | wc -c) packages, as $account${commit:+, commit $commit}"
+echo "  DOLFINx $(installed python3-dolfinx-real), PETSc $(installed python3-petsc4py-real), numpy $(installed python3-numpy), gmsh $(installed python3-gmsh)"
+if [[ -s $cache/tests.log && " ${commands[*]} " == *" tests/run.sh"* ]]; then grep -E '^=+ .* (passed|failed|error)' "$cache/tests.log" | sed 's/^/  /' || true; fi
 printf '  %s\n' "${summary[@]}"
 echo "on_debian: logs are in $cache, the root is $root"
 exit "$faults"
