@@ -1,6 +1,6 @@
 """The last finished load step on disk: enough to go on from it on any number of ranks.
 
-Displacements are kept by node position, so ranks and DOLFINx versions may change in between; the mesh
+Displacements and pressures are kept by node position, so ranks and DOLFINx versions may change in between; the mesh
 may not. A checkpoint is replaced as a whole, never half-written.
 """
 
@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from finite_strain.fields import Values
 from finite_strain.gather import gather_rows, match_rows
 from finite_strain.loading import State
 from finite_strain.model import Model
@@ -21,14 +22,20 @@ from linear_bem.errors import OutputUnusable
 from linear_bem.result import Step
 
 NAME = "checkpoint.h5"
+_VALUES = ("values", "penalised")
+"""Names of what a state holds of every field: the displacement is number 0, pressures follow."""
 
 
 def write_checkpoint(folder: Path, model: Model, history: list[State], steps: list[Step], key: str) -> None:
     """Write the last states and all finished steps (collective); ``key`` identifies problem and settings."""
     comm = model.comm
-    owned = model.space.dofmap.index_map.size_local
-    points = gather_rows(model.space.tabulate_dof_coordinates()[:owned], comm)
-    fields = [[gather_rows(values[:owned], comm) for values in (state.nodal, state.penalised)] for state in history]
+    owned = model.fields.owned
+
+    def gathered(values: Values) -> list[np.ndarray | None]:
+        return [gather_rows(rows[:count], comm) for rows, count in zip(values, owned, strict=True)]
+
+    points = gathered(model.fields.points)
+    states = [{name: gathered(getattr(state, name)) for name in _VALUES} for state in history]
     failure = None
     if comm.rank == 0:
         try:
@@ -36,11 +43,11 @@ def write_checkpoint(folder: Path, model: Model, history: list[State], steps: li
             with h5py.File(draft, "w") as file:
                 file.attrs["key"] = key
                 file.attrs["steps"] = json.dumps([step.to_dict() for step in steps])
-                file["points"] = points
-                for number, (state, (nodal, penalised)) in enumerate(zip(history, fields, strict=True)):
+                _store(file, "points", points)
+                for number, (state, values) in enumerate(zip(history, states, strict=True)):
                     group = file.create_group(f"state{number}")
-                    group["nodal"] = nodal
-                    group["penalised"] = penalised
+                    for name in _VALUES:
+                        _store(group, name, values[name])
                     group.attrs["fraction"] = state.fraction
                     group.attrs["approaches"] = state.approaches
                     group.attrs["forces"] = state.forces
@@ -56,12 +63,17 @@ def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], 
     if found is None:
         return [], []
     failure, states = None, []
-    nodes = model.space.tabulate_dof_coordinates()
     try:
-        row = match_rows(nodes, found["points"], 1e-8 * float(np.ptp(found["points"])))
+        tolerance = 1e-8 * float(np.ptp(found["points"][0]))
+        pairs = zip(model.fields.points, found["points"], strict=True)
+        rows = [match_rows(here, known, tolerance) for here, known in pairs]
+
+        def taken(saved: list[np.ndarray]) -> Values:
+            return tuple(values[row] for values, row in zip(saved, rows, strict=True))
+
         states = [
-            State(fraction, nodal[row], penalised[row], approaches, forces)
-            for fraction, nodal, penalised, approaches, forces in found["states"]
+            State(fraction, taken(values), taken(penalised), approaches, forces)
+            for fraction, values, penalised, approaches, forces in found["states"]
         ]
     except OutputUnusable as error:
         failure = str(error)
@@ -76,13 +88,12 @@ def _load(path: Path, key: str) -> dict[str, Any] | None:
                 return None
             groups = [file[name] for name in sorted(name for name in file if name.startswith("state"))]
             return {
-                "points": file["points"][:],
+                "points": _stored(file, "points"),
                 "steps": json.loads(file.attrs["steps"]),
                 "states": [
                     (
                         float(g.attrs["fraction"]),
-                        g["nodal"][:],
-                        g["penalised"][:],
+                        *(_stored(g, name) for name in _VALUES),
                         *(tuple(map(float, g.attrs[name])) for name in ("approaches", "forces")),
                     )
                     for g in groups
@@ -92,6 +103,15 @@ def _load(path: Path, key: str) -> dict[str, Any] | None:
         return None
     except (OSError, ValueError, KeyError) as error:
         raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+
+
+def _store(group: h5py.Group, name: str, fields: list[np.ndarray | None]) -> None:
+    for number, rows in enumerate(fields):
+        group[f"{name}/{number}"] = rows
+
+
+def _stored(group: h5py.Group, name: str) -> list[np.ndarray]:
+    return [group[name][str(number)][:] for number in range(len(group[name]))]
 
 
 def _raise_together(failure: str | None, model: Model) -> None:

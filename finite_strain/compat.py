@@ -211,3 +211,16 @@ def free_dropped_objects(comm: MPI.Comm) -> None:
     """Free PETSc objects that Python has dropped (collective): since PETSc 3.18 they only queue up in parallel."""
     if hasattr(PETSc, "garbage_cleanup"):
         PETSc.garbage_cleanup(comm)
+
+
+def create_block_matrix(forms: list[list[Any]]) -> PETSc.Mat:
+    """Return a matrix for the compiled forms of several fields: each rank's rows of the first field come first."""
+    petsc = dolfinx.fem.petsc
+    return petsc.create_matrix_block(forms) if VERSION < (0, 10) else petsc.create_matrix(forms)
+
+
+def assemble_block_matrix(matrix: PETSc.Mat, forms: list[list[Any]], bcs: list[Any]) -> None:
+    """Add the forms of several fields to the matrix, with the identity in constrained rows; it stays open for more."""
+    petsc = dolfinx.fem.petsc
+    assemble = petsc.assemble_matrix_block if VERSION < (0, 10) else petsc.assemble_matrix
+    assemble(matrix, forms, bcs)

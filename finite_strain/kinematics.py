@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import ufl
 
 from finite_strain.materials import LAWS
+from finite_strain.volumetric import Volumetric
 
 
 class Kinematics(Protocol):
@@ -22,8 +23,8 @@ class Kinematics(Protocol):
     def quadrature_degree(self) -> int:
         """Degree of the volume rule."""
 
-    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
-        """Return the strain energy per reference volume [J/m^3]; ``shear`` and ``lame`` are Lame's mu and lambda."""
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
+        """Return the strain energy per reference volume [J/m^3]; ``shear`` is Lame's mu."""
 
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return the Cauchy stress from the energy's derivative by the gradient."""
@@ -36,9 +37,9 @@ class Finite:
     law: str = "neo_hookean"
     quadrature_degree: int = 4
 
-    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
         """Return the law's strain energy; nan where an element is inverted."""
-        return LAWS[self.law](gradient, shear, lame)
+        return LAWS[self.law](gradient, shear, volumetric)
 
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return P F^T / J."""
@@ -48,14 +49,14 @@ class Finite:
 
 @dataclass(frozen=True)
 class Small:
-    """Small strain, linear isotropic elasticity: mu e:e + lambda/2 (tr e)^2."""
+    """Small strain, linear isotropic elasticity: mu e:e + volumetric(tr e)."""
 
     quadrature_degree: int = 2
 
-    def energy_density(self, gradient: Any, shear: Any, lame: Any) -> Any:
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
         """Return Hooke's strain energy of the symmetric gradient."""
         strain = ufl.sym(gradient)
-        return shear * ufl.inner(strain, strain) + lame / 2 * ufl.tr(strain) ** 2
+        return shear * ufl.inner(strain, strain) + volumetric(ufl.tr(strain))
 
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return the stress itself: at small strain the configurations coincide."""

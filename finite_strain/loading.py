@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from finite_strain.domain import LEAST_SHARE
+from finite_strain.fields import Values
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
 from linear_bem.closed_forms import Indentation, indentation_of_layer
@@ -47,14 +48,14 @@ class StepRecord:
 
 @dataclass(frozen=True)
 class State:
-    """A converged state that can be returned to: displacement, approaches [m], forces [N].
+    """A converged state that can be returned to: values of the model's fields, approaches [m], forces [N].
 
-    ``penalised`` is the displacement before the first augmentation, from which the next is predicted.
+    ``penalised`` are the fields before the first augmentation, from which the next are predicted.
     """
 
     fraction: float
-    nodal: np.ndarray
-    penalised: np.ndarray
+    values: Values
+    penalised: Values
     approaches: tuple[float, ...]
     forces: tuple[float, ...]
 
@@ -80,7 +81,7 @@ class LoadPath:
         counts = [sum(image.model_ball == b for image in model.reduction.images) for b in range(len(self.balls))]
         self.counts = np.array(counts)
         self.history: list[State] = []
-        self._penalised = model.nodal.copy()
+        self._penalised = model.fields.copy()
 
     def steps(self, fractions: list[float]) -> Iterator[StepRecord]:
         """Yield after each converged step; the fractions not yet reached are met, with smaller steps where needed."""
@@ -129,7 +130,7 @@ class LoadPath:
                 return
             before = now
             if record.augmentations == 0:
-                self._penalised = self.model.nodal.copy()
+                self._penalised = self.model.fields.copy()
                 self._before_augmentation()
             for contact in self.model.contacts:
                 contact.augment(self.model.nodal)
@@ -242,14 +243,15 @@ class LoadPath:
             return
         before, last = self.history[-2:]
         ratio = (fraction - last.fraction) / (last.fraction - before.fraction)
-        self.model.nodal[:] = last.penalised + ratio * (last.penalised - before.penalised)
+        pairs = zip(last.penalised, before.penalised, strict=True)
+        self.model.fields.restore(tuple(new + ratio * (new - old) for new, old in pairs))
         if not math.isfinite(self.model.energy()):
-            self.model.nodal[:] = last.penalised
+            self.model.fields.restore(last.penalised)
 
     def _remember(self, fraction: float, record: StepRecord) -> None:
         state = State(
             fraction,
-            self.model.nodal.copy(),
+            self.model.fields.copy(),
             self._penalised,
             tuple(contact.approach for contact in self.model.contacts),
             tuple(record.normal_forces),
@@ -258,8 +260,8 @@ class LoadPath:
 
     def _restore(self) -> None:
         if not self.history:
-            self.model.nodal[:] = 0.0
+            self.model.fields.clear()
             return
         last = self.history[-1]
-        self.model.nodal[:] = last.nodal
+        self.model.fields.restore(last.values)
         self._set_approaches(list(last.approaches))

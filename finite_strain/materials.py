@@ -11,6 +11,8 @@ from typing import Any
 
 import ufl
 
+from finite_strain.volumetric import Volumetric
+
 _SERIES_RANGE = 0.02
 _SERIES_TERMS = 10
 
@@ -28,16 +30,16 @@ def _minus_logarithm(j: Any) -> Any:
     return ufl.conditional(ufl.lt(abs(j), _SERIES_RANGE), j * j * series, j - ufl.ln(1 + j))
 
 
-def neo_hookean(H: Any, shear: Any, lame: Any) -> Any:
-    """Return mu/2 (I1 - 3) - mu ln J + lambda/2 (J - 1)^2, the energy per reference volume.
+def neo_hookean(H: Any, shear: Any, volumetric: Volumetric) -> Any:
+    """Return mu/2 (I1 - 3) - mu ln J + volumetric(J - 1), the energy per reference volume.
 
-    Compressible neo-Hookean solid with Lame's constants of the small-strain limit. The volumetric
-    term in (ln J)^2 is not used: it softens in strong compression.
+    Neo-Hookean solid with Lame's constants of the small-strain limit; the volumetric term is lambda/2 (J - 1)^2 or
+    its mixed form. The term in (ln J)^2 is not used: it softens in strong compression.
     """
     j = volume_change(H)
     # mu/2 (I1 - 3) = mu (tr H + H:H / 2), and tr H = j - (second and third invariants of H)
     deviation = ufl.inner(H, H) / 2 - (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 - ufl.det(H)
-    return shear * (deviation + _minus_logarithm(j)) + lame / 2 * j**2
+    return shear * (deviation + _minus_logarithm(j)) + volumetric(j)
 
 
-LAWS: dict[str, Callable[[Any, Any, Any], Any]] = {"neo_hookean": neo_hookean}
+LAWS: dict[str, Callable[[Any, Any, Volumetric], Any]] = {"neo_hookean": neo_hookean}

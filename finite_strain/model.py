@@ -1,12 +1,14 @@
 """The discrete layer: a quadratic displacement on a mesh, bulk energy by forms, contact by parts.
 
 The total potential is the sum of the bulk's strain energy and every ball's contact potential; its
-first and second derivatives are residual and tangent. Nothing here knows how they are driven.
+first and second derivatives are residual and tangent. A nearly incompressible region adds a linear
+pressure, in which the potential is stationary too. Nothing here knows how they are driven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +22,10 @@ from petsc4py import PETSc
 from finite_strain import compat
 from finite_strain.contact import Contact, Surface
 from finite_strain.domain import Reduction
+from finite_strain.fields import Fields, idle_dofs
 from finite_strain.indenter import Indenter, LinearisedProfile, ParaboloidInSpace, SphereInSpace
 from finite_strain.kinematics import Finite, Kinematics
+from finite_strain.volumetric import Compressible, Mixed, Volumetric, is_mixed
 from linear_bem.problem import Elastic, Problem
 from meshes.box import TAGS
 
@@ -30,10 +34,11 @@ _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
 
 @dataclass(frozen=True)
 class Bulk:
-    """A region of the mesh and its elastic constants."""
+    """A region of the mesh, its elastic constants, and its pressure unknown [m] where it is in mixed form."""
 
     tag: int
     solid: Elastic
+    pressure: Any = None
 
 
 def indenter_for(shape: str, radius: float, kinematics: Kinematics) -> Indenter:
@@ -55,12 +60,22 @@ class Model:
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self.linear_space = compat.function_space(self.mesh, 1)
         self._vertex_work = dolfinx.fem.Function(self.linear_space)
-        self.bulks = [Bulk(TAGS["layer"], problem.layer)]
-        if problem.substrate is not None:
-            self.bulks.append(Bulk(TAGS["substrate"], problem.substrate))
+        self.bulks = self._make_bulks(problem)
+        self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
+        self._length = min(ball.radius for ball in problem.balls)
         self.contacts = self._make_contacts()
         self.bcs = self._make_constraints()
         self._compile()
+
+    def _make_bulks(self, problem: Problem) -> list[Bulk]:
+        """Give each region in mixed form a pressure of its own: pressures jump where two regions meet."""
+        bulks = []
+        for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
+            if solid is not None:
+                mixed = is_mixed(problem, name)
+                pressure = dolfinx.fem.Function(self.linear_space, name=f"{name}_pressure") if mixed else None
+                bulks.append(Bulk(TAGS[name], solid, pressure))
+        return bulks
 
     def _make_contacts(self) -> list[Contact]:
         top = self.facet_tags.find(TAGS["top"])
@@ -87,14 +102,29 @@ class Model:
         self.constrained = np.zeros((index_map.size_local + index_map.num_ghosts, 3), dtype=bool)
         for bc in bcs:
             self.constrained.reshape(-1)[compat.constrained_dofs(bc)] = True
+        self._idle = []
+        for bulk in self.bulks:
+            if bulk.pressure is not None:
+                self._idle.append(idle_dofs(bulk.pressure, self.cell_tags.find(bulk.tag)))
+                bcs.append(dolfinx.fem.dirichletbc(zero, self._idle[-1], self.linear_space))
         return bcs
 
-    def constants(self, bulk: Bulk) -> tuple[Any, Any]:
-        """Return Lame's mu and lambda as constants, so that one compiled form serves every stiffness."""
-        return tuple(
-            dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(v))
-            for v in (bulk.solid.shear_modulus, bulk.solid.lame_first)
-        )
+    @property
+    def is_mixed(self) -> bool:
+        """Whether some region has a pressure unknown: the equilibrium is then a saddle point of the potential."""
+        return bool(self.fields.pressures)
+
+    def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
+        """Return mu and the volumetric energy, written with constants so that one compiled form serves every stiffness."""
+        solid = bulk.solid
+        shear = self._constant(solid.shear_modulus)
+        if bulk.pressure is None:
+            return shear, Compressible(self._constant(solid.lame_first))
+        unit = self._constant(solid.shear_modulus / self._length)
+        return shear, Mixed(unit * bulk.pressure, self._constant(1.0 / solid.lame_first))
+
+    def _constant(self, value: float) -> Any:
+        return dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(value))
 
     def volume_integral(self, density: Any, degree: int | None = None) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
@@ -110,26 +140,45 @@ class Model:
         return total
 
     def _compile(self) -> None:
-        energy = self.volume_integral(lambda psi, _: psi)
-        residual = ufl.derivative(energy, self.displacement, ufl.TestFunction(self.space))
-        tangent = ufl.derivative(residual, self.displacement, ufl.TrialFunction(self.space))
-        self._energy, self._residual, self._tangent = (
-            compat.compile_form(form, self.comm) for form in (energy, residual, tangent)
-        )
-        self.matrix = dolfinx.fem.petsc.create_matrix(self._tangent)
+        energy = self.volume_integral(lambda psi, _: psi) + self._nothing_where_idle()
+        fields = self.fields.functions
+        residuals = [ufl.derivative(energy, f, ufl.TestFunction(f.function_space)) for f in fields]
+        tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
+        self._energy = compat.compile_form(energy, self.comm)
+        self._residual, *self._volume_residuals = (compat.compile_form(r, self.comm) for r in residuals)
+        self._tangent = [[compat.compile_form(t, self.comm) for t in row] for row in tangents]
+        if self.is_mixed:
+            self.matrix = compat.create_block_matrix(self._tangent)
+            index_map = self.space.dofmap.index_map
+            self._rows = PETSc.IS().createStride(3 * (index_map.size_local + index_map.num_ghosts), 0, 1, MPI.COMM_SELF)
+            self._rows.setBlockSize(3)
+        else:
+            self.matrix = dolfinx.fem.petsc.create_matrix(self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._work = compat.ghosted_vector(self._residual, self.space)
+        self._volume_work = [compat.ghosted_vector(r, self.linear_space) for r in self._volume_residuals]
+
+    def _nothing_where_idle(self) -> Any:
+        """Return zero, written so that a pressure's pinned unknowns outside its region have a place in the matrix."""
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+        outside = [(bulk, other) for bulk in self.bulks for other in self.bulks if bulk is not other]
+        terms = (
+            self._constant(0.0) * bulk.pressure**2 * measure(other.tag, metadata={"quadrature_degree": 0})
+            for bulk, other in outside
+            if bulk.pressure is not None
+        )
+        return sum(terms, 0)
 
     def close(self) -> None:
-        """Free the matrix and the work vector (collective)."""
-        self.matrix.destroy()
-        self._work.destroy()
+        """Free the matrix and the work vectors (collective)."""
+        for item in (self.matrix, self._work, *self._volume_work):
+            item.destroy()
         compat.free_dropped_objects(self.comm)
 
     @property
     def unknowns(self) -> int:
-        """Number of displacement components on all ranks."""
-        return 3 * int(self.space.dofmap.index_map.size_global)
+        """Number of displacement components and pressures on all ranks."""
+        return int(self.matrix.getSize()[0])
 
     @property
     def nodal(self) -> np.ndarray:
@@ -137,14 +186,12 @@ class Model:
         return self.displacement.x.array.reshape(-1, 3)
 
     def set_state(self, x: PETSc.Vec) -> None:
-        """Copy a solver's vector into the displacement and refresh its ghosts."""
-        vector = compat.vector_of(self.displacement)
-        x.copy(vector)
-        vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        """Copy a solver's vector into the fields and refresh their ghosts."""
+        self.fields.set(x)
 
     def get_state(self, x: PETSc.Vec) -> None:
-        """Copy the displacement into a solver's vector."""
-        compat.vector_of(self.displacement).copy(x)
+        """Copy the fields into a solver's vector."""
+        self.fields.get(x)
 
     def strain_energy(self) -> float:
         """Return the strain energy [J] of the simulated part."""
@@ -170,6 +217,11 @@ class Model:
                     contact.add_residual(self.nodal, form.array.reshape(-1, 3))
 
         self._store_free(self._summed(fill), b)
+        forms = zip(self._volume_residuals, self._volume_work, self._idle, self.fields.ranges[1:], strict=True)
+        for form, work, idle, part in forms:
+            values = _summed_into(work, lambda work, form=form: dolfinx.fem.petsc.assemble_vector(work, form))  # type: ignore[misc]
+            values[idle[idle < len(values)]] = 0.0
+            b.array[part] = values
 
     def approach_derivative(self, contacts: list[Contact], b: PETSc.Vec) -> None:
         """Assemble the residual's derivative by the common approach of some balls [N/m] into b."""
@@ -206,12 +258,26 @@ class Model:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
         matrix = self.matrix
         matrix.zeroEntries()
-        dolfinx.fem.petsc.assemble_matrix(matrix, self._tangent, self.bcs)
+        if self.is_mixed:
+            compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
+        else:
+            dolfinx.fem.petsc.assemble_matrix(matrix, self._tangent[0][0], self.bcs)
         matrix.assemblyBegin(PETSc.Mat.AssemblyType.FLUSH)
         matrix.assemblyEnd(PETSc.Mat.AssemblyType.FLUSH)
-        for contact in self.contacts:
-            contact.add_tangent(self.nodal, matrix, self.constrained)
+        with self._displacement_block() as block:
+            for contact in self.contacts:
+                contact.add_tangent(self.nodal, block, self.constrained)
         matrix.assemble()
+
+    @contextmanager
+    def _displacement_block(self) -> Iterator[PETSc.Mat]:
+        """Lend the rows and columns of the displacement for adding values by local nodes."""
+        if not self.is_mixed:
+            yield self.matrix
+            return
+        block = self.matrix.getLocalSubMatrix(self._rows, self._rows)
+        yield block
+        self.matrix.restoreLocalSubMatrix(self._rows, self._rows, block)
 
     def top_dofs(self) -> np.ndarray:
         """Return the local nodes (n, 6) of the top facets whose cell this rank owns, corners first."""
@@ -231,13 +297,20 @@ class Model:
         return self._vertex_work.x.array.copy()
 
     def _summed(self, fill: Callable[[PETSc.Vec], None]) -> np.ndarray:
-        """Return what ``fill`` adds to a ghosted vector, summed over ranks, at this rank's own nodes (nodes, 3)."""
-        with self._work.localForm() as form:
-            form.set(0.0)
-        fill(self._work)
-        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return self._work.array_r.copy().reshape(-1, 3)
+        """Return what ``fill`` adds to a displacement-like vector, summed over ranks, at own nodes (nodes, 3)."""
+        return _summed_into(self._work, fill).reshape(-1, 3)
 
     def _store_free(self, values: np.ndarray, b: PETSc.Vec) -> None:
+        """Put forces [N] on this rank's own nodes into b, zero where constrained and in the pressures' rows."""
         values[self.constrained[: len(values)]] = 0.0
-        b.array[:] = values.ravel()
+        b.array[:] = 0.0
+        b.array[self.fields.ranges[0]] = values.ravel()
+
+
+def _summed_into(work: PETSc.Vec, fill: Callable[[PETSc.Vec], None]) -> np.ndarray:
+    """Return what ``fill`` adds to a ghosted vector, summed over ranks, at this rank's own entries."""
+    with work.localForm() as form:
+        form.set(0.0)
+    fill(work)
+    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return work.array_r.copy()

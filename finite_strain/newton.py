@@ -1,4 +1,7 @@
-"""Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential."""
+"""Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
+
+In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the residual.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,11 @@ _OPTIONS = {
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 
+_MIXED_OPTIONS = {"snes_linesearch_type": "l2"}
+"""What differs in the mixed form."""
+_written: dict[str, str] = {}
+"""Options of ours in PETSc's database, which a solver of the other form may replace; a user's own stay."""
+
 
 def _reasons() -> dict[int, str]:
     names = PETSc.SNES.ConvergedReason
@@ -39,7 +47,7 @@ class Equilibrium:
 
 
 class NewtonSolver:
-    """Newton's method on a `Model`, keeping its displacement unless it converges."""
+    """Newton's method on a `Model`, keeping its state unless it converges."""
 
     def __init__(self, model: Model, monitor: Callable[[int, float], None] | None = None) -> None:
         self.model = model
@@ -48,14 +56,16 @@ class NewtonSolver:
         self._start = self._x.duplicate()
         self._reasons = _reasons()
         options = PETSc.Options("thirdbody_")
-        for key, value in _OPTIONS.items():
-            if not options.hasName(key):
+        for key, value in (_OPTIONS | (_MIXED_OPTIONS if model.is_mixed else {})).items():
+            if not options.hasName(key) or options.getString(key) == _written.get(key):
                 options[key] = value
+                _written[key] = options.getString(key)
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix("thirdbody_")
         self.snes.setFunction(self._function, self._b)
         self.snes.setJacobian(self._jacobian, model.matrix)
-        self.snes.setObjective(self._objective)
+        if not model.is_mixed:
+            self.snes.setObjective(self._objective)
         self.snes.setConvergenceTest(self._converged)
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
@@ -69,9 +79,9 @@ class NewtonSolver:
             item.destroy()
 
     def solve(self, tolerance: float) -> Equilibrium:
-        """Bring the model into equilibrium from its present displacement.
+        """Bring the model into equilibrium from its present state.
 
-        ``tolerance`` bounds the residual norm [N]. Raises `NotConverged`, with the displacement as it
+        ``tolerance`` bounds the residual norm [N]. Raises `NotConverged`, with the state as it
         was before, when Newton's method fails.
         """
         self.tolerance = tolerance

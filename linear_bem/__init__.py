@@ -12,7 +12,7 @@ from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, Unsu
 from linear_bem.height_field import HeightFieldContact, solve_height_field
 from linear_bem.kernel import LayeredKernel
 from linear_bem.point_load import solve_point_load
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result
 from linear_bem.solver import Solution, solve, solve_contact
 from linear_bem.square import deepest_bulge, uniform_square_displacement
@@ -22,6 +22,7 @@ __all__ = [
     "Ball",
     "BallResult",
     "Elastic",
+    "Elements",
     "FiniteStrain",
     "HeightFieldContact",
     "InvalidProblem",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
@@ -84,6 +84,16 @@ class FiniteStrain:
 
 
 @dataclass(frozen=True)
+class Elements:
+    """How finite elements write the layer's resistance to a change of volume; by itself a model chooses.
+
+    ``form`` is "displacement", or "mixed" with a pressure as an unknown of its own.
+    """
+
+    form: str
+
+
+@dataclass(frozen=True)
 class Problem:
     """Rigid balls pressed into a layer on an elastic half-space (``substrate``) or a rigid base.
 
@@ -95,9 +105,12 @@ class Problem:
     load: Load
     substrate: Elastic | None = None
     finite_strain: FiniteStrain | None = None
+    elements: Elements | None = None
 
     def __post_init__(self) -> None:
         faults = [*self._material_faults(), *self._ball_faults(), *self._load_faults()]
+        if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
+            faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
         if faults:
             raise InvalidProblem(*faults)
 
@@ -108,7 +121,7 @@ class Problem:
 
     def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
         """Return the same bodies under another load."""
-        return Problem(self.layer, self.balls, Load(kind, tuple(values)), self.substrate, self.finite_strain)
+        return replace(self, load=Load(kind, tuple(values)))
 
     def _material_faults(self) -> list[str]:
         faults = []

@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.kinematics import Finite, Kinematics, Small
+from finite_strain.volumetric import Compressible
 from tests.finite_strain.scenes import relatively
 
 ROUNDOFF = 1e-13
@@ -36,7 +37,7 @@ class OneTetrahedron:
         self.direction = dolfinx.fem.Constant(mesh, np.zeros((3, 3)))
         shear, lame = (dolfinx.fem.Constant(mesh, value) for value in (SHEAR, LAME))
         variable = ufl.variable(self.gradient)
-        psi = kinematics.energy_density(variable, shear, lame)
+        psi = kinematics.energy_density(variable, shear, Compressible(lame))
         stress = ufl.diff(psi, variable)
         cauchy = kinematics.cauchy_stress(variable, stress)
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 0})

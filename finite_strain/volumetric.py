@@ -1,0 +1,89 @@
+"""What a change of volume costs, in the two forms of the elements: of the displacement alone, or mixed.
+
+In the displacement form the energy is lambda/2 j^2 with j = J - 1 (at small strain the trace of the strain),
+and lambda tends to infinity as Poisson's ratio tends to 1/2. In the mixed form a pressure p is an unknown of
+its own and p j - p^2 / (2 lambda) is made stationary: p = lambda j where lambda is finite, and j = 0
+where 1/lambda = 0. Quadratic displacements with linear pressures (Taylor and Hood) are stable for every
+lambda [Boffi Brezzi Fortin 2013, section 8.8, doi 10.1007/978-3-642-36519-5]. No DOLFINx here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from linear_bem.problem import Problem
+
+LARGEST_DISPLACEMENT_POISSON = 0.49
+"""Poisson's ratio up to which displacements alone are taken: beyond, they answer too stiffly (volumetric locking)."""
+LEAST_MIXED_POISSON = 0.45
+"""Poisson's ratio from which on the mixed form may be asked for: below, a pressure is nothing but more unknowns."""
+
+
+class Volumetric(Protocol):
+    """The energy per reference volume that a relative change of volume costs."""
+
+    def __call__(self, j: Any) -> Any:
+        """Return the energy [J/m^3] of the change of volume j = J - 1."""
+
+
+@dataclass(frozen=True)
+class Compressible:
+    """lambda/2 j^2."""
+
+    lame: Any
+
+    def __call__(self, j: Any) -> Any:
+        """Return the energy [J/m^3] of the change of volume j = J - 1."""
+        return self.lame / 2 * j**2
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """p j - p^2 / (2 lambda), stationary in the pressure p [Pa], which is positive in tension.
+
+    ``compliance`` is 1/lambda [1/Pa], zero where the material is incompressible.
+    """
+
+    pressure: Any
+    compliance: Any
+
+    def __call__(self, j: Any) -> Any:
+        """Return the energy [J/m^3] of the change of volume j = J - 1; a saddle point, not a minimum."""
+        return self.pressure * j - self.compliance / 2 * self.pressure**2
+
+
+def is_mixed(problem: Problem, region: str) -> bool:
+    """Return whether a region ("layer" or "substrate") gets the mixed form.
+
+    A form that the scene names holds for the layer; the substrate's, and the layer's where none is named, follows
+    from Poisson's ratio.
+    """
+    solid = problem.layer if region == "layer" else problem.substrate
+    asked = problem.elements.form if problem.elements is not None and region == "layer" else None
+    if asked is not None:
+        return asked == "mixed"
+    return solid is not None and solid.poisson > LARGEST_DISPLACEMENT_POISSON
+
+
+def form_faults(problem: Problem, model: str) -> list[str]:
+    """Return what is wrong with the form that a scene asks for, one text per fault."""
+    asked = problem.elements.form if problem.elements is not None else None
+    nu = problem.layer.poisson
+    if asked == "displacement" and nu > LARGEST_DISPLACEMENT_POISSON:
+        return [
+            f"elements.form: {model} takes the displacement form for layer.poisson up to "
+            f'{LARGEST_DISPLACEMENT_POISSON:g} (it locks beyond), got {nu:g}; use "mixed", or leave the key out'
+        ]
+    if asked == "mixed" and nu < LEAST_MIXED_POISSON:
+        return [
+            f"elements.form: {model} takes the mixed form for layer.poisson from {LEAST_MIXED_POISSON:g} to 0.5, "
+            f'got {nu:g}; use "displacement", or leave the key out'
+        ]
+    return []
+
+
+def describe_forms(problem: Problem) -> dict[str, str]:
+    """Return the form of each region by its name."""
+    names = ["layer"] if problem.substrate is None else ["layer", "substrate"]
+    return {name: "mixed" if is_mixed(problem, name) else "displacement" for name in names}
