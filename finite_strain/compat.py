@@ -1,4 +1,4 @@
-"""Every difference between the supported DOLFINx versions (0.5.2, 0.9), and nothing else.
+"""Every difference between the supported DOLFINx versions (0.5, 0.9, 0.11), and nothing else.
 
 Call positional arguments only where keyword names changed between versions.
 """
@@ -10,6 +10,7 @@ import logging
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -146,8 +147,7 @@ def triangle_quadrature(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     """Return mesh, cell tags and facet tags of a .msh file whose groups were checked by its writer."""
-    from dolfinx.io import gmshio  # noqa: PLC0415  (renamed in DOLFINx 0.10)
-
+    reader = import_module("dolfinx.io.gmshio" if VERSION < (0, 10) else "dolfinx.io.gmsh")
     failure = None
     if comm.rank == 0:
         gmsh.initialize([], False)
@@ -163,10 +163,10 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     failure = comm.bcast(failure, root=0)
     if failure:
         raise ThirdBodyError(failure)
-    answer = gmshio.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
+    answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
     if comm.rank == 0:
         gmsh.finalize()
-    return answer[0], answer[1], answer[2]
+    return answer[0], answer[1], answer[2]  # of more since DOLFINx 0.10
 
 
 def versions() -> dict[str, str]:
@@ -182,8 +182,9 @@ def versions() -> dict[str, str]:
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
     """Return the (cells, 4) table of a tetrahedral mesh's geometry nodes, ghost cells included."""
-    dofmap = mesh.geometry.dofmap
-    return dofmap.array.reshape(-1, 4) if hasattr(dofmap, "array") else dofmap
+    if _OLD:
+        return mesh.geometry.dofmap.array.reshape(-1, 4)
+    return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 
 def constrained_dofs(bc: Any) -> np.ndarray:
