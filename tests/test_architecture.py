@@ -95,6 +95,26 @@ def test_the_command_line_defers_every_library_of_the_finite_elements() -> None:
     assert not wrong, wrong
 
 
+def looks_at_a_version(node: ast.AST) -> bool:
+    """Whether code asks which version it runs on: by its number, by what a module has, or by what it raises."""
+    if isinstance(node, ast.Attribute | ast.Name):
+        return (node.attr if isinstance(node, ast.Attribute) else node.id) in {"__version__", "VERSION", "hasattr"}
+    if isinstance(node, ast.ExceptHandler):
+        return "ImportError" in ast.dump(node) or "AttributeError" in ast.dump(node)
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "getattr" and len(node.args) == 3
+
+
+def test_one_file_alone_knows_the_versions_of_dolfinx() -> None:
+    found = {
+        file.relative_to(ROOT): [node.lineno for node in ast.walk(tree) if looks_at_a_version(node)]
+        for package in ("meshes", "finite_strain", "tests/finite_strain", "tests/meshes")
+        for file in sources(package)
+        if (tree := ast.parse(file.read_text(encoding="utf-8")))
+    }
+    assert found.pop(Path("finite_strain/compat.py"))
+    assert not {file: lines for file, lines in found.items() if lines}
+
+
 def test_no_file_holds_two_ideas() -> None:
     long = {
         str(file.relative_to(ROOT)): count
