@@ -12,17 +12,30 @@ from runs import ranks
 STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",
     "benchmarks": "seconds and errors against other contact codes; growth with the number of balls",
+    "strengthening": "how much stronger finite strain makes the tangential force",
+    "accuracy": "what accuracy costs in time",
+    "stability": "hard cases: a right answer or a named refusal",
+    "effects": "what an effect costs, and that a scene without it pays nothing",
 }
 """Name and question of every study; ``runs.studies.NAME.run`` answers it."""
+ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability"})
+"""Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asks of a study: a coarser version, another output folder, a new start."""
+    """What the command line asks of a study: a coarser version, another output folder, a new start, a part of it.
+
+    ``shard`` (i, n) is the i-th of n parts, counted from 1; ``tables`` computes nothing and makes tables and
+    figures from what is there; ``publish`` puts them into the study's own page.
+    """
 
     quick: bool = False
     out: Path | None = None
     fresh: bool = False
+    shard: tuple[int, int] = (1, 1)
+    tables: bool = False
+    publish: bool = False
 
 
 def listing() -> str:
@@ -30,9 +43,21 @@ def listing() -> str:
     return "; ".join(f"{name} ({question})" for name, question in STUDIES.items())
 
 
+def read_shard(text: str) -> tuple[int, int]:
+    """Return (i, n) of "i/n", the i-th of n parts; raises `InvalidProblem` for anything else."""
+    part, _, parts = text.partition("/")
+    if part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts):
+        return int(part), int(parts)
+    raise InvalidProblem(f'--shard: must be i/n with 1 <= i <= n, such as 2/5, got "{text}"')
+
+
 def run_study(name: str, options: Options) -> None:
-    """Run the study ``name``; raises `InvalidProblem` for a name that is none."""
+    """Run the study ``name``; raises `InvalidProblem` for a name that is none, and for options that it lacks."""
     if name not in STUDIES:
         raise InvalidProblem(f'study: there is no study "{name}"; known: {listing()}')
-    if ranks.is_root():
+    if name not in ON_ALL_RANKS and options.shard != (1, 1):
+        raise InvalidProblem(f"--shard: study {name} has no parts to share out; only {', '.join(sorted(ON_ALL_RANKS))}")
+    if options.publish and options.quick:
+        raise InvalidProblem("--publish: a study's page shows the full version; leave out --quick")
+    if name in ON_ALL_RANKS or ranks.is_root():
         importlib.import_module(f"runs.studies.{name}").run(options)

@@ -1,0 +1,202 @@
+"""The study's answer in words and tables, drawn from whatever cases are there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.presentation import number, with_error
+from runs.studies.case import Case
+from runs.studies.records import Found
+from runs.studies.strengthening import fitting, pictures
+from runs.studies.strengthening.fitting import at_depth
+from runs.studies.strengthening.matrix import SIDES
+from runs.studies.strengthening.ratios import cancelled, factors, small_strain_partner
+from runs.studies.tables import markdown, save_csv
+
+Rows = Sequence[Mapping[str, Any]]
+DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5)
+"""Approaches over R that curves are read at."""
+
+
+def present(found: Found, folder: Path, quick: bool) -> str:
+    """Write tables and figures; return the answer as Markdown."""
+    rows = factors(found, folder)
+    named = {case.name: case for case in found.cases}
+    flat = [{"case": name, **named[name].labels, **row} for name, path in rows.items() for row in path]
+    if flat:
+        save_csv(folder / "factors.csv", flat)
+    fits = {side: _headline_fit(rows, h, side) for h, side in SIDES.items()}
+    pictures.draw(found, rows, fits, folder)
+    lines = ["# How much stronger finite strain makes the tangential force", ""]
+    lines += _sentence(found, rows)
+    lines += ["", "![Strengthening of both cases along the load](strengthening.svg)"]
+    for h, side in SIDES.items():
+        lines += _path(rows.get(f"headline-{side}-L2-nu0.48", []), h, side)
+    lines += _ladder(rows)
+    lines += _slopes(found, rows)
+    lines += _parameters(found, rows)
+    lines += ["", "![Poisson's ratio, distance, and sign of T](parameters.svg)"]
+    lines += _fits(found, rows, fits)
+    return "\n".join(lines)
+
+
+def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
+    """Say where the effect is stronger at finite strain, where weaker, and where the error bar cannot tell."""
+    verdicts: dict[str, list[str]] = {"stronger": [], "weaker": [], "within its error bar of 1": []}
+    for case in found.cases:
+        path = [row for row in rows.get(case.name, []) if row["S_Q"] is not None]
+        if not path or case.labels["group"] not in ("headline", "distance", "poisson"):
+            continue
+        row = path[-1]
+        above, below = row["S_Q"] - row["S_Q_error"] > 1.0, row["S_Q"] + row["S_Q_error"] < 1.0
+        kind = "stronger" if above else "weaker" if below else "within its error bar of 1"
+        verdicts[kind].append(f"{_words(case)}: {with_error(row['S_Q'], row['S_Q_error'])} at D = {number(row['D'])} R")
+    if not any(verdicts.values()):
+        return ["No load path is there yet."]
+    lines = [
+        '"For the case of finite deformations, the effect should be stronger" [1]: at equal force and full load T is'
+    ]
+    for kind, cases in verdicts.items():
+        lines.append(f"- **{kind}** in {len(cases)} case(s)" + (f": {'; '.join(cases)}." if cases else "."))
+    stronger_from = []
+    for h, side in SIDES.items():
+        path = [row for row in rows.get(f"headline-{side}-L2-nu0.48", []) if row["S_Q"] is not None]
+        from_here = [row["D"] for i, row in enumerate(path) if all(r["S_Q"] - r["S_Q_error"] > 1.0 for r in path[i:])]
+        if from_here:
+            stronger_from.append(f"for h = {h:g} R from D = {number(from_here[0], 3)} R on")
+        elif path:
+            stronger_from.append(f"for h = {h:g} R at no load up to D = {number(path[-1]['D'], 3)} R")
+    if stronger_from:
+        lines += ["", f"Resolved as stronger {'; '.join(stronger_from)} (L = 2 R, nu = 0.48)."]
+    return [*lines, "", "[1] Materials 2021, 14(19), 5689, doi 10.3390/ma14195689."]
+
+
+def _words(case: Case) -> str:
+    return "h = {h:g} R, L = {L:g} R, nu = {nu:g}".format(**case.labels)
+
+
+def _path(path: Rows, h: float, side: str) -> list[str]:
+    columns = {
+        "D": "D / R", "Q": "Q / E1 R²", "Tq": "T / Q", "geometry": "sphere / paraboloid", "sq": "S_Q", "sd": "S_D"
+    }  # fmt: skip
+    shown = [
+        {
+            **row,
+            "Tq": row["T"] / row["Q"],
+            "sq": (row["S_Q"], row["S_Q_error"]),
+            "sd": (row["S_D"], row["S_D_error"]),
+        }
+        for row in path
+    ]
+    return ["", f"## Along the load, {side} layer: h = {h:g} R, L = 2 R, nu = 0.48", "", *markdown(shown, columns)]
+
+
+def _ladder(rows: Mapping[str, Rows]) -> list[str]:
+    """Say what the indenter's exact shape adds and what the bulk adds, at equal force."""
+    shown = []
+    for side in SIDES.values():
+        path = rows.get(f"headline-{side}-L2-nu0.48", [])
+        plain = rows.get(f"paraboloid-{side}-L2-nu0.48", [])
+        for depth in DEPTHS:
+            bulk = at_depth(path, depth)
+            if bulk is None:
+                continue
+            near = min(path, key=lambda row: abs(row["D"] - depth))
+            total = (bulk[0] * (near["geometry"] or 1.0), bulk[1] * (near["geometry"] or 1.0))
+            shown.append(
+                {
+                    "layer": side,
+                    "D / R": depth,
+                    "paraboloid, small strain": 1.0,
+                    "sphere, small strain": near["geometry"],
+                    "paraboloid, finite strain": at_depth(plain, depth),
+                    "sphere, finite strain": total,
+                    "of it the bulk (S_Q)": bulk,
+                }
+            )
+    text = (
+        "T over that of the paraboloid at small strain (the paper's model), one thing added at a time, at equal force:"
+    )
+    return ["", "## Shape of the ball against strain of the bulk", "", text, "", *markdown(shown)]
+
+
+def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
+    """Fit how every curve leaves 1: by the curve itself, and by pairs of runs on one mesh where they are there."""
+    shown = []
+    for case in found.cases:
+        if case.labels["group"] == "sign" or case.name not in rows:
+            continue
+        paths: dict[str, Rows] = {"against linear_bem": rows[case.name]}
+        partner = small_strain_partner(found, case)
+        if partner is not None and found.steps(partner.name):
+            paths["two runs on one mesh"] = cancelled(found.steps(case.name), found.steps(partner.name))
+        for how, path in paths.items():
+            slope = fitting.initial_slope(path, "sqrt(D/R)", case.labels["h"])
+            if slope is not None:
+                c, e = slope.coefficients[0], slope.errors[0]
+                resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
+                shown.append({"case": _words(case), "from": how, "slope": (c, e), "resolved": resolved})
+    text = (
+        f"S_Q - 1 = c x + c' x², x = sqrt(D/R), fitted to D <= {fitting.SMALL_LOAD:g} R; departures from linear theory "
+        "shrink like x, so a curve that leaves 1 must have a slope c:"
+    )
+    return ["", "## How the curves leave 1", "", text, "", *markdown(shown)]
+
+
+def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:
+    shown, signs = [], []
+    for case in found.cases:
+        path = rows.get(case.name)
+        if not path:
+            continue
+        if case.labels["group"] == "sign":
+            changes = {key: fitting.sign_change(path, key) for key in ("T", "T_linear", "T_paraboloid")}
+            deepest = max(row["D"] for row in path)
+            signs.append(
+                {
+                    "h / R": case.labels["h"],
+                    "T at the first load": path[0]["T"],
+                    f"T at D = {deepest:g} R": path[-1]["T"],
+                    "finite strain: T = 0 at D / R": changes["T"],
+                    "small strain, sphere": changes["T_linear"],
+                    "small strain, paraboloid": changes["T_paraboloid"],
+                }
+            )
+        elif case.labels["group"] in ("headline", "distance", "poisson"):
+            read = {f"S_Q at {depth:g} R": at_depth(path, depth) for depth in DEPTHS}
+            shown.append({"h / R": case.labels["h"], "L / R": case.labels["L"], "nu": case.labels["nu"], **read})
+    shown.sort(key=lambda row: (row["h / R"], row["L / R"], row["nu"]))
+    lines = ["", "## Distance, thickness, Poisson's ratio", "", *markdown(shown)]
+    if signs:
+        lines += ["", "## Where the sign of T changes with the load (dash: it does not)", "", *markdown(signs)]
+    return lines
+
+
+def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit | None]) -> list[str]:
+    lines = ["", "## Fits to compute by hand", ""]
+    lines += [
+        f"- h = {h:g} R, L = 2 R, nu = 0.48: S_Q = {one.formula()}"
+        for h, side in SIDES.items()
+        if (one := fits[side]) is not None
+    ]
+    for group, words in (("distance", "all distances"), ("poisson", "all Poisson's ratios")):
+        for h in SIDES:
+            curves = {
+                case.name: (rows[case.name], h)
+                for case in found.cases
+                if case.labels["group"] in (group, "headline") and case.labels["h"] == h and rows.get(case.name)
+            }
+            best = fitting.collapse(curves)
+            if len(curves) > 1 and best:
+                lines.append(
+                    f"- h = {h:g} R, {words} ({len(curves)} curves): S_Q = {best[0].formula()}; "
+                    f"next best measure {best[1].variable}, within {best[1].misfit:.2g}"
+                )
+    return lines if len(lines) > 3 else [*lines, "(no load path is long enough yet)"]
+
+
+def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
+    path = rows.get(f"headline-{side}-L2-nu0.48", [])
+    return fitting.fit(fitting.points(path, "sqrt(D/R)", h), "sqrt(D/R)", 3) if len(path) > 3 else None

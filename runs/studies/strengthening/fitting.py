@@ -1,0 +1,114 @@
+"""Fits of the strengthening factor: S = 1 + c1 x + c2 x^2 with the error bars as weights, and what collapses curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+Row = Mapping[str, Any]
+SMALL_LOAD = 0.07
+"""Approach over R up to which the slope at zero load is drawn from."""
+VARIABLES: dict[str, Callable[[Row, float], float]] = {
+    "sqrt(D/R)": lambda row, h: math.sqrt(row["D"]),
+    "a/R": lambda row, h: row["a"],
+    "sqrt(D/h)": lambda row, h: math.sqrt(row["D"] / h),
+    "a/h": lambda row, h: row["a"] / h,
+    "(Q/E1 R^2)^(1/3)": lambda row, h: row["Q"] ** (1.0 / 3.0),
+}
+"""Measures of the load that could make curves one, of a row and the thickness over R; all are ~ sqrt(D) at small D."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """S = 1 + c[0] x + c[1] x^2 + ..., ``errors`` of the coefficients, its range of x, and its largest misfit."""
+
+    variable: str
+    coefficients: tuple[float, ...]
+    errors: tuple[float, ...]
+    least: float
+    greatest: float
+    misfit: float
+
+    def __call__(self, x: float) -> float:
+        """Return S at x."""
+        return 1.0 + sum(c * x**power for power, c in enumerate(self.coefficients, start=1))
+
+    def formula(self) -> str:
+        """Return the fit as a line to compute by hand."""
+        powers = ["x", *(f"x^{n}" for n in range(2, len(self.coefficients) + 1))]
+        terms = [f"{c:+.3f} {power}" for c, power in zip(self.coefficients, powers, strict=True)]
+        return (
+            f"1 {' '.join(terms)}, x = {self.variable} from {self.least:.3g} to {self.greatest:.3g}, "
+            f"within {self.misfit:.2g}"
+        )
+
+
+def fit(points: Sequence[tuple[float, float, float]], variable: str, degree: int) -> Fit | None:
+    """Return the weighted fit through (x, S, error); None where there are fewer points than coefficients.
+
+    Errors of the points are bounds of one sign along a curve rather than independent, so the errors of the
+    coefficients are those of shifting all points together or each alone, whichever is larger.
+    """
+    if len(points) < degree:
+        return None
+    x, s, error = np.array(points).T
+    error = np.maximum(error, 1e-6)
+    powers = x[:, None] ** np.arange(1, degree + 1)
+    solve = np.linalg.pinv(powers / error[:, None]) / error
+    coefficients = solve @ (s - 1.0)
+    alone = np.sqrt(np.sum((solve * error) ** 2, axis=1))
+    together = np.abs(solve @ error)
+    misfit = float(np.max(np.abs(1.0 + powers @ coefficients - s)))
+    errors = tuple(float(e) for e in np.maximum(alone, together))
+    return Fit(variable, tuple(float(c) for c in coefficients), errors, float(x.min()), float(x.max()), misfit)
+
+
+def points(
+    rows: Sequence[Row], variable: str, thickness: float, factor: str = "S_Q"
+) -> list[tuple[float, float, float]]:
+    """Return (x, S, error) of the rows that have a factor."""
+    measure = VARIABLES[variable]
+    return [(measure(row, thickness), row[factor], row[f"{factor}_error"]) for row in rows if row[factor] is not None]
+
+
+def initial_slope(rows: Sequence[Row], variable: str, thickness: float, factor: str = "S_Q") -> Fit | None:
+    """Return the fit of second degree to the small loads alone: its first coefficient is the slope at zero load."""
+    small = [row for row in rows if row["D"] <= SMALL_LOAD]
+    return fit(points(small, variable, thickness, factor), variable, 2) if len(small) >= 3 else None
+
+
+def collapse(curves: Mapping[str, tuple[Sequence[Row], float]], factor: str = "S_Q") -> list[Fit]:
+    """Return one fit through all curves (rows and thickness, by name) for every measure of the load, best first."""
+    found = []
+    for variable in VARIABLES:
+        together = [point for rows, h in curves.values() for point in points(rows, variable, h, factor)]
+        common = fit(together, variable, 3)
+        if common is not None:
+            found.append(common)
+    return sorted(found, key=lambda f: f.misfit)
+
+
+def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q") -> tuple[float, float] | None:
+    """Return factor and error at an approach over R, interpolated in its square root; None outside the rows."""
+    known = [(math.sqrt(row["D"]), row[factor], row[f"{factor}_error"]) for row in rows if row[factor] is not None]
+    at = math.sqrt(depth)
+    for (x0, s0, e0), (x1, s1, e1) in pairwise(known):
+        if x0 <= at * (1 + 1e-9) and at <= x1 * (1 + 1e-9):
+            share = (at - x0) / (x1 - x0)
+            return s0 + share * (s1 - s0), max(e0, e1)
+    return None
+
+
+def sign_change(rows: Sequence[Row], key: str) -> float | None:
+    """Return the approach over R at which a tangential force changes its sign, interpolated; None where it does not."""
+    for before, after in pairwise(rows):
+        # T / Q^2 is nearly a straight line in D
+        y0, y1 = (row[key] / row["Q"] ** 2 for row in (before, after))
+        if y0 * y1 < 0.0:
+            return float(before["D"] + (after["D"] - before["D"]) * y0 / (y0 - y1))
+    return None

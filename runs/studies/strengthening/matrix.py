@@ -1,0 +1,70 @@
+"""Which cases the study solves: the paper's pair, thin and thick, and what is varied about it."""
+
+from __future__ import annotations
+
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from runs.studies.case import Case
+
+THIN, THICK = 1.16, 6.0
+"""Thickness over R of the paper's separation case and of its attraction case."""
+POISSON, SUBSTRATE = 0.48, Elastic(1e3, 0.3)
+DISTANCES = (2.5, 3.0, 4.0, 6.0)
+POISSONS = (0.3, 0.4, 0.45, 0.4999)
+NEAR_SIGN_CHANGE = (1.5, 1.7, 1.9)
+"""Thicknesses about the linear model's sign change, h' = 1.6977 at the paper's load."""
+SIDES = {THIN: "thin", THICK: "thick"}
+
+
+def pair(
+    thickness: float, approach: float, *, distance: float = 2.0, poisson: float = POISSON, shape: str = "sphere"
+) -> Problem:
+    """Return two balls ``distance`` R apart, pressed in by ``approach`` R; R = 1, E1 = 1."""
+    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
+    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", (approach,) * 2), SUBSTRATE, FiniteStrain())
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return all cases, the ones that the answer leans on first."""
+    return _quick() if quick else _full()
+
+
+def _quick() -> list[Case]:
+    deepest, accuracy = 0.03, 0.2
+    return [
+        *(_along("headline", h, deepest, accuracy) for h in SIDES),
+        _along("paraboloid", THIN, deepest, accuracy, shape="paraboloid"),
+        _along("small load", THIN, deepest, accuracy, model="small_strain"),
+    ]
+
+
+def _full() -> list[Case]:
+    found = [_along("headline", h, 0.6, 0.005) for h in SIDES]
+    for model in ("finite_strain", "small_strain"):
+        found += [_along("small load", h, 0.06, 0.005, model=model) for h in SIDES]
+    found += [_along("paraboloid", h, 0.5, 0.01, shape="paraboloid") for h in SIDES]
+    found += [_along("distance", h, 0.5, 0.01, distance=distance) for distance in DISTANCES for h in SIDES]
+    found += [_along("poisson", h, 0.5, 0.01, poisson=poisson) for poisson in POISSONS for h in SIDES]
+    found += [_along("sign", h, 0.5, 0.01) for h in NEAR_SIGN_CHANGE]
+    for model in ("finite_strain", "small_strain"):
+        found += [_along("small load", h, 0.06, 0.005, poisson=0.3, model=model) for h in SIDES]
+    return found
+
+
+def _along(
+    group: str,
+    thickness: float,
+    deepest: float,
+    accuracy: float,
+    *,
+    distance: float = 2.0,
+    poisson: float = POISSON,
+    shape: str = "sphere",
+    model: str = "finite_strain",
+) -> Case:
+    problem = pair(thickness, deepest, distance=distance, poisson=poisson, shape=shape)
+    if model == "small_strain":
+        problem = Problem(problem.layer, problem.balls, problem.load, problem.substrate)
+    words = [group.replace(" ", "-"), SIDES.get(thickness, f"h{thickness:g}"), f"L{distance:g}", f"nu{poisson:g}"]
+    words += [word for word in (model.replace("_", "-"),) if group == "small load"]
+    labels = {"group": group, "h": thickness, "L": distance, "nu": poisson, "shape": shape}
+    return Case("-".join(words), problem, model, accuracy, labels=labels)

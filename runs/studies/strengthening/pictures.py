@@ -1,0 +1,104 @@
+"""The study's two figures: the headline curves with their ladder, and what thickness, distance and material change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.studies.records import Found
+from runs.studies.strengthening.fitting import Fit
+from runs.studies.strengthening.matrix import SIDES
+
+Rows = Sequence[Mapping[str, Any]]
+MARKS = ("o", "s", "^", "D", "v", "P")
+COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
+
+
+def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
+    """Write strengthening and parameters as .svg and .png."""
+    with look():
+        save_figure(_headline(rows, fits), folder, "strengthening")
+        save_figure(_parameters(found, rows), folder, "parameters")
+
+
+def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
+    figure, axes = panels(5.0, 5.0, height=4.4)
+    for axis, side, words in zip(axes, SIDES.values(), ("separation, h = 1.16 R", "attraction, h = 6 R"), strict=True):
+        path = rows.get(f"headline-{side}-L2-nu0.48", [])
+        _bars(axis, path, "S_Q", ORANGE, "o", "$S_Q$, at equal force")
+        _bars(axis, path, "S_D", GREEN, "^", "$S_D$, at equal approach", shift=0.006)
+        known = [(math.sqrt(row["D"]), row["geometry"]) for row in path if row["geometry"] is not None]
+        if known:
+            axis.plot(*zip(*known, strict=True), color=BLUE, ls=":", label="exact sphere over paraboloid, small strain")
+        curve = fits.get(side)
+        if curve is not None:
+            x = np.linspace(curve.least, curve.greatest, 100)
+            axis.plot(x, [curve(v) for v in x], color=GREY, lw=1.0, ls="--", zorder=0, label="fit to $S_Q$")
+        _finish(axis, path, f"{words}, L = 2 R")
+        depths = axis.secondary_xaxis(
+            "top", functions=(lambda x: x * abs(x), lambda d: np.sign(d) * np.sqrt(np.abs(d)))
+        )
+        reached = max((row["D"] for row in path), default=1.0)
+        depths.set_xticks([d for d in (0.01, 0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6) if d <= 1.05 * reached])
+        depths.set_xlabel("$D/R$")
+    axes[0].set_ylabel("T / T of small strain")
+    return figure
+
+
+def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
+    figure, axes = panels(4.2, 4.2, 4.2, height=4.2)
+    for axis, group, key in ((axes[0], "poisson", "nu"), (axes[1], "distance", "L")):
+        chosen = [
+            case
+            for case in found.cases
+            if case.labels["group"] in (group, "headline") and rows.get(case.name) and case.labels["h"] < 2.0
+        ]
+        for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
+            name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
+            _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
+        _finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {key}, h = 1.16 R")
+    _sign(axes[2], found, rows)
+    return figure
+
+
+def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
+    for i, case in enumerate(case for case in found.cases if case.labels["group"] == "sign" and rows.get(case.name)):
+        path = rows[case.name]
+        x = [math.sqrt(row["D"]) for row in path]
+        color = COLORS[i % 5]
+        finite = [row["T"] / row["Q"] ** 2 for row in path]
+        error = [row["T_error"] / row["Q"] ** 2 for row in path]
+        axis.errorbar(
+            x, finite, error, color=color, marker=MARKS[i], ms=4, capsize=2, label=f"h / R = {case.labels['h']:g}"
+        )
+        axis.plot(x, [row["T_linear"] / row["Q"] ** 2 for row in path], color=color, ls=":", lw=1.2)
+    axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
+    axis.set(xlabel=r"$\sqrt{D/R}$", ylabel="$T E_1 R^2 / Q^2$")
+    axis.set_title("sign of T (dotted: small strain)")
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend()
+
+
+def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
+    known = [(math.sqrt(row["D"]) + shift, row[key], row[f"{key}_error"]) for row in path if row[key] is not None]
+    if known:
+        x, y, error = zip(*known, strict=True)
+        axis.errorbar(x, y, error, color=color, marker=marker, ms=4, capsize=2.5, lw=1.2, label=name)
+
+
+def _finish(axis: Any, path: Rows, title: str) -> None:
+    axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
+    axis.set_xlabel(r"$\sqrt{D/R}$")
+    axis.set_xlim(left=0.0)
+    axis.set_title(title)
+    values = [row["S_Q"] for row in path if row["S_Q"] is not None]
+    if values:  # wide error bars of the smallest loads must not flatten the curves
+        low, high = min(0.9, *values), max(1.1, *values)
+        axis.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="upper left")

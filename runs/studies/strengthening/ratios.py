@@ -1,0 +1,142 @@
+"""From load paths to factors: finite over linear at equal force and approach, step by step along the ladder of models.
+
+The ladder adds one thing at a time: paraboloid at small strain, exact sphere at small strain, finite strain. At equal
+force ``geometry`` is T of the second over T of the first, S_Q of the third over the second.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.linear_states import LinearStates
+from runs.plain import to_json
+from runs.presentation import attraction
+from runs.store import replacing
+from runs.strengthening import compare_steps
+from runs.studies.case import Case
+from runs.studies.records import Found
+
+KEPT = "ratios.json"
+"""File of the study's folder with the factors of every load path: the linear states are solved once."""
+MESHES = ("domain_main_mesh", "domain_companion_mesh")
+"""Routes of a finite-element result that hold T on its finer and on its coarser mesh alone."""
+
+
+def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of every finite-strain case, by its name; see `_rows`."""
+    try:
+        kept = json.loads((folder / KEPT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        kept = {}
+    now: dict[str, dict[str, Any]] = {}
+    for case in found.cases:
+        steps = found.steps(case.name)
+        if case.model != "finite_strain" or not steps:
+            continue
+        key = [case.key(), len(steps)]
+        old = kept.get(case.name, {})
+        now[case.name] = old if old.get("key") == key else {"key": key, "rows": _rows(case, steps)}
+    with replacing(folder / KEPT) as draft:
+        draft.write_text(to_json(now), encoding="utf-8")
+    return {name: entry["rows"] for name, entry in now.items()}
+
+
+def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row per load step of ball 0; lengths over R and forces over E1 R^2 as the problem is dimensionless."""
+    linear = LinearStates(case.problem, None, {})
+    at_force, at_approach = linear.at_force(steps)["steps"], linear.at_approach(steps)["steps"]
+    balls = tuple(dataclasses.replace(ball, shape="paraboloid") for ball in case.problem.balls)
+    paraboloids = LinearStates(dataclasses.replace(case.problem, balls=balls), None, {}).at_force(steps)["steps"]
+    compared = [row for row in compare_steps(steps, at_force, at_approach) if row["ball"] == 0]
+    rows = []
+    for row, step, plain in zip(compared, steps, paraboloids, strict=True):
+        ball = step["balls"][0]
+
+        def toward(force: Sequence[float], step: Mapping[str, Any] = step) -> float:
+            return attraction(step["balls"], 0, force)
+
+        linear_t, plain_t = toward(row["tangential_linear"]), toward(plain["balls"][0]["tangential_force"])
+        rows.append(
+            {
+                "D": ball["approach"],
+                "Q": ball["normal_force"],
+                "a": math.sqrt(ball["contact_area"] / math.pi),
+                "T": toward(ball["tangential_force"]),
+                "T_error": ball["tangential_force_error"],
+                "T_linear": linear_t,
+                "T_paraboloid": plain_t,
+                "geometry": _ratio(linear_t, plain_t),
+                "S_Q": row["strengthening_at_force"],
+                "S_Q_error": row["strengthening_at_force_error"],
+                "S_D": row["strengthening_at_approach"],
+                "S_D_error": row["strengthening_at_approach_error"],
+            }
+        )
+    return rows
+
+
+def _ratio(above: float, below: float) -> float | None:
+    return above / below if below and math.isfinite(below) and math.isfinite(above) else None
+
+
+def small_strain_partner(found: Found, case: Case) -> Case | None:
+    """Return the case that is the same but for finite strain: its meshes and load steps are the same too."""
+    alike = dataclasses.replace(case.problem, finite_strain=None)
+    for other in found.cases:
+        if other.model == "small_strain" and other.problem == alike and other.accuracy == case.accuracy:
+            return other
+    return None
+
+
+def cancelled(finite: Sequence[Mapping[str, Any]], small: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
+    """Return S_Q from two runs on the same meshes, finite over small strain, in which the mesh error cancels.
+
+    T / Q^2 of the small-strain run is interpolated to the force of the finite one; the error is drawn from what the
+    ratio differs by between the two meshes of a run, with the cautious order of `finite_strain.companion`. Empty where
+    the runs do not tell T on each mesh.
+    """
+    if not all(set(MESHES) <= set(step["balls"][0]["tangential_force_routes"]) for step in (*finite, *small)):
+        return []
+    from finite_strain.companion import CAUTIOUS_ORDER, FORCE_RATIO_ORDER, gain  # noqa: PLC0415
+
+    per_mesh = []
+    for mesh in MESHES:
+        loads = [math.log(step["balls"][0]["normal_force"]) for step in small]
+        reference = [_per_squared_force(step, mesh) for step in small]
+        ratios = []
+        for step in finite:
+            at = math.log(step["balls"][0]["normal_force"])
+            ratios.append(_per_squared_force(step, mesh) / _interpolated(at, loads, reference))
+        per_mesh.append(ratios)
+    rows = []
+    for step, fine, coarse in zip(finite, *per_mesh, strict=True):
+        ball = step["balls"][0]
+        rows.append(
+            {
+                "D": ball["approach"],
+                "Q": ball["normal_force"],
+                "a": math.sqrt(ball["contact_area"] / math.pi),
+                "S_Q": fine + gain(FORCE_RATIO_ORDER) * (fine - coarse),
+                "S_Q_error": gain(CAUTIOUS_ORDER) * abs(fine - coarse),
+            }
+        )
+    return rows
+
+
+def _per_squared_force(step: Mapping[str, Any], mesh: str) -> float:
+    ball = step["balls"][0]
+    return float(ball["tangential_force_routes"][mesh][0]) / float(ball["normal_force"]) ** 2
+
+
+def _interpolated(at: float, x: Sequence[float], y: Sequence[float]) -> float:
+    """Return y at a point, linear between the nearest two x and beyond the ends."""
+    if len(x) == 1:
+        return y[0]
+    i = min(max(sum(value <= at for value in x) - 1, 0), len(x) - 2)
+    share = (at - x[i]) / (x[i + 1] - x[i])
+    return y[i] + share * (y[i + 1] - y[i])

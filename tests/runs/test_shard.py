@@ -1,0 +1,131 @@
+"""Studies of many cases: shared out, resumed after a kill, a failing case recorded and passed over, published."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import signal
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from linear_bem.errors import InvalidProblem, OutputUnusable
+from runs.studies import read_shard
+from runs.studies.case import varied
+from runs.studies.publishing import BEGIN, END, publish
+from runs.studies.strengthening.matrix import cases
+from tests.launch import mpirun
+
+STAND_IN = Path(__file__).with_name("elements.py")
+NAMES = [case.name for case in cases(quick=True)]
+
+
+def study(out: Path, *more: str, n: int = 1, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    return mpirun(n, STAND_IN, "study", "strengthening", "--quick", "--out", out, *more, env=env)
+
+
+def records(out: Path) -> dict[str, dict[str, Any]]:
+    return {path.stem: json.loads(path.read_text()) for path in (out / "cases").glob("*.json")}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("n", [1, 2])
+def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(n: int, tmp_path: Path) -> None:
+    first = study(tmp_path / "out", "--shard", "1/2", n=n)
+    assert first.returncode == 0, first.stderr
+    assert set(records(tmp_path / "out")) == set(NAMES[::2])
+    assert f"Not there: 2 of {len(NAMES)} cases" in first.stdout
+    assert f"- {NAMES[1]}: not run yet" in first.stdout
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/cases").glob("*.json")}
+    second = study(tmp_path / "out", "--shard", "2/2", n=n)
+    assert second.returncode == 0, second.stderr
+    assert "Not there" not in second.stdout
+    assert f"{len(NAMES)} of {len(NAMES)} cases" in second.stdout
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+    assert {record["state"] for record in records(tmp_path / "out").values()} == {"done"}
+    assert {record["ranks"] for record in records(tmp_path / "out").values()} == {n}
+    assert second.stdout == (tmp_path / "out/answer.md").read_text(encoding="utf-8")
+
+
+def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(tmp_path: Path) -> None:
+    killed = study(tmp_path / "out", env={"ELEMENTS": "kill"})
+    assert killed.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL)
+    (only,) = records(tmp_path / "out").values()
+    assert (only["state"], len(only["steps"])) == ("running", 2)
+    shown = study(tmp_path / "out", "--tables")
+    assert f"- {NAMES[0]}: running after 2 load step(s)" in shown.stdout
+    again = study(tmp_path / "out")
+    assert again.returncode == 0, again.stderr
+    assert again.stderr.count("step 1 ") == len(NAMES) - 1
+    assert all(len(record["steps"]) == 4 for record in records(tmp_path / "out").values())
+    assert not any(path.is_dir() for path in (tmp_path / "out/cases").iterdir())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(n: int, tmp_path: Path) -> None:
+    done = study(tmp_path / "out", n=n, env={"ELEMENTS": "stop"})
+    assert done.returncode == 0, done.stderr
+    assert f"Not there: {len(NAMES)} of {len(NAMES)} cases" in done.stdout
+    assert f"- {NAMES[0]}: not converged after 2 load step(s): step 2: DIVERGED_LINE_SEARCH" in done.stdout
+    with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert sum(row["case"] == NAMES[0] for row in rows) == 2
+
+
+def test_a_folder_of_another_study_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    done = study(tmp_path)
+    assert done.returncode == 2
+    assert "holds files of no study (notes.txt)" in done.stderr
+
+
+@pytest.mark.parametrize("text", ["", "3", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2"])
+def test_a_shard_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InvalidProblem, match="must be i/n"):
+        read_shard(text)
+
+
+def test_parts_of_a_study_without_cases_and_a_published_quick_one_are_refused() -> None:
+    for more, words in (
+        (("figures", "--shard", "1/2"), "no parts"),
+        (("strengthening", "--quick", "--publish"), "full"),
+    ):
+        done = mpirun(1, "-m", "runs.cli", "study", *more)
+        assert done.returncode == 2
+        assert words in done.stderr
+
+
+def test_constants_are_varied_inside_the_block_alone_and_make_another_case() -> None:
+    from finite_strain import schedule  # noqa: PLC0415
+
+    usual = schedule.LARGEST_STEP
+    with varied({"finite_strain.schedule.LARGEST_STEP": 0.5}):
+        assert schedule.LARGEST_STEP == 0.5
+    assert usual == schedule.LARGEST_STEP
+    with pytest.raises(InvalidProblem, match="no such constant"), varied({"finite_strain.schedule.ABSENT": 1.0}):
+        pass
+    case = cases(quick=True)[0]
+    other = dataclasses.replace(case, constants={"finite_strain.schedule.LARGEST_STEP": 0.5})
+    assert len({case.key(), other.key(), dataclasses.replace(case, accuracy=0.1).key()}) == 3
+
+
+def test_an_answer_is_published_between_its_marks(tmp_path: Path) -> None:
+    page = tmp_path / "README.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/figure.svg").write_text("<svg/>", encoding="utf-8")
+    publish("any", "S = 1.2 \\ 3", [tmp_path / "out/figure.svg", tmp_path / "out/absent.svg"], tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    assert "S = 1.2 \\ 3" in text
+    assert "old" not in text
+    assert (tmp_path / "figure.svg").exists()
+    page.write_text("no marks", encoding="utf-8")
+    with pytest.raises(OutputUnusable, match="no place for the answer"):
+        publish("any", "text", [], tmp_path)

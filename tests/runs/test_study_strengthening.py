@@ -1,0 +1,153 @@
+"""The strengthening study's arithmetic: factors, ladder, slopes, fits, sign changes, and the sentence they make."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from linear_bem import Problem, solve
+from runs.studies.records import Found
+from runs.studies.strengthening import fitting
+from runs.studies.strengthening.answer import present
+from runs.studies.strengthening.matrix import THICK, THIN, cases, pair
+from runs.studies.strengthening.ratios import cancelled, small_strain_partner
+from tests.launch import python
+
+STAND_IN = Path(__file__).with_name("elements.py")
+LINEAR = 2e-4
+"""Relative error asked of the linear T, twice."""
+
+
+def step(force: float, main: float, companion: float, approach: float = 0.01) -> dict[str, Any]:
+    squared = force**2
+    routes = {"domain_main_mesh": [main * squared, 0.0], "domain_companion_mesh": [companion * squared, 0.0]}
+    ball = {"approach": approach, "normal_force": force, "contact_area": math.pi, "tangential_force_routes": routes}
+    return {"balls": [ball]}
+
+
+def small_strain(problem: Problem) -> Problem:
+    return dataclasses.replace(problem, finite_strain=None)
+
+
+def rows(*points: tuple[float, float, float]) -> list[dict[str, Any]]:
+    return [{"D": d, "Q": d**1.5, "a": math.sqrt(d), "S_Q": s, "S_Q_error": e} for d, s, e in points]
+
+
+def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -> None:
+    done = python(STAND_IN, "study", "strengthening", "--quick", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
+        found = list(csv.DictReader(file))
+    for row in found:  # the stand-in's T is the linear one times 1 + D / R
+        for factor in ("S_Q", "S_D"):
+            assert float(row[factor]) == pytest.approx(1.0 + float(row["D"]), rel=LINEAR)
+    deepest = next(r for r in found if r["case"] == "headline-thin-L2-nu0.48" and float(r["D"]) == 0.03)
+    load = [float(deepest["Q"])] * 2
+    sphere, paraboloid = (
+        solve(small_strain(pair(THIN, 0.03, shape=shape)).with_load("force", load)).balls[0].tangential_force[0]
+        for shape in ("sphere", "paraboloid")
+    )
+    assert float(deepest["geometry"]) == pytest.approx(sphere / paraboloid, rel=LINEAR)
+    assert float(deepest["T"]) < 0.0  # they separate, whichever way x points
+    assert (tmp_path / "out/strengthening.svg").stat().st_size > 5_000
+    assert "within its error bar of 1** in 2 case(s)" in done.stdout
+
+
+def test_the_mesh_error_cancels_in_the_ratio_of_two_runs_on_one_mesh() -> None:
+    loads = (1e-3, 2e-3, 4e-3)
+    finite = [step(q, 1.1 * 0.97, 1.1 * 0.9) for q in loads]
+    small = [step(q, 0.97, 0.9) for q in loads]
+    for row in cancelled(finite, small):
+        assert row["S_Q"] == pytest.approx(1.1, rel=1e-12)
+        assert row["S_Q_error"] < 1e-12
+    for row in cancelled([step(q, 1.1, 1.0) for q in loads], [step(q, 1.0, 1.0) for q in loads]):
+        assert row["S_Q_error"] > 0.05
+    assert cancelled([{"balls": [{"tangential_force_routes": {}}]}], small) == []
+
+
+def test_every_small_strain_run_has_a_finite_strain_run_on_the_same_mesh() -> None:
+    for quick in (True, False):
+        every = cases(quick)
+        found = Found(tuple(every), {})
+        partners = [small_strain_partner(found, case) for case in every if case.model == "finite_strain"]
+        assert sum(partner is not None for partner in partners) == sum(c.model == "small_strain" for c in every)
+        assert len({case.name for case in every}) == len(every)
+
+
+def test_the_matrix_holds_what_the_question_asks() -> None:
+    labels = [case.labels for case in cases(quick=False)]
+    assert {label["L"] for label in labels} == {2.0, 2.5, 3.0, 4.0, 6.0}
+    assert {label["nu"] for label in labels} == {0.3, 0.4, 0.45, 0.48, 0.4999}
+    assert {label["shape"] for label in labels} == {"sphere", "paraboloid"}
+    deepest = {c.labels["h"]: max(c.problem.load.values) for c in cases(quick=False) if c.labels["group"] == "headline"}
+    assert min(deepest[THIN], deepest[THICK]) >= 0.5
+
+
+def test_a_fit_finds_the_coefficients_and_says_how_sure_they_are() -> None:
+    depths = np.array([0.01, 0.02, 0.03, 0.05, 0.07, 0.2, 0.4])
+    exact = rows(*((d, 1.0 - 0.2 * math.sqrt(d) + 1.1 * d, 0.01) for d in depths))
+    found = fitting.fit(fitting.points(exact, "sqrt(D/R)", THIN), "sqrt(D/R)", 2)
+    assert found is not None
+    assert found.coefficients == pytest.approx((-0.2, 1.1), rel=1e-9)
+    assert found.misfit < 1e-12
+    assert found(0.5) == pytest.approx(1.0 - 0.1 + 0.275)
+    assert "1 -0.200 x +1.100 x^2" in found.formula()
+    slope = fitting.initial_slope(exact, "sqrt(D/R)", THIN)
+    sharper = fitting.initial_slope([row | {"S_Q_error": 1e-4} for row in exact], "sqrt(D/R)", THIN)
+    assert slope is not None
+    assert sharper is not None
+    assert slope.greatest <= math.sqrt(fitting.SMALL_LOAD)
+    assert slope.errors[0] == pytest.approx(100.0 * sharper.errors[0], rel=1e-9)
+    assert abs(sharper.coefficients[0]) > sharper.errors[0]
+    assert fitting.initial_slope(exact[:2], "sqrt(D/R)", THIN) is None
+
+
+def test_the_measure_that_makes_curves_one_is_found() -> None:
+    def curve(h: float) -> list[dict[str, Any]]:
+        return rows(*((d, 1.0 + 0.9 * d / h, 0.01) for d in (0.02, 0.05, 0.1, 0.2, 0.4)))
+
+    best, *others = fitting.collapse({"thin": (curve(1.16), 1.16), "thick": (curve(6.0), 6.0)})
+    assert best.variable == "sqrt(D/h)"
+    assert best.misfit < 1e-9 < others[-1].misfit
+
+
+def test_curves_are_read_between_their_points_and_not_beyond() -> None:
+    path = rows((0.04, 1.1, 0.01), (0.16, 1.3, 0.03))
+    assert fitting.at_depth(path, 0.09) == pytest.approx((1.2, 0.03))
+    assert fitting.at_depth(path, 0.04) == pytest.approx((1.1, 0.03))
+    assert fitting.at_depth(path, 0.2) is None
+
+
+def test_the_load_of_a_sign_change_is_interpolated() -> None:
+    path = [{"D": d, "Q": 2.0, "T": 4.0 * (0.3 - d)} for d in (0.1, 0.2, 0.4)]
+    assert fitting.sign_change(path, "T") == pytest.approx(0.3)
+    assert fitting.sign_change(path[:2], "T") is None
+
+
+def test_the_sentence_tells_stronger_weaker_and_undecided_apart(tmp_path: Path) -> None:
+    def record(ratio: float, case: Any) -> dict[str, Any]:
+        balls = []
+        for ball in solve(small_strain(case.problem)).balls:
+            state = ball.to_dict()
+            state["tangential_force"] = [ratio * t for t in state["tangential_force"]]
+            state["tangential_force_error"] = 0.01 * abs(state["tangential_force"][0])
+            balls.append(state)
+        return {"state": "done", "steps": [{"balls": balls, "record": {}}]}
+
+    chosen = [
+        dataclasses.replace(c, problem=c.problem.with_load("approach", (0.02, 0.02)))
+        for c in cases(quick=False)
+        if c.labels["group"] in ("headline", "distance")
+    ][:4]
+    found = Found(tuple(chosen), {c.name: record(s, c) for c, s in zip(chosen, (1.2, 0.9, 1.001, 1.3), strict=True)})
+    text = present(found, tmp_path, quick=False)
+    assert "**stronger** in 2 case(s): h = 1.16 R, L = 2 R, nu = 0.48: 1.200" in text
+    assert "**weaker** in 1 case(s): h = 6 R, L = 2 R, nu = 0.48: 0.900" in text
+    assert "**within its error bar of 1** in 1 case(s): h = 1.16 R, L = 2.5 R" in text
+    assert "for h = 1.16 R from D = 0.02 R on; for h = 6 R at no load up to D = 0.02 R" in text
