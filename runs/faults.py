@@ -18,7 +18,19 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "balls": {"radius": "8 mm", "positions": [["-8 mm", 0], ["8 mm", 0]], "shape": "sphere"},
     "load": {"approach": "1.5 mm"},
     "finite_strain": {"law": "neo_hookean"},
+    "reciprocation": {
+        "amplitude": "80 mm",
+        "cycles": 50,
+        "friction": 0.1,
+        "direction": [1, 0],
+        "perturbation": "0.1 mm",
+        "seed": 1,
+        "ensemble": 1,
+        "tolerance": 1e-6,
+        "forces": "pairs",
+    },
     "accuracy": {"tangential_force": 0.01},
+    "output": {"fields": ["displacement", "von_mises"], "every": 1},
 }
 """A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""
 

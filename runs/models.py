@@ -12,7 +12,7 @@ from typing import Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result
-from runs.scene import Scene
+from runs.scene import OutputTable, Scene
 
 EFFECTS = {
     "substrate": "elastic half-space below the layer",
@@ -37,12 +37,13 @@ class ModelName(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Run:
-    """What a model is given beside the problem: accuracy, MPI communicator, folder and observer."""
+    """What a model is given beside the problem: accuracy, MPI communicator, folder, observer, fields to be written."""
 
     tangential_force: float | None = None
     comm: Any = None
     folder: Path | None = None
     observer: Any = None
+    output: OutputTable | None = None
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,12 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
     def solve(problem: Problem, run: Run) -> Result:
         import finite_strain  # noqa: PLC0415
 
-        accuracy = _accuracy(run.tangential_force)
+        options: dict[str, Any] = _accuracy(run.tangential_force)
+        if run.output is not None:
+            chosen = {} if run.output.fields is None else {"names": run.output.fields}
+            options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
         return finite_strain.solve(
-            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer, **accuracy
+            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer, **options
         )
 
     return solve
@@ -121,9 +125,15 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 
     Without ``asked``, the first model that has every effect of the scene. Asking for a model by name may
     leave out an effect that this model replaces by a simpler law; a note says so. Raises
-    `UnsupportedProblem` when effects are left that no model, or not this model, has.
+    `UnsupportedProblem` when effects are left that no model, or not this model, has: models keep the balls in
+    place, and `standing` is the scene that ``evolve`` asks them for.
     """
     wanted = frozenset(scene.effects)
+    if scene.reciprocation is not None:
+        raise UnsupportedProblem(
+            f"{scene.path}: {_names(frozenset({'reciprocation'}))}: solve and compare keep the balls where they are; "
+            f"use `thirdbody evolve {scene.path}`, or remove the table"
+        )
     nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
     if nowhere:
         raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model has it yet; remove the table")
@@ -145,6 +155,12 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     dropped = sorted(wanted & model.leaves_out)
     notes = tuple(f"[{e}] left out, as {asked} was asked for by name: {WITHOUT[e]}" for e in dropped)
     return model, without(scene.problem, dropped), notes
+
+
+def standing(scene: Scene) -> Scene:
+    """Return ``scene`` with its balls kept where they are: what a model sees at one instant of an evolution."""
+    effects = tuple(effect for effect in scene.effects if effect != "reciprocation")
+    return dataclasses.replace(scene, effects=effects, reciprocation=None)
 
 
 def without(problem: Problem, effects: list[str]) -> Problem:

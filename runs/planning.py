@@ -9,7 +9,7 @@ from typing import Any
 
 from linear_bem.result import Result
 from runs import ranks, tables
-from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, without
+from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, standing, without
 from runs.plain import as_given, plain, to_json
 from runs.presentation import Scale, duration, number
 from runs.scene import Scene
@@ -28,7 +28,7 @@ ROUGH = 1e-2
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     """Print the plan of ``solve``, and of ``compare`` where the scene has what it needs."""
-    model, problem, notes = choose(scene, asked)
+    model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
         return
     ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))

@@ -40,6 +40,24 @@ def number(value: object) -> float:
     return float(value)
 
 
+def whole(value: object) -> int:
+    """Return a whole number that is not negative."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise fault("must be a whole number, 0 or more")
+    return value
+
+
+def direction(value: object) -> tuple[float, float]:
+    """Return the unit vector along a list [x, y] of plain numbers."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise fault("must be a list [x, y] of two plain numbers, such as [1, 0]")
+    x, y = _items(value, number)
+    length = math.hypot(x, y)
+    if not 0.0 < length < math.inf:
+        raise fault("must point somewhere: a finite [x, y] that is not [0, 0]")
+    return x / length, y / length
+
+
 def quantity(value: object, unit: str) -> float:
     """Return ``value`` in ``unit`` (an SI unit: m, Pa or N); a plain number is in ``unit`` already."""
     if not isinstance(value, str):
@@ -101,6 +119,8 @@ def _items(values: list[object], parse: Callable[[object], float], per_ball: int
 
 
 Number = Annotated[float, PlainValidator(number)]
+Whole = Annotated[int, PlainValidator(whole)]
+Direction = Annotated[tuple[float, float], PlainValidator(direction)]
 Length = Annotated[float, PlainValidator(partial(quantity, unit="m"))]
 Pressure = Annotated[float, PlainValidator(partial(quantity, unit="Pa"))]
 Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]

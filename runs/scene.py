@@ -14,7 +14,19 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, LoadKind, Problem
 from runs import faults
-from runs.quantities import Force, Forces, Length, Lengths, Number, OneOrMany, Positions, Pressure, fault
+from runs.quantities import (
+    Direction,
+    Force,
+    Forces,
+    Length,
+    Lengths,
+    Number,
+    OneOrMany,
+    Positions,
+    Pressure,
+    Whole,
+    fault,
+)
 
 LOAD_KEYS: tuple[LoadKind, ...] = ("approach", "force", "total_force")
 
@@ -87,6 +99,58 @@ class FiniteStrainTable(Table):
     law: Literal["neo_hookean"] = "neo_hookean"
 
 
+class ReciprocationTable(Table):
+    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
+
+    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it sets the clock alone), ``direction`` (x, y) of
+    the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions from
+    ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
+    ``forces`` from the table of "pairs", or "direct": the model asked at every step.
+    """
+
+    amplitude: Length
+    cycles: Number
+    friction: Number
+    direction: Direction = (1.0, 0.0)
+    perturbation: Length = 0.0
+    seed: Whole = 0
+    ensemble: Whole = 1
+    tolerance: Number = 1e-6
+    forces: Literal["pairs", "direct"] = "pairs"
+
+    def faults(self, load: LoadKind) -> list[str]:
+        """Return what is out of range, one text each."""
+        texts = [
+            f"reciprocation.{key}: must be greater than 0 and finite, got {value:g}"
+            for key in ("amplitude", "cycles", "friction")
+            if not 0.0 < (value := getattr(self, key)) < math.inf
+        ]
+        if not 0.0 <= self.perturbation < math.inf:
+            texts.append(f"reciprocation.perturbation: must not be negative, got {self.perturbation:g} m")
+        if self.ensemble < 1:
+            texts.append(f"reciprocation.ensemble: must be at least 1, got {self.ensemble}")
+        if self.ensemble > 1 and self.perturbation == 0.0:
+            texts.append(f"reciprocation.ensemble: {self.ensemble} equal runs without a perturbation; give one")
+        if not 0.0 < self.tolerance <= 1e-2:
+            texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {self.tolerance:g}")
+        if load != "approach":
+            texts.append(f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}")
+        return texts
+
+
+class OutputTable(Table):
+    """[output]: which fields a finite-element run writes, every so many load steps; absent: all, on every step."""
+
+    fields: tuple[str, ...] | None = None
+    every: Whole = 1
+
+    def faults(self) -> list[str]:
+        """Return what is out of range, one text each."""
+        from finite_strain.catalogue import choice_faults  # noqa: PLC0415  (only where a scene has the table)
+
+        return choice_faults(self.fields or (), self.every)
+
+
 class AccuracyTable(Table):
     """[accuracy]: relative accuracy asked of the tangential force; absent: each model's own default."""
 
@@ -102,8 +166,9 @@ class Tables(Table):
     load: LoadTable
     substrate: ElasticTable | None = None
     finite_strain: FiniteStrainTable | None = None
-    reciprocation: dict[str, Any] | None = None
+    reciprocation: ReciprocationTable | None = None
     accuracy: AccuracyTable = AccuracyTable()
+    output: OutputTable | None = None
 
     def problem(self) -> Problem:
         """Return the contact problem; raises `InvalidProblem` with every fault found."""
@@ -116,7 +181,11 @@ class Tables(Table):
         accuracy = self.accuracy.tangential_force
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+        if self.output is not None:
+            texts += self.output.faults()
         kind, values = self.load.given
+        if self.reciprocation is not None:
+            texts += self.reciprocation.faults(kind)
         try:
             problem = Problem(
                 Layer(self.layer.young, self.layer.poisson, self.layer.thickness),
@@ -143,6 +212,8 @@ class Scene:
     problem: Problem
     effects: tuple[str, ...]
     tangential_force: float | None
+    reciprocation: ReciprocationTable | None = None
+    output: OutputTable | None = None
 
 
 def _per_ball(value: OneOrMany, size: int) -> tuple[float, ...]:
@@ -168,7 +239,8 @@ def read_scene(path: Path) -> Scene:
     effects = tuple(
         name for name in ("substrate", "finite_strain", "reciprocation") if getattr(tables, name) is not None
     )
-    return Scene(path, text, data, tables.title or path.stem, problem, effects, tables.accuracy.tangential_force)
+    title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
+    return Scene(path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output)
 
 
 def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:

@@ -21,7 +21,8 @@ MARK = "run.json"
 FIELDS = "fields"
 OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "run.log", "tangential_force.png", "tangential_force.svg",
-    "surface.png", "surface.npz", ".lock",
+    "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png", "distances.svg", "evolution.gif",
+    "ensemble.png", "ensemble.svg", ".lock",
 )  # fmt: skip
 
 

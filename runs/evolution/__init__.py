@@ -1,0 +1,21 @@
+r"""Balls that drift under their mutual forces while a plate slides to and fro above them.
+
+The law. While a ball slides (or rolls) along the main motion, friction f Q opposes its *total* relative velocity, so a
+small in-plane force T has no threshold to overcome: it turns the direction of sliding by T/(f Q), and the
+ball moves along T. Quasi-statically, per unit of sliding path s,
+
+    dx_i/ds = T_i / (f Q_i),     s = 4 x amplitude per cycle.
+
+With sigma = s/f as the independent variable f is gone from the equations: it sets the clock and
+nothing else. f is an *effective* coefficient of friction or rolling; the source gives none.
+
+The direction of the main motion does not enter. A force across the motion drifts a sliding ball as above; for a
+force along it, Coulomb's law alone gives no drift to first order (friction is saturated on that line already), and
+a rolling ball would resist differently along and across. The source states that the rate does not depend on the
+direction [Materials 2021, 14(19), 5689, sec. 1], and names no law for the difference it sees in section 2.1; so the
+law here is isotropic, and ``direction`` only says where the arrow of the pictures points.
+
+Balls are hard. They rest on one level and touch when their axes are 2 sqrt(R_i R_j) apart (see
+`runs.evolution.hard_balls`); contacts push and never pull. A ball without load (Q = 0) is not moved by T, and gives
+way to pushes.
+"""

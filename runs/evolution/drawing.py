@@ -1,0 +1,218 @@
+"""Pictures of an evolution: top views at chosen cycles, distances over cycles, animation, ends of an ensemble."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.record import positions_at
+from runs.store import replacing
+from runs.studies.figures.drawing import BLUE, GREY, ORANGE, look, save_figure
+
+Array = NDArray[np.float64]
+Document = Mapping[str, Any]
+
+STEEL, EDGE = "#c9d3dc", "#3a4650"
+FRAMES, SECONDS = 60, 6.0
+"""Frames of an animation, and how long it takes."""
+NEIGHBOURS = 1.2
+"""Starting distance over the smallest one up to which a pair's distance is drawn."""
+
+
+def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int) -> list[float]:
+    """Return ``count`` cycles from start to end between which the balls move about equally far."""
+    cycle = np.array([m["cycle"] for m in path])
+    x = np.array([m["positions"] for m in path])
+    moved = np.concatenate([[0.0], np.cumsum(np.max(np.hypot(*np.moveaxis(np.diff(x, axis=0), -1, 0)), axis=1))])
+    if moved[-1] == 0.0:
+        return [float(cycle[0])]
+    rising = np.concatenate([[True], np.diff(moved) > 0.0])
+    wanted = np.interp(np.linspace(0.0, moved[-1], count), moved[rising], cycle[rising])
+    return [float(c) for c in wanted]
+
+
+def draw_top_views(
+    folder: Path, document: Document, balls: HardBalls, radii: Sequence[float], direction: Sequence[float]
+) -> None:
+    """Write top_views.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
+    path = document["path"]
+    cycles = chosen_cycles(path, 6)
+    with look():
+        figure, axes = _grid(len(cycles), _frame(path, radii))
+        force = _arrow_scale(path, radii)
+        for axis, cycle in zip(axes, cycles, strict=True):
+            nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
+            _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
+            _set_frame(axis, path, radii)
+            axis.set_title(f"{_round(nearest['cycle'])} cycles", fontsize=9)
+        _draw_direction(axes[0], direction)
+        figure.suptitle(
+            "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
+            fontsize=9, x=0.01, ha="left",
+        )  # fmt: skip
+        save_figure(figure, folder, "top_views")
+
+
+def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
+    """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b."""
+    from matplotlib import colormaps  # noqa: PLC0415
+
+    path = document["path"]
+    cycle = np.array([m["cycle"] for m in path])
+    gaps = np.array([balls.gaps(np.array(m["positions"])) + balls.distances for m in path])
+    near = np.flatnonzero(gaps[0] <= NEIGHBOURS * np.min(gaps[0]))
+    with look():
+        figure, (axis,) = _figure(1, (5.6, 3.8))
+        colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(near)))
+        for k, color in zip(near, colors, strict=True):
+            i, j = balls.pairs[k]
+            axis.plot(cycle, 1e3 * gaps[:, k], color=color, label=f"{i} - {j}")
+        axis.axhline(1e3 * float(np.min(balls.distances)), color="0.55", lw=0.8, ls=":", zorder=0)
+        axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
+        axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
+        top = 1e3 * float(np.max(gaps[:, near]))
+        bottom = 1e3 * float(np.min(balls.distances))
+        axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
+        axis.annotate(
+            "touching", (1.0, 1e3 * float(np.min(balls.distances))), xycoords=("axes fraction", "data"),
+            xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
+        )  # fmt: skip
+        axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(near) > 6 else 1, loc="best")
+        save_figure(figure, folder, "distances")
+
+
+def draw_animation(folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float]) -> None:
+    """Write evolution.gif: the path in equal steps of cycles."""
+    from matplotlib.animation import PillowWriter  # noqa: PLC0415
+
+    path = document["path"]
+    last = path[-1]["cycle"]
+    cycles = np.linspace(0.0, last, FRAMES)
+    sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
+    x = positions_at(path, sigma)
+    with look():
+        figure, (axis,) = _figure(1, _size(_frame(path, radii), 3.6))
+        writer = PillowWriter(fps=round(FRAMES / SECONDS))
+        with replacing(folder / "evolution.gif") as draft:
+            shown = draft.with_suffix(".part.gif")
+            with writer.saving(figure, str(shown), dpi=80):
+                for k in [*range(FRAMES), *[FRAMES - 1] * 8]:
+                    axis.clear()
+                    _draw_balls(axis, x[k], radii)
+                    _set_frame(axis, path, radii)
+                    _draw_direction(axis, direction)
+                    axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
+                    writer.grab_frame()
+            shown.replace(draft)
+
+
+def draw_ensemble(folder: Path, document: Document, radii: Sequence[float]) -> None:
+    """Write ensemble.png and .svg: how the first nine members ended; nothing for a single run."""
+    members = document["ensemble"][:9]
+    if len(members) < 2:
+        return
+    ends = [{"positions": m["positions"]} for m in members]
+    with look():
+        figure, axes = _grid(len(members), _frame(ends, radii))
+        for axis, member in zip(axes, members, strict=True):
+            _draw_balls(axis, np.array(member["positions"]), radii)
+            _set_frame(axis, ends, radii)
+            axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
+        save_figure(figure, folder, "ensemble")
+
+
+def _draw_balls(
+    axis: Any, x: Array, radii: Sequence[float], moment: Mapping[str, Any] | None = None, force: float = 0.0
+) -> None:
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
+    for number, (place, radius) in enumerate(zip(x, radii, strict=True)):
+        axis.add_patch(Circle(1e3 * place, 1e3 * radius, facecolor=STEEL, edgecolor=EDGE, lw=0.8))
+        axis.text(*(1e3 * place), str(number), ha="center", va="center", fontsize=7, color=EDGE, zorder=5)
+    if moment is None:
+        return
+    for i, j in moment["contacts"]:
+        axis.plot(*(1e3 * x[[i, j]].T), color=ORANGE, lw=1.2, alpha=0.7, zorder=3)
+    arrows = force * np.array(moment["tangential_force"])
+    long = np.hypot(*arrows.T) > 0.08 * min(radii)
+    if np.any(long):
+        axis.quiver(
+            *(1e3 * x[long].T), *(1e3 * arrows[long].T), color=BLUE, angles="xy", scale_units="xy", scale=1.0,
+            width=0.008, zorder=4,
+        )  # fmt: skip
+
+
+def _draw_direction(axis: Any, direction: Sequence[float]) -> None:
+    """Draw the two-headed arrow of the main motion into a corner."""
+    reach = np.array(direction) * 0.09
+    axis.annotate(
+        "", tuple(0.12 + reach), tuple(0.12 - reach), xycoords="axes fraction", textcoords="axes fraction",
+        arrowprops={"arrowstyle": "<->", "color": GREY, "lw": 1.0},
+    )  # fmt: skip
+
+
+def _arrow_scale(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> float:
+    """Return metres of arrow per newton: the longest on the path is 1.6 radii."""
+    largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
+    return 1.6 * min(radii) / largest if largest > 0.0 else 0.0
+
+
+def _frame(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> tuple[Array, Array]:
+    x = np.array([m["positions"] for m in path])
+    margin = 1.35 * max(radii)
+    low, high = x.min(axis=(0, 1)) - margin, x.max(axis=(0, 1)) + margin
+    # a line of balls still gets a window of some height
+    spare = np.maximum(0.34 * float(np.max(high - low)) - (high - low), 0.0) / 2.0
+    return 1e3 * (low - spare), 1e3 * (high + spare)
+
+
+def _set_frame(axis: Any, path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> None:
+    low, high = _frame(path, radii)
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axis.set_xlabel("x [mm]", fontsize=8)
+    axis.set_ylabel("y [mm]", fontsize=8)
+    axis.tick_params(labelsize=7)
+
+
+def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:
+    extent = frame[1] - frame[0]
+    scale = math.sqrt(width * width / (extent[0] * extent[1]))
+    return float(scale * extent[0]) + 0.6, float(scale * extent[1]) + 0.7
+
+
+def _figure(panels: int, size: tuple[float, float]) -> tuple[Any, Any]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(1, panels, squeeze=False)[0]
+
+
+def _grid(count: int, frame: tuple[Array, Array]) -> tuple[Any, list[Any]]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    columns = min(3, count)
+    lines = math.ceil(count / columns)
+    width, height = _size(frame, 2.3)
+    figure = Figure(figsize=(columns * width, lines * height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for spare in axes[count:]:
+        spare.set_axis_off()
+    return figure, list(axes[:count])
+
+
+def _digits(last: float) -> int:
+    return max(0, 1 - math.floor(math.log10(max(last, 1e-9))))
+
+
+def _round(cycle: float) -> str:
+    return f"{cycle:.3g}"

@@ -1,0 +1,194 @@
+r"""Equilibria: where forces and pushes balance, and whether a small disturbance dies out.
+
+Unknowns are the positions x and the pushes N of the contacts that hold; equations
+
+    T(x) + sum_c N_c dg_c/dx = 0,     g_c(x) = 0.
+
+Translations and the rotation of all balls together change nothing: steps are the shortest ones (least squares), and
+stability is asked of what remains. With Z a basis of the motions that keep the contacts and contain no rigid motion
+(orthogonal in the metric Q), disturbances grow as exp(lambda sigma), lambda the eigenvalues of
+
+    (Z^T Q Z)^-1 Z^T K Z,     K = dT/dx + sum_c N_c d2g_c/dx2.
+
+No Z at all: the contacts hold every relative motion, and the group is stable as long as all push.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvals, null_space
+from scipy.optimize import brentq, linprog, nnls
+
+from linear_bem.errors import NotConverged
+from runs.evolution.forces import Forces
+from runs.evolution.hard_balls import HardBalls, Pairs, resistances
+
+Array = NDArray[np.float64]
+
+BALANCED = 1e-7
+"""Largest (T + pushes)/Q of an equilibrium."""
+NEUTRAL = 1e-6
+"""Largest growth rate over the largest rate of all that is told neither from growth nor from decay."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Positions (balls, 2) [m], contacts and their pushes [N], what is left of the balance [-], growth rates [1/m].
+
+    ``free`` is the number of relative motions that the contacts leave. ``verdict``: "stable", "neutral" or "unstable".
+    """
+
+    positions: Array
+    contacts: Pairs
+    pushes: Array
+    residual: float
+    free: int
+    growth: tuple[float, ...]
+    verdict: str
+
+
+def stiffness(forces: Forces, x: Array, step: float) -> Array:
+    """Return dT/dx [N/m], shape (2 balls, 2 balls), by central differences of length ``step`` [m]."""
+    out = np.zeros((x.size, x.size))
+    for k in range(x.size):
+        move = np.zeros(x.size)
+        move[k] = step
+        moved = move.reshape(x.shape)
+        ahead, behind = forces(x + moved).tangential, forces(x - moved).tangential
+        out[:, k] = (ahead - behind).ravel() / (2.0 * step)
+    return out
+
+
+def rigid_motions(x: Array) -> Array:
+    """Return both translations and the rotation about the centre, shape (2 balls, 3)."""
+    centred = x - x.mean(axis=0)
+    size = max(float(np.max(np.abs(centred))), 1e-300)
+    turn = np.stack([-centred[:, 1], centred[:, 0]], axis=1).ravel() / size
+    ones, zeros = np.ones(len(x)), np.zeros(len(x))
+    return np.stack([np.stack([ones, zeros], axis=1).ravel(), np.stack([zeros, ones], axis=1).ravel(), turn], axis=1)
+
+
+def find(forces: Forces, balls: HardBalls, start: Array) -> Equilibrium:
+    """Return the equilibrium next to ``start`` with the contacts that hold there; raises `NotConverged`.
+
+    Pushes that come out negative part their contact and the search goes on without it.
+    """
+    x = start
+    state = forces(x)
+    held = _holding(balls, x, state.tangential, state.normal)
+    step = 1e-5 * float(np.min(balls.distances, initial=1.0))
+    residual = np.inf
+    for _ in range(60):
+        state = forces(balls.restored(x, state.normal, held[:0]))
+        jacobian = balls.jacobian(x, held)
+        pushes = _pushes(jacobian, state.tangential)
+        balance = state.tangential.ravel() + pushes @ jacobian
+        residual = float(np.max(np.abs(balance).reshape(x.shape) / resistances(state.normal)[:, None]))
+        gaps = balls.gaps(x, held)
+        if residual <= BALANCED and float(np.max(np.abs(gaps), initial=0.0)) <= 1e-9 * step / 1e-5:
+            given, left = nnls(jacobian.T, -state.tangential.ravel()) if len(held) else (pushes, 0.0)
+            if left <= 2.0 * BALANCED * float(np.max(state.normal)):
+                return _judged(forces, balls, x, held, given, residual, step)
+            held = held[pushes > 0.0]
+            continue
+        tangent = stiffness(forces, x, step) + _curvature(balls, x, held, pushes)
+        n, m = x.size, len(held)
+        matrix = np.block([[tangent, jacobian.T], [jacobian, np.zeros((m, m))]])
+        # scaled: forces by load, lengths by the touching distance
+        weight = np.concatenate([np.full(n, 1.0 / float(np.max(state.normal))), np.full(m, 1.0 / (step * 1e5))])
+        answer = np.linalg.lstsq(matrix * weight[:, None], -np.concatenate([balance, gaps]) * weight, rcond=1e-10)[0]
+        move = answer[:n].reshape(x.shape)
+        length = float(np.max(np.abs(move)))
+        x = x + move * min(1.0, 2e4 * step / max(length, 1e-300))
+        if float(np.max(np.abs(x - start))) > 1e6 * step:
+            break
+    raise NotConverged(f"equilibria: none found next to the given positions; (T + pushes)/Q of {residual:.1e} is left")
+
+
+def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
+    """Return the contacts that hold: all of them if all can push at once, else those of one choice of pushes.
+
+    More contacts than motions leave the pushes undetermined; non-negative least squares then sets some to zero.
+    """
+    contacts = balls.touching(x)
+    if len(contacts) == 0:
+        return contacts
+    jacobian = balls.jacobian(x, contacts)
+    size = float(np.max(np.abs(force)))
+    # largest t with all pushes at least t, in balance within a thousandth of the largest force
+    columns = np.hstack([jacobian.T, np.zeros((x.size, 1))])
+    above = np.hstack([-np.eye(len(contacts)), np.ones((len(contacts), 1))])
+    right = -force.ravel() / size
+    found = linprog(
+        np.append(np.zeros(len(contacts)), -1.0),
+        A_ub=np.vstack([columns, -columns, above]),
+        b_ub=np.concatenate([right + 1e-3, -right + 1e-3, np.zeros(len(contacts))]),
+        bounds=[(0.0, None)] * len(contacts) + [(None, 1e3)],
+    )
+    if found.status == 0 and found.x[-1] > 1e-4:
+        return contacts
+    return contacts[balls.admissible(x, force, load, contacts)[1] > 1e-9 * size]
+
+
+def _pushes(jacobian: Array, force: Array) -> Array:
+    if len(jacobian) == 0:
+        return np.zeros(0)
+    return np.asarray(np.linalg.lstsq(jacobian.T, -force.ravel(), rcond=1e-10)[0])
+
+
+def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
+    """Return sum_c N_c d2g_c/dx2 [N/m]: a push turns with its pair."""
+    out = np.zeros((x.size, x.size))
+    for push, (i, j) in zip(pushes, balls.pairs[held], strict=True):
+        between = x[j] - x[i]
+        distance = float(np.hypot(*between))
+        across = np.eye(2) - np.outer(between, between) / distance**2
+        block = push / distance * across
+        a, b = slice(2 * i, 2 * i + 2), slice(2 * j, 2 * j + 2)
+        out[a, a] += block
+        out[b, b] += block
+        out[a, b] -= block
+        out[b, a] -= block
+    return out
+
+
+def _judged(
+    forces: Forces, balls: HardBalls, x: Array, held: Pairs, pushes: Array, residual: float, step: float
+) -> Equilibrium:
+    load = forces(balls.restored(x, np.ones(len(x)), held[:0])).normal
+    metric = np.repeat(resistances(load), 2)
+    fixed = np.vstack([balls.jacobian(x, held), (rigid_motions(x) * metric[:, None]).T / np.max(metric)])
+    basis = null_space(fixed, rcond=1e-8)
+    growth: tuple[float, ...] = ()
+    if basis.shape[1]:
+        tangent = stiffness(forces, x, step) + _curvature(balls, x, held, pushes)
+        reduced = basis.T @ tangent @ basis
+        rates = eigvals(reduced, basis.T @ (metric[:, None] * basis))
+        growth = tuple(sorted((float(r) for r in np.real(rates)), reverse=True))
+    largest = max((abs(g) for g in growth), default=0.0)
+    worst = growth[0] if growth else -np.inf
+    verdict = "stable" if worst < -NEUTRAL * largest or not growth else "unstable"
+    if growth and abs(worst) <= NEUTRAL * largest:
+        verdict = "neutral"
+    return Equilibrium(x, held, pushes, residual, basis.shape[1], growth, verdict)
+
+
+def of_pair(forces: Forces, touch: float, furthest: float, count: int = 240) -> list[tuple[float, str]]:
+    """Return the distances [m] at which two balls rest, with "stable" or "unstable", from contact to ``furthest``.
+
+    T > 0 on the left ball attracts; a pair in contact that attracts rests there.
+    """
+
+    def pull(distance: float) -> float:
+        return float(forces(np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])).tangential[0, 0])
+
+    at = np.geomspace(touch, furthest, count)
+    values = np.array([pull(d) for d in at])
+    found = [(touch, "stable")] if values[0] > 0.0 else []
+    for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0):
+        # attraction further out than the root and repulsion nearer: it comes back
+        found.append((float(brentq(pull, at[k], at[k + 1])), "stable" if values[k] < 0.0 else "unstable"))
+    return found

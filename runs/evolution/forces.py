@@ -1,0 +1,52 @@
+"""What moves the balls: T and Q of every ball at any positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class State:
+    """Tangential forces (balls, 2) [N], normal forces (balls,) [N], and the model's error of T (balls,) [N]."""
+
+    tangential: Array
+    normal: Array
+    error: Array
+
+
+Forces = Callable[[Array], State]
+"""Positions (balls, 2) [m], without overlap, in; state out."""
+
+
+def at(problem: Problem, positions: Array) -> Problem:
+    """Return ``problem`` with its balls at ``positions``, shape (balls, 2) [m]."""
+    placed = [
+        replace(ball, position=(float(x), float(y))) for ball, (x, y) in zip(problem.balls, positions, strict=True)
+    ]
+    return replace(problem, balls=tuple(placed))
+
+
+class DirectForces:
+    """The full linear model at every positions asked for: exact for many balls and any sizes."""
+
+    def __init__(self, problem: Problem, accuracy: float) -> None:
+        self.problem, self.accuracy = problem, accuracy
+
+    def __call__(self, positions: Array) -> State:
+        """Return the state at ``positions``; raises what `linear_bem.solve` raises."""
+        from linear_bem import solve  # noqa: PLC0415
+
+        balls = solve(at(self.problem, positions), tangential_force=self.accuracy).balls
+        return State(
+            np.array([ball.tangential_force for ball in balls]),
+            np.array([ball.normal_force for ball in balls]),
+            np.array([ball.tangential_force_error for ball in balls]),
+        )

@@ -1,0 +1,145 @@
+"""What came of an evolution: rest or not, the equilibrium next to its end, errors of positions and of forces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import NotConverged
+from linear_bem.problem import Problem
+from runs.evolution import equilibria
+from runs.evolution.drift import REST, Drift
+from runs.evolution.forces import Forces, State, at
+from runs.evolution.hard_balls import HardBalls, resistances
+from runs.evolution.record import Record, positions_at
+
+Array = NDArray[np.float64]
+
+COARSER = 10.0
+"""Tolerance of the second run, over that of the first, whose difference tells the error of positions."""
+FURTHEST = 12.0
+"""Distance over the touching one up to which the equilibria of a pair are looked for."""
+
+
+def rest(moments: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return whether nothing moves any more, and what is left: largest (T + pushes)/Q and |T|/Q."""
+    end = moments[-1]
+    force = np.hypot(*np.array(end["tangential_force"]).T)
+    left = float(np.max(force / resistances(np.array(end["normal_force"]))))
+    return {"at_rest": end["speed"] <= REST, "speed": end["speed"], "force_over_load": left}
+
+
+def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str:
+    """Return the sentence that says whether the balls rest."""
+    left = f"largest |T|/Q left: {found['force_over_load']:.2g}"
+    if not found["at_rest"]:
+        return f"still moving after {cycles:.4g} cycles: {found['speed']:.2g} of their load drives the balls ({left})"
+    if contacts:
+        return f"at rest after {cycles:.4g} cycles: {contacts} contacts hold the balls ({left})"
+    return f"at rest after {cycles:.4g} cycles: no tangential force is left ({left})"
+
+
+def position_error(
+    moments: Sequence[Mapping[str, Any]], forces: Forces, balls: HardBalls, begin: Array, tolerance: float
+) -> float:
+    """Return the largest difference [m] of any position at any kept moment from a run with a coarser tolerance."""
+    coarse = Record()
+    end = float(moments[-1]["sigma"])
+    drift = Drift(forces, balls, COARSER * tolerance)
+    for moment in drift.path(begin, end):
+        coarse.take(moment, balls, last=moment.resting or moment.sigma >= end)
+    sigma = np.array([m["sigma"] for m in moments])
+    fine = np.array([m["positions"] for m in moments])
+    # kept moments differ between the runs: linear interpolation must not count as an error of either
+    both = np.union1d(sigma, [m["sigma"] for m in coarse.moments])
+    close = _interpolation_error(coarse.moments, balls)
+    difference = positions_at(coarse.moments, both) - positions_at(moments, both)
+    ends = np.abs(positions_at(coarse.moments, sigma[-1:])[0] - fine[-1])
+    return float(max(np.max(ends), np.max(np.abs(difference)) - close))
+
+
+def _interpolation_error(moments: Sequence[Mapping[str, Any]], balls: HardBalls) -> float:
+    """Return a bound of what linear interpolation between kept moments adds [m], from every second of them."""
+    if len(moments) < 3:
+        return 0.0
+    sigma = np.array([m["sigma"] for m in moments])
+    x = np.array([m["positions"] for m in moments])
+    skipped = positions_at(moments[::2], sigma[1:-1:2])
+    return float(np.max(np.abs(skipped - x[1:-1:2]))) / 4.0
+
+
+def equilibrium(forces: Forces, balls: HardBalls, end: Array) -> dict[str, Any]:
+    """Return the equilibrium next to ``end``, its stability and its distance from the end [m]; or why there is none."""
+    try:
+        found = equilibria.find(forces, balls, end)
+    except NotConverged as error:
+        return {"verdict": "none", "reason": str(error)}
+    away = found.positions - end
+    return {
+        "verdict": found.verdict,
+        "free_motions": found.free,
+        "growth": list(found.growth),
+        "residual": found.residual,
+        "contacts": balls.pairs[found.contacts].tolist(),
+        "positions": found.positions.tolist(),
+        "distance_from_end": float(np.max(np.abs(away - away.mean(axis=0)))),
+    }
+
+
+def pair_equilibria(forces: Forces, balls: HardBalls) -> list[dict[str, Any]]:
+    """Return every distance [m] at which two balls rest, and whether they come back to it."""
+    touch = float(balls.distances[0])
+    found = equilibria.of_pair(forces, touch, FURTHEST * touch)
+    return [{"distance": distance, "verdict": verdict} for distance, verdict in found]
+
+
+def direct_check(
+    problem: Problem, forces: Forces, moments: Sequence[Mapping[str, Any]], accuracy: float
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return how far the forces are from the full linear model at start and end, and the end's balls by that model."""
+    from linear_bem import solve  # noqa: PLC0415
+
+    rows: list[dict[str, Any]] = []
+    balls: list[dict[str, Any]] = []
+    for name, moment in (("start", moments[0]), ("end", moments[-1])):
+        x = np.array(moment["positions"])
+        state: State = forces(x)
+        try:
+            full = solve(at(problem, x), tangential_force=accuracy)
+        except NotConverged as error:
+            rows.append({"at": name, "share": math.nan, "reason": str(error)})
+            balls = []
+            continue
+        balls = [ball.to_dict() for ball in full.balls]
+        true = np.array([ball.tangential_force for ball in full.balls])
+        largest = float(np.max(np.hypot(*true.T)))
+        rows.append(
+            {
+                "at": name,
+                "share": float(np.max(np.abs(state.tangential - true))) / largest if largest > 0.0 else 0.0,
+                "full_model_error": max(b.tangential_force_error for b in full.balls) / (largest or 1.0),
+            }
+        )
+    return rows, balls
+
+
+def without_pressures(problem: Problem, moment: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the balls of a state whose forces are known and whose pressures are not: those are null."""
+    return [
+        {
+            "position": moment["positions"][i],
+            "radius": ball.radius,
+            "approach": problem.load.values[i],
+            "normal_force": moment["normal_force"][i],
+            "tangential_force": moment["tangential_force"][i],
+            "tangential_force_error": moment["tangential_force_error"][i],
+            "peak_pressure": None,
+            "contact_area": None,
+            "tangential_force_routes": {},
+        }
+        for i, ball in enumerate(problem.balls)
+    ]

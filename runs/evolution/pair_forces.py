@@ -1,0 +1,146 @@
+r"""Many balls from what one ball and two balls do: forces at any positions in a fraction of a millisecond.
+
+One ball gives the relation F of force and approach. Two equal balls at distance L under the
+approach D carry Q(L) and feel T(L), which define their influence k and pull c,
+
+    Q = F(D - k(L) Q),     T = c(L) Q^2.
+
+Any number of balls then obey
+
+    d_i + sum_j k(L_ij) Q_j = D_i,   Q_i = F(d_i),   T_i = sum_j c(L_ij) Q_i Q_j n_ij :
+
+exact for one and two balls in whatever model the table comes from, and momentum is kept (sum T = 0). What three and
+four balls do beyond that is the error, measured by `runs.evolution.additivity`. Adding bare pair
+forces would be far worse: neighbours take load from each other.
+
+Small strain at large distance is the point-load law, k = K and c = -K'. A table holds the differences from it, over
+their smooth envelopes: no quotient of quantities that change sign. Beyond the last distance these
+ratios stay as they are: T follows the linear decay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator, CubicSpline
+
+from linear_bem.coupling import couple
+from linear_bem.errors import NotConverged
+from linear_bem.kernel import LayeredKernel
+from linear_bem.problem import Problem
+from runs.evolution.forces import State
+
+Array = NDArray[np.float64]
+
+
+class SingleBall:
+    """Force of one ball alone over its approach, from a few states; power laws outside them."""
+
+    def __init__(self, approaches: Sequence[float], forces: Sequence[float]) -> None:
+        self._d, self._q = np.log(approaches), np.log(forces)
+        self._force = CubicSpline(self._d, self._q)
+        self._approach = CubicSpline(self._q, self._d)
+
+    def force(self, approach: Array) -> Array:
+        """Return forces [N] at approaches [m]; 0 where those are not positive."""
+        return _continued(self._force, self._d, approach)
+
+    def approach(self, force: Array) -> Array:
+        """Return approaches [m] under forces [N]; 0 where those are not positive."""
+        return _continued(self._approach, self._q, force)
+
+
+def _continued(curve: CubicSpline, nodes: Array, values: Array) -> Array:
+    values = np.asarray(values, dtype=float)
+    pressed = values > 0.0
+    at = np.log(np.where(pressed, values, 1.0))
+    inside = np.clip(at, nodes[0], nodes[-1])
+    slope = np.where(at < inside, curve(nodes[0], 1), curve(nodes[-1], 1))
+    return np.where(pressed, np.exp(curve(inside) + slope * (at - inside)), 0.0)
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Influence and pull of a pair over the point-load law's, by their envelopes, at some distances [m]."""
+
+    distances: tuple[float, ...]
+    influence: tuple[float, ...]
+    pull: tuple[float, ...]
+
+
+class PairLaw:
+    """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law with or without corrections."""
+
+    def __init__(self, problem: Problem, corrections: Corrections | None = None) -> None:
+        self._kernel = LayeredKernel.of(problem)
+        self._thickness = problem.layer.thickness
+        self._curves = None
+        if corrections is not None:
+            nodes = np.log(corrections.distances)
+            self._ends = nodes[0], nodes[-1]
+            self._curves = tuple(
+                Akima1DInterpolator(nodes, np.array(v)) for v in (corrections.influence, corrections.pull)
+            )
+
+    def linear(self, distance: Array) -> tuple[Array, Array, Array, Array]:
+        """Return K, -K' and the envelopes of both at distances [m]."""
+        value, slope = self._kernel.displacement(distance), self._kernel.slope(distance)
+        step = 1e-3 * distance
+        bend = (self._kernel.slope(distance + step) - self._kernel.slope(distance - step)) / (2.0 * step)
+        length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
+        return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
+
+    def __call__(self, distance: Array) -> tuple[Array, Array]:
+        """Return k and c at distances [m], any shape; 0 at infinite ones."""
+        near = np.isfinite(distance)
+        at = distance[near]
+        influence, pull = np.zeros(distance.shape), np.zeros(distance.shape)
+        if self._curves is None:
+            influence[near], pull[near] = self._kernel.displacement(at), -self._kernel.slope(at)
+            return influence, pull
+        k, c, k_size, c_size = self.linear(at)
+        place = np.clip(np.log(at), *self._ends)
+        influence[near] = k + k_size * self._curves[0](place)
+        pull[near] = c + c_size * self._curves[1](place)
+        return influence, pull
+
+
+class PairForces:
+    """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`.
+
+    ``share`` is the error of T over its largest value in a state, as measured on three and four balls.
+    """
+
+    def __init__(self, problem: Problem, singles: Sequence[SingleBall], law: PairLaw, share: float = 0.0) -> None:
+        self.problem, self.singles, self.law, self.share = problem, list(singles), law, share
+        self._kinds = [(s, [i for i, t in enumerate(self.singles) if t is s]) for s in dict.fromkeys(self.singles)]
+
+    def __call__(self, positions: Array) -> State:
+        """Return the state at ``positions``; raises `NotConverged`."""
+        between = positions[None, :, :] - positions[:, None, :]
+        distance = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(distance, np.inf)
+        influence, pull = self.law(distance)
+        normal = couple(self.problem, influence, self._forces, self._approaches).forces
+        if not np.any(normal > 0.0):
+            raise NotConverged("pair forces: no ball carries load")
+        strength = pull * np.outer(normal, normal) / distance
+        np.fill_diagonal(strength, 0.0)
+        tangential = np.einsum("ij,ijk->ik", strength, between)
+        largest = float(np.max(np.hypot(*tangential.T)))
+        return State(tangential, normal, np.full(len(normal), self.share * largest))
+
+    def _forces(self, approaches: Array) -> Array:
+        out = np.zeros(len(approaches))
+        for single, members in self._kinds:
+            out[members] = single.force(approaches[members])
+        return out
+
+    def _approaches(self, forces: Array) -> Array:
+        out = np.zeros(len(forces))
+        for single, members in self._kinds:
+            out[members] = single.approach(forces[members])
+        return out

@@ -1,0 +1,210 @@
+"""A table of what one ball and two balls do, computed once by any model, kept in a file, gone on with after a kill.
+
+The file belongs to a material, a ball, an approach, a model and its accuracy, not to a scene: every scene with the same
+layer, ball and approach shares it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import NotConverged, UnsupportedProblem
+from linear_bem.problem import Ball, Load, Problem
+from linear_bem.result import Result
+from runs import ranks
+from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
+from runs.plain import plain, to_json
+from runs.store import replacing
+
+Array = NDArray[np.float64]
+Solve = Callable[[Problem], Result]
+
+FORMAT = 1
+"""Changes whenever older tables must not be used any more."""
+FEW = (1.0, 1.06, 1.14, 1.25, 1.4, 1.6, 1.9, 2.3, 2.9, 3.7)
+"""Distances over the touching one where a pair costs minutes."""
+MANY = tuple(float(v) for v in np.geomspace(1.0, 12.0, 24))
+"""Distances over the touching one where a pair costs a tenth of a second."""
+DEPTHS = (0.08, 0.12, 0.18, 0.27, 0.4, 0.55, 0.7, 0.85, 1.0, 1.05)
+"""Approaches of the single ball over the prescribed one, where each is a run of its own."""
+ARRANGEMENTS = {
+    "three in a line": ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)),
+    "four in a square": ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)),
+}
+"""Touching balls, in touching distances, on which additivity is measured."""
+
+
+class PairTable:
+    """The states of one ball, of pairs, and of three and four balls; complete or on its way there.
+
+    Collective where the model is: every rank calls `complete`, rank 0 reads and writes.
+    """
+
+    def __init__(self, problem: Problem, model: str, solve: Solve, folder: Path, settings: Mapping[str, Any]) -> None:
+        self.ball, self.approach = _common_ball(problem)
+        self.problem, self.solve = problem, solve
+        self.touch = 2.0 * self.ball.radius
+        self.by_path = problem.finite_strain is not None
+        self.distances = tuple(self.touch * v for v in (FEW if self.by_path else MANY))
+        identity = {
+            "format": FORMAT,
+            "model": model,
+            "layer": dataclasses.asdict(problem.layer),
+            "substrate": dataclasses.asdict(problem.substrate) if problem.substrate else None,
+            "finite_strain": dataclasses.asdict(problem.finite_strain) if problem.finite_strain else None,
+            "radius": self.ball.radius,
+            "shape": self.ball.shape,
+            "approach": self.approach,
+            "distances": self.distances,
+            **settings,
+        }
+        self.identity = plain(identity, infinity="inf")
+        digest = hashlib.sha256(json.dumps(self.identity, sort_keys=True).encode()).hexdigest()[:12]
+        self.path = folder / f"{model}-{digest}.json"
+        self.data: dict[str, Any] = self._read()
+
+    def _read(self) -> dict[str, Any]:
+        try:
+            data = json.loads(self.path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            data = {}
+        if data.get("identity") != self.identity:
+            data = {"identity": self.identity, "single": None, "pairs": [], "additivity": []}
+        return data
+
+    @property
+    def missing(self) -> int:
+        """Number of runs that are still to be done."""
+        done = (self.data["single"] is not None) + len(self.data["pairs"]) + len(self.data["additivity"])
+        return 1 + len(self.distances) + len(ARRANGEMENTS) - done
+
+    def complete(self, tell: Callable[[str], None] = lambda text: None) -> None:
+        """Do the runs that are missing, one by one, and write each down (collective over the model's ranks)."""
+        self.data = ranks.share(self.data)
+        if self.data["single"] is None:
+            self._note("single", self._single(), tell, "one ball alone")
+        known = {row["distance"] for row in self.data["pairs"]}
+        for distance in self.distances:
+            if distance not in known:
+                words = f"pair at {distance / self.touch:.3g} touching distances"
+                self._note("pairs", self._pair(distance), tell, words)
+        for name, places in ARRANGEMENTS.items():
+            if name not in {row["arrangement"] for row in self.data["additivity"]}:
+                self._note("additivity", self._additivity(name, places), tell, name)
+
+    def _note(self, part: str, found: dict[str, Any], tell: Callable[[str], None], words: str) -> None:
+        if part == "single":
+            self.data[part] = found
+        else:
+            self.data[part].append(found)
+        if ranks.is_root():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(self.path) as draft:
+                draft.write_text(to_json(self.data), encoding="utf-8")
+            tell(f"pair table: {words} ({found['seconds']:.1f} s); {self.missing} runs to go")
+
+    def _placed(self, places: tuple[tuple[float, float], ...], approach: float) -> Problem:
+        balls = tuple(replace(self.ball, position=place) for place in places)
+        return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
+
+    def _single(self) -> dict[str, Any]:
+        begun = time.perf_counter()
+        if self.by_path:  # one run gives the whole load path
+            steps = self.solve(self._placed(((0.0, 0.0),), DEPTHS[-1] * self.approach)).steps
+            states = [(step.balls[0].approach, step.balls[0].normal_force) for step in steps]
+        else:
+            states = [
+                (d * self.approach, self.solve(self._placed(((0.0, 0.0),), d * self.approach)).balls[0].normal_force)
+                for d in DEPTHS
+            ]
+        states = sorted(s for s in states if s[1] > 0.0)
+        if len(states) < 4:
+            raise NotConverged(f"pair table: the single ball's load path has only {len(states)} states")
+        approaches, forces = zip(*states, strict=True)
+        return {"approaches": approaches, "normal_forces": forces, "seconds": time.perf_counter() - begun}
+
+    def _pair(self, distance: float) -> dict[str, Any]:
+        begun = time.perf_counter()
+        balls = self.solve(self._placed(((-0.5 * distance, 0.0), (0.5 * distance, 0.0)), self.approach)).balls
+        return {
+            "distance": distance,
+            "normal_force": 0.5 * (balls[0].normal_force + balls[1].normal_force),
+            "tangential_force": 0.5 * (balls[0].tangential_force[0] - balls[1].tangential_force[0]),
+            "tangential_force_error": max(ball.tangential_force_error for ball in balls),
+            "seconds": time.perf_counter() - begun,
+        }
+
+    def _additivity(self, name: str, places: tuple[tuple[float, float], ...]) -> dict[str, Any]:
+        begun = time.perf_counter()
+        problem = self._placed(tuple((x * self.touch, y * self.touch) for x, y in places), self.approach)
+        balls = self.solve(problem).balls
+        positions = np.array([ball.position for ball in balls])
+        true = np.array([ball.tangential_force for ball in balls])
+        largest = float(np.max(np.hypot(*true.T)))
+        coupled = PairForces(problem, [self.single()] * len(balls), self.law())(positions)
+        load = np.array([ball.normal_force for ball in balls])
+        return {
+            "arrangement": name,
+            "tangential_force": largest,
+            "tangential_force_error": max(ball.tangential_force_error for ball in balls),
+            "coupled": float(np.max(np.abs(coupled.tangential - true))) / largest,
+            "coupled_load": float(np.max(np.abs(coupled.normal - load) / load)),
+            "bare_sum": float(np.max(np.abs(self._bare_sum(positions) - true))) / largest,
+            "seconds": time.perf_counter() - begun,
+        }
+
+    def _bare_sum(self, positions: Array) -> Array:
+        """Return the sum of pair forces (balls, 2) [N], each as if the other balls were not there."""
+        pair = PairForces(
+            self._placed(((-self.touch, 0.0), (self.touch, 0.0)), self.approach), [self.single()] * 2, self.law()
+        )
+        total = np.zeros(positions.shape)
+        for i in range(len(positions)):
+            for j in range(i):
+                force = pair(positions[[i, j]]).tangential
+                total[[i, j]] += force
+        return total
+
+    def single(self) -> SingleBall:
+        """Return the relation of force and approach of one ball."""
+        return SingleBall(self.data["single"]["approaches"], self.data["single"]["normal_forces"])
+
+    def law(self) -> PairLaw:
+        """Return influence and pull over distance."""
+        rows = sorted(self.data["pairs"], key=lambda row: row["distance"])
+        distances = np.array([row["distance"] for row in rows])
+        load = np.array([row["normal_force"] for row in rows])
+        pull = np.array([row["tangential_force"] for row in rows]) / load**2
+        influence = (self.approach - self.single().approach(load)) / load
+        k, c, k_size, c_size = PairLaw(self.problem).linear(distances)
+        return PairLaw(
+            self.problem,
+            Corrections(tuple(distances), tuple((influence - k) / k_size), tuple((pull - c) / c_size)),
+        )
+
+    def forces(self) -> PairForces:
+        """Return the forces of the problem's balls at any positions."""
+        share = max(row["coupled"] for row in self.data["additivity"])
+        return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), share)
+
+
+def _common_ball(problem: Problem) -> tuple[Ball, float]:
+    """Return the one kind of ball and the one approach; raises `UnsupportedProblem` where there are several."""
+    kinds = {(ball.radius, ball.shape) for ball in problem.balls}
+    approaches = set(problem.load.values)
+    if len(kinds) > 1 or len(approaches) > 1:
+        raise UnsupportedProblem(
+            f"[reciprocation] forces: a table of pairs needs equal balls under one approach, got {len(kinds)} kinds "
+            f'and {len(approaches)} approaches; use forces = "direct" with --model linear_bem'
+        )
+    return replace(problem.balls[0], position=(0.0, 0.0)), problem.load.values[0]

@@ -1,0 +1,90 @@
+"""Which forces a model gives to an evolution: made once, then asked thousands of times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import Load, Problem
+from runs import ranks
+from runs.evolution.forces import DirectForces, Forces
+from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
+from runs.evolution.pair_table import DEPTHS, PairTable
+from runs.models import Model, Run
+
+PAIR_ACCURACY = 1e-3
+"""Relative accuracy of T in a linear table, where the scene asks for none."""
+DIRECT_ACCURACY = 1e-2
+"""Relative accuracy of T at every step, where the scene asks for none."""
+
+
+@dataclass(frozen=True)
+class Provider:
+    """Forces, the sentences that say what they are, and the table behind them."""
+
+    forces: Forces
+    notes: tuple[str, ...]
+    table: dict[str, Any] | None = None
+
+
+def provider(
+    model: Model,
+    problem: Problem,
+    accuracy: float | None,
+    kind: str,
+    folder: Path,
+    comm: Any = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Provider:
+    """Return the forces of ``model``; ``folder`` holds tables of pairs (collective over the model's ranks).
+
+    Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state.
+    """
+    if model.name == "point_load":
+        return Provider(_point_loads(problem), ("balls act on each other as point loads",))
+    if kind == "direct":
+        if model.parallel:
+            raise UnsupportedProblem(
+                f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
+            )
+        return Provider(DirectForces(problem, accuracy or DIRECT_ACCURACY), ("the full model is asked at every step",))
+    asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
+    settings: dict[str, Any] = {"accuracy": asked}
+    if model.parallel:
+        from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
+
+        settings["elements"] = FORMAT
+    table = PairTable(problem, model.name, lambda one: model.solve(one, Run(asked, comm)), folder, settings)
+    if ranks.is_root() and table.missing:
+        tell(f"pair table {table.path}: {table.missing} runs of {model.name} to go")
+    table.complete(tell)
+    worst = max(table.data["additivity"], key=lambda row: float(row["coupled"]))
+    note = (
+        f"forces from the pair table {table.path.name}: on {worst['arrangement']} T differs from the full model by "
+        f"{100.0 * worst['coupled']:.2g} % of the largest (bare sum of pair forces: {100.0 * worst['bare_sum']:.2g} %)"
+    )
+    return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
+
+
+def _point_loads(problem: Problem) -> PairForces:
+    """Return the point-load law with one relation of force and approach per kind of ball."""
+    from linear_bem import solve  # noqa: PLC0415
+
+    deepest = max(problem.load.values)
+    curves: dict[tuple[float, Any], SingleBall] = {}
+    for ball in problem.balls:
+        kind = (ball.radius, ball.shape)
+        if kind not in curves:
+            alone = replace(ball, position=(0.0, 0.0))
+            depths = [deepest * d for d in DEPTHS]
+            forces = [
+                solve(replace(problem, balls=(alone,), load=Load("approach", (d,))), tangential_force=PAIR_ACCURACY)
+                .balls[0]
+                .normal_force
+                for d in depths
+            ]
+            curves[kind] = SingleBall(depths, forces)
+    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem))
