@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from finite_strain.catalogue import FieldChoice
 from linear_bem.errors import MissingDependency
 from linear_bem.problem import Problem
 from linear_bem.result import Result
@@ -31,6 +32,7 @@ def solve(
     comm: Any = None,
     folder: Path | str | None = None,
     observer: Any = None,
+    fields: FieldChoice | None = None,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -49,6 +51,8 @@ def solve(
         Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
     observer
         Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
+    fields
+        Which fields are written into the folder and on which steps; by default all on every step.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -64,7 +68,8 @@ def solve(
         os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
     from finite_strain.simulation import simulate  # noqa: PLC0415  (imports DOLFINx)
 
-    return simulate(problem, model, tangential_force, comm, None if folder is None else Path(folder), observer)
+    where = None if folder is None else Path(folder)
+    return simulate(problem, model, tangential_force, comm, where, observer, fields)
 
 
 def plan(problem: Problem, tangential_force: float = DEFAULT_ACCURACY, model: str = "finite_strain") -> dict[str, Any]:
@@ -74,4 +79,4 @@ def plan(problem: Problem, tangential_force: float = DEFAULT_ACCURACY, model: st
     return plan_run(problem, tangential_force, model).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "plan", "solve"]

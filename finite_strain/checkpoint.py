@@ -1,7 +1,7 @@
 """The last finished load step on disk: enough to go on from it on any number of ranks.
 
-Displacements and pressures are kept by node position, so ranks and DOLFINx versions may change in between; the mesh
-may not. A checkpoint is replaced as a whole, never half-written.
+The values of every field are kept by position, so ranks and DOLFINx versions may change in between; the mesh
+may not. A checkpoint is replaced as a whole, never half-written, and no rank ever holds more than its own part.
 """
 
 from __future__ import annotations
@@ -12,109 +12,86 @@ from typing import Any
 
 import h5py
 import numpy as np
+from mpi4py import MPI
 
-from finite_strain.fields import Values
-from finite_strain.gather import gather_rows, match_rows
 from finite_strain.loading import State
 from finite_strain.model import Model
+from finite_strain.spread_arrays import fail_together, read_at, write_in_turns
 from finite_strain.together import on_root
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import Step
 
 NAME = "checkpoint.h5"
-_VALUES = ("values", "penalised")
-"""Names of what a state holds of every field: the displacement is number 0, pressures follow."""
+SAME_PLACE = 1e-8
+"""Relative to the size of the mesh: how far a node may lie from where its value was saved."""
 
 
 def write_checkpoint(folder: Path, model: Model, history: list[State], steps: list[Step], key: str) -> None:
     """Write the last states and all finished steps (collective); ``key`` identifies problem and settings."""
-    comm = model.comm
-    owned = model.fields.owned
+    arrays = {}
+    for k, (points, owned) in enumerate(zip(model.fields.points, model.fields.owned, strict=True)):
+        arrays[f"points{k}"] = points[:owned]
+        for number, state in enumerate(history):
+            arrays[f"state{number}/values{k}"] = state.values[k][:owned]
+            arrays[f"state{number}/penalised{k}"] = state.penalised[k][:owned]
 
-    def gathered(values: Values) -> list[np.ndarray | None]:
-        return [gather_rows(rows[:count], comm) for rows, count in zip(values, owned, strict=True)]
+    def describe(file: h5py.File) -> None:
+        file.attrs["key"] = key
+        file["steps"] = json.dumps([step.to_dict() for step in steps])
+        for number, state in enumerate(history):
+            group = file[f"state{number}"]
+            group.attrs["fraction"] = state.fraction
+            group.attrs["approaches"] = state.approaches
+            group.attrs["forces"] = state.forces
 
-    points = gathered(model.fields.points)
-    states = [{name: gathered(getattr(state, name)) for name in _VALUES} for state in history]
-    failure = None
-    if comm.rank == 0:
-        try:
-            draft = folder / f"{NAME}.part"
-            with h5py.File(draft, "w") as file:
-                file.attrs["key"] = key
-                file.attrs["steps"] = json.dumps([step.to_dict() for step in steps])
-                _store(file, "points", points)
-                for number, (state, values) in enumerate(zip(history, states, strict=True)):
-                    group = file.create_group(f"state{number}")
-                    for name in _VALUES:
-                        _store(group, name, values[name])
-                    group.attrs["fraction"] = state.fraction
-                    group.attrs["approaches"] = state.approaches
-                    group.attrs["forces"] = state.forces
-            draft.replace(folder / NAME)
-        except OSError as error:
-            failure = f"checkpoint in {folder} cannot be written: {error}"
-    _raise_together(failure, model)
+    write_in_turns(model.comm, folder / NAME, arrays, describe)
 
 
 def read_checkpoint(folder: Path, model: Model, key: str) -> tuple[list[State], list[Step]]:
     """Return states and finished steps of a checkpoint of the same run, or nothing (collective)."""
-    found = on_root(model.comm, lambda: _load(folder / NAME, key))
-    if found is None:
+    path = folder / NAME
+    steps = on_root(model.comm, lambda: _steps(path, key))
+    if steps is None:
         return [], []
+    largest = max((float(np.max(np.abs(points))) for points in model.fields.points if len(points)), default=0.0)
+    tolerance = SAME_PLACE * model.comm.allreduce(largest, op=MPI.MAX)
     failure, states = None, []
     try:
-        tolerance = 1e-8 * float(np.ptp(found["points"][0]))
-        pairs = zip(model.fields.points, found["points"], strict=True)
-        rows = [match_rows(here, known, tolerance) for here, known in pairs]
-
-        def taken(saved: list[np.ndarray]) -> Values:
-            return tuple(values[row] for values, row in zip(saved, rows, strict=True))
-
-        states = [
-            State(fraction, taken(values), taken(penalised), approaches, forces)
-            for fraction, values, penalised, approaches, forces in found["states"]
-        ]
+        with h5py.File(path, "r") as file:
+            states = [_state(file, name, model, tolerance) for name in sorted(n for n in file if n.startswith("state"))]
     except OutputUnusable as error:
         failure = str(error)
-    _raise_together(failure, model)
-    return states, [Step.from_dict(step) for step in found["steps"]]
+    except (OSError, ValueError, KeyError) as error:
+        failure = _unreadable(path, error)
+    fail_together(model.comm, failure)
+    return states, [Step.from_dict(step) for step in steps]
 
 
-def _load(path: Path, key: str) -> dict[str, Any] | None:
+def _state(file: h5py.File, name: str, model: Model, tolerance: float) -> State:
+    values, penalised = [], []
+    for k, points in enumerate(model.fields.points):
+        saved = file[f"points{k}"]
+        names = [f"{name}/values{k}", f"{name}/penalised{k}"]
+        if len(saved) != model.fields.functions[k].function_space.dofmap.index_map.size_global:
+            raise OutputUnusable(f"checkpoint: {len(saved)} saved nodes; it belongs to another mesh")
+        now, before = read_at(file, f"points{k}", names, points, tolerance)
+        values.append(now)
+        penalised.append(before)
+    attributes = file[name].attrs
+    approaches, forces = (tuple(map(float, attributes[key])) for key in ("approaches", "forces"))
+    return State(float(attributes["fraction"]), tuple(values), tuple(penalised), approaches, forces)
+
+
+def _steps(path: Path, key: str) -> list[dict[str, Any]] | None:
+    """Return the finished steps of a checkpoint with this key, or None."""
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs["key"] != key:
-                return None
-            groups = [file[name] for name in sorted(name for name in file if name.startswith("state"))]
-            return {
-                "points": _stored(file, "points"),
-                "steps": json.loads(file.attrs["steps"]),
-                "states": [
-                    (
-                        float(g.attrs["fraction"]),
-                        *(_stored(g, name) for name in _VALUES),
-                        *(tuple(map(float, g.attrs[name])) for name in ("approaches", "forces")),
-                    )
-                    for g in groups
-                ],
-            }
+            return json.loads(file["steps"][()]) if file.attrs["key"] == key else None
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError) as error:
-        raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+        raise OutputUnusable(_unreadable(path, error)) from error
 
 
-def _store(group: h5py.Group, name: str, fields: list[np.ndarray | None]) -> None:
-    for number, rows in enumerate(fields):
-        group[f"{name}/{number}"] = rows
-
-
-def _stored(group: h5py.Group, name: str) -> list[np.ndarray]:
-    return [group[name][str(number)][:] for number in range(len(group[name]))]
-
-
-def _raise_together(failure: str | None, model: Model) -> None:
-    failures = [text for text in model.comm.allgather(failure) if text]
-    if failures:
-        raise OutputUnusable(failures[0])
+def _unreadable(path: Path, error: Exception) -> str:
+    return f"{path} cannot be read ({error}): remove it to start anew"

@@ -102,20 +102,19 @@ def vector_of(function: Any) -> PETSc.Vec:
     return function.vector if _OLD else function.x.petsc_vec
 
 
-def interpolation_points(space: Any) -> np.ndarray:
-    """Return the reference points at which a space interpolates."""
-    points = space.element.interpolation_points
-    return points() if callable(points) else points
-
-
-def compile_expression(value: Any, space: Any, comm: MPI.Comm) -> Any:
-    """Return the compiled expression to be interpolated into the space (collective over comm)."""
+def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
+    """Return the compiled expression at reference points (n, 3) of a cell (collective over comm)."""
     with _compiler_cache(comm) as cache:
         options = {"timeout": 600, "cache_dir": str(cache)}
-        points = interpolation_points(space)
         if _OLD:
             return dolfinx.fem.Expression(value, points, jit_params=options)
         return dolfinx.fem.Expression(value, points, jit_options=options)
+
+
+def evaluate(expression: Any, mesh: Any, cells: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the values (cells, points, *shape) of a compiled expression."""
+    values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
+    return values.reshape(len(cells), len(expression.X()), *shape)
 
 
 def cell_dofs(space: Any) -> np.ndarray:

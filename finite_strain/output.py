@@ -1,197 +1,175 @@
-"""Fields on disk for ParaView and meshio: one HDF5 and one XDMF file per load step, and an index over all of them.
+"""Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
 
-Each step's files are closed when the step ends, so a killed run leaves every finished step readable.
-The XDMF text is written here because the library's own puts every field on a grid of its own, which
-meshio cannot read and ParaView shows as separate blocks.
+Cells are quadratic tetrahedra, so the displacement is written exactly as it was solved for, and the curved facets of
+a contact stay curved. Points, vectors and tensors are in the scene's own frame; the part beyond the mirror planes is
+not written again (attributes name the planes: ParaView's Reflect filter and `thirdbody render` complete the scene).
+Each step's files stand alone and are closed when the step ends, so a killed run leaves every finished step readable.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
 from pathlib import Path
-from xml.etree import ElementTree as Xml
+from typing import Any
 
-import dolfinx
 import h5py
 import numpy as np
 import ufl
 
 from finite_strain import compat
+from finite_strain.catalogue import CATALOGUE, FieldChoice
+from finite_strain.kinematics import Finite
 from finite_strain.model import Model
-from linear_bem.errors import OutputUnusable
+from finite_strain.recovery import EDGES, GAUSS_POINTS, NodeAverage
+from finite_strain.scene_frame import SceneFrame
+from finite_strain.spread_arrays import write_in_turns
+from finite_strain.together import on_root
+from finite_strain.top_surface import contact_pressure
+from finite_strain.xdmf import stem, write_step_and_index
 
-FIELDS = {
-    "displacement": ("Node", "Vector"),
-    "contact_pressure": ("Node", "Scalar"),
-    "cauchy_stress": ("Cell", "Tensor"),
-}
-INDEX = "fields.xdmf"
+_DRAWN_EDGES = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]
+_DRAWN = [0, 1, 2, 3, *(4 + EDGES.tolist().index(edge) for edge in _DRAWN_EDGES)]
+"""Nodes of a DOLFINx cell in the order of VTK and XDMF."""
+_STRESSES = {"cauchy_stress", "von_mises", "pressure"}
+_STRAINS = {"volume_ratio", "principal_stretches"}
 
 
 class FieldWriter:
-    """Writes displacement [m], contact pressure [Pa] and Cauchy stress [Pa] of a model, step by step (collective)."""
+    """Writes the chosen fields of a model, step by step (collective). What is not asked for is not compiled."""
 
-    def __init__(self, model: Model, folder: Path) -> None:
+    def __init__(self, model: Model, folder: Path, choice: FieldChoice | None = None) -> None:
         self.model = model
         self.folder = folder
-        mesh = model.mesh
-        self._linear = compat.function_space(mesh, 1, (3,))
-        self._constant = compat.function_space(mesh, 0, (3, 3), discontinuous=True)
-        self._values = {
-            "displacement": dolfinx.fem.Function(self._linear, name="displacement"),
-            "contact_pressure": dolfinx.fem.Function(model.linear_space, name="contact_pressure"),
-            "cauchy_stress": dolfinx.fem.Function(self._constant, name="cauchy_stress"),
-        }
-        self._stress = [
-            (compat.compile_expression(stress, self._constant, model.comm), cells) for stress, cells in self._stresses()
-        ]
+        self.choice = choice or FieldChoice()
+        self._frame = SceneFrame.of(model.reduction)
+        wanted = set(self.choice.names)
+        owned = model.mesh.topology.index_map(3).size_local
+        tagged = [(bulk, model.cell_tags.find(bulk.tag)) for bulk in model.bulks]
+        self._regions = [(bulk, cells[cells < owned].astype(np.int32)) for bulk, cells in tagged]
+        self._average = NodeAverage(model.space) if wanted & (_STRESSES | _STRAINS) else None
+        self._gradient = self._compiled(ufl.grad(model.displacement)) if wanted & _STRAINS else None
+        self._stresses = (
+            [self._compiled(self._stress(bulk)) for bulk, _ in self._regions] if wanted & _STRESSES else None
+        )
 
-    def _stresses(self):  # type: ignore[no-untyped-def]
+    def _compiled(self, value: Any) -> Any:
+        return compat.compile_expression(value, GAUSS_POINTS, self.model.comm)
+
+    def _stress(self, bulk: Any) -> Any:
         model = self.model
         gradient = ufl.variable(ufl.grad(model.displacement))
-        for bulk in model.bulks:
-            psi = model.kinematics.energy_density(gradient, *model.constants(bulk))
-            stress = model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
-            yield stress, model.cell_tags.find(bulk.tag)
+        psi = model.kinematics.energy_density(gradient, *model.constants(bulk))
+        return model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
 
     def forget_after(self, number: int) -> None:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
-        if self.model.comm.rank == 0:
+
+        def remove() -> None:
             for path in self.folder.glob("step_*.*"):
-                if path.stem > _stem(number):
+                if path.stem > stem(number):
                     path.unlink()
-        self.model.comm.barrier()
 
-    def write(self, number: int) -> None:
-        """Write step ``number`` (1, 2, ...) and bring the index up to date."""
-        model, values = self.model, self._values
-        values["displacement"].interpolate(model.displacement)
-        pressure = values["contact_pressure"].x.array
-        pressure[:] = 0.0
-        for contact in model.contacts:
-            pressure += model.project(contact, contact.true_pressure(model.nodal))
-        for expression, cells in self._stress:
-            values["cauchy_stress"].interpolate(expression, cells)
-        stem = _stem(number)
-        with dolfinx.io.XDMFFile(model.comm, str(self.folder / f"{stem}.xdmf"), "w") as file:
-            file.write_mesh(model.mesh)
-            for function in values.values():
-                file.write_function(function, 0.0)
-        failure = None
-        if model.comm.rank == 0:
-            try:
-                _write_text(self.folder / f"{stem}.xdmf", [_grid(self.folder, stem)], temporal=False)
-                grids = [_grid(self.folder, _stem(n), n) for n in range(1, number + 1)]
-                _write_text(self.folder / INDEX, grids, temporal=True)
-            except OSError as error:
-                failure = f"fields in {self.folder} cannot be written: {error}"
-        failure = model.comm.bcast(failure, root=0)
-        if failure:
-            raise OutputUnusable(failure)
+        on_root(self.model.comm, remove)
 
+    def write(self, number: int, fraction: float) -> float:
+        """Write step ``number`` (1, 2, ...) if it is asked for, and the index anew; return the seconds taken."""
+        began = time.monotonic()
+        if self.choice.wants(number, fraction):
+            arrays = self._mesh_arrays()
+            arrays |= {f"node_fields/{name}": values for name, values in self._node_fields().items()}
 
-def _stem(number: int) -> str:
-    return f"step_{number:04d}"
+            def describe(file: h5py.File) -> None:
+                self._describe(file, number, fraction)
 
+            write_in_turns(self.model.comm, self.folder / f"{stem(number)}.h5", arrays, describe)
+            on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
+        return time.monotonic() - began
 
-def _grid(folder: Path, stem: str, number: int | None = None) -> Xml.Element:
-    """Return the XDMF grid of one step, with the sizes that its HDF5 file has; ``number`` is its time in an index."""
-    grid = Xml.Element("Grid", Name=stem, GridType="Uniform")
-    with h5py.File(folder / f"{stem}.h5", "r") as file:
-        cells, points = file["Mesh/mesh/topology"].shape, file["Mesh/mesh/geometry"].shape
-        topology = Xml.SubElement(
-            grid, "Topology", TopologyType="Tetrahedron", NumberOfElements=str(cells[0]), NodesPerElement="4"
+    def _mesh_arrays(self) -> dict[str, np.ndarray]:
+        space, mesh = self.model.space, self.model.mesh
+        owned_cells, index_map = mesh.topology.index_map(3).size_local, space.dofmap.index_map
+        region = np.zeros(owned_cells, dtype=np.int64)
+        for bulk, cells in self._regions:
+            region[cells] = bulk.tag
+        dofs = compat.cell_dofs(space)[:owned_cells][:, _DRAWN]
+        numbers = index_map.local_to_global(dofs.ravel().astype(np.int32)).reshape(-1, 10)
+        points = space.tabulate_dof_coordinates()[: index_map.size_local]
+        return {"points": self._frame.points(points), "cells": numbers, "cell_fields/region": region}
+
+    def _node_fields(self) -> dict[str, np.ndarray]:
+        """Return the chosen fields at this rank's own nodes, in the scene's frame."""
+        fields = {"displacement": lambda: self._frame.vectors(self.model.nodal)}
+        fields |= {"contact_pressure": lambda: contact_pressure(self.model), "gap": self._gap}
+        answer = {name: make() for name, make in fields.items() if name in self.choice.names}
+        for several in (self._strain_fields, self._stress_fields):
+            answer |= {name: values for name, values in several().items() if name in self.choice.names}
+        owned = self.model.space.dofmap.index_map.size_local
+        return {name: np.ascontiguousarray(answer[name][:owned]) for name in self.choice.names}
+
+    def _gap(self) -> np.ndarray:
+        model = self.model
+        nodes = model.space.tabulate_dof_coordinates()
+        gaps = []
+        for contact, ball in zip(model.contacts, model.reduction.balls, strict=True):
+            gaps.append(contact.indenter.gap(nodes - np.array([*ball.position, 0.0]), model.nodal, contact.approach)[0])
+        return np.min(gaps, axis=0)
+
+    def _strain_fields(self) -> dict[str, np.ndarray]:
+        if self._gradient is None or self._average is None:
+            return {}
+        regions = []
+        for _, cells in self._regions:
+            gradient = compat.evaluate(self._gradient, self.model.mesh, cells, (3, 3))
+            ratio, stretches = _strains(gradient, finite=isinstance(self.model.kinematics, Finite))
+            regions.append((cells, np.concatenate([ratio[..., None], stretches], axis=2)))
+        values = self._average.of(regions)
+        return {"volume_ratio": values[:, 0], "principal_stretches": values[:, 1:]}
+
+    def _stress_fields(self) -> dict[str, np.ndarray]:
+        if self._stresses is None or self._average is None:
+            return {}
+        regions = []
+        for (_, cells), expression in zip(self._regions, self._stresses, strict=True):
+            regions.append((cells, compat.evaluate(expression, self.model.mesh, cells, (9,))))
+        stress = self._average.of(regions).reshape(-1, 3, 3)
+        stress = 0.5 * (stress + stress.transpose(0, 2, 1))  # symmetric but for roundoff
+        pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
+        deviator = stress + pressure[:, None, None] * np.eye(3)
+        return {
+            "cauchy_stress": self._frame.tensors(stress),
+            "von_mises": np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2))),
+            "pressure": pressure,
+        }
+
+    def _describe(self, file: h5py.File, number: int, fraction: float) -> None:
+        file["points"].attrs.update(unit="m", meaning="undeformed nodes of the simulated part, in the scene's frame")
+        file["cells"].attrs.update(
+            meaning="quadratic tetrahedra by rows of points: four corners, then the middles of edges 01 12 02 03 13 23"
         )
-        _item(topology, f"{stem}.h5:/Mesh/mesh/topology", cells, "Int", 8)
-        geometry = Xml.SubElement(grid, "Geometry", GeometryType="XYZ")
-        _item(geometry, f"{stem}.h5:/Mesh/mesh/geometry", points, "Float", 8)
-        if number is not None:
-            Xml.SubElement(grid, "Time", Value=str(number))
-        for name, (center, kind) in FIELDS.items():
-            group = file[f"Function/{name}"]
-            dataset = f"Function/{name}/{next(iter(group))}"
-            attribute = Xml.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center=center)
-            _item(attribute, f"{stem}.h5:/{dataset}", file[dataset].shape, "Float", 8)
-    return grid
+        file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
+        file.require_group("node_fields")
+        for name in self.choice.names:
+            field = CATALOGUE[name]
+            file[f"node_fields/{name}"].attrs.update(unit=field.unit, kind=field.kind, meaning=field.meaning)
+        frame, reduction = self._frame, self.model.reduction
+        file.attrs.update(
+            step=number,
+            fraction=fraction,
+            deformed=self.model.contacts[0].indenter.deformed,
+            approaches=[contact.approach for contact in self.model.contacts],
+            frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
+            frame_turn=frame.turn,
+            frame_origin=frame.origin,
+            frame_angle=reduction.angle,
+            mirror_planes=frame.scene_mirrors,
+            mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
+        )
 
 
-def _item(parent: Xml.Element, where: str, shape: tuple[int, ...], kind: str, precision: int) -> None:
-    dimensions = " ".join(str(n) for n in shape)
-    item = Xml.SubElement(
-        parent, "DataItem", Dimensions=dimensions, NumberType=kind, Precision=str(precision), Format="HDF"
-    )
-    item.text = where
-
-
-def _write_text(path: Path, grids: list[Xml.Element], temporal: bool) -> None:
-    root = Xml.Element("Xdmf", Version="3.0")
-    parent = Xml.SubElement(root, "Domain")
-    if temporal:
-        parent = Xml.SubElement(parent, "Grid", Name="load path", GridType="Collection", CollectionType="Temporal")
-    parent.extend(grids)
-    draft = path.with_suffix(".part")
-    Xml.ElementTree(root).write(draft, xml_declaration=True, encoding="utf-8")
-    draft.replace(path)
-
-
-@dataclass(frozen=True)
-class SurfaceFields:
-    """The whole scene's top surface: points (n, 3) [m], triangles (m, 3), contact pressure (n,) [Pa]."""
-
-    reference: np.ndarray
-    points: np.ndarray
-    triangles: np.ndarray
-    pressure: np.ndarray
-
-
-def gather_surface(model: Model) -> SurfaceFields | None:
-    """Return the whole scene's deformed top surface on rank 0, completed by symmetry; None elsewhere (collective)."""
-    nodes = model.space.tabulate_dof_coordinates()
-    triangles = _straight_triangles(model.top_dofs(), nodes)
-    pressure = np.zeros(len(nodes))
-    for contact in model.contacts:
-        pressure += contact.nodal_pressure(model.nodal)
-    parts = model.comm.gather((nodes[triangles], model.nodal[triangles], pressure[triangles]), root=0)
-    if parts is None:
-        return None
-    reference, moved, pressures = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    size = float(np.ptp(reference))
-    _, first, inverse = np.unique(
-        np.round(reference.reshape(-1, 3) / (1e-9 * size)), axis=0, return_index=True, return_inverse=True
-    )
-    points = reference.reshape(-1, 3)[first]
-    u, p = moved.reshape(-1, 3)[first], pressures.ravel()[first]
-    deformed = points + u if model.contacts[0].indenter.deformed else points + u * np.array([0.0, 0.0, 1.0])
-    return _completed(model, SurfaceFields(points, deformed, inverse.reshape(-1, 3), p))
-
-
-def _straight_triangles(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Split quadratic facets (n, 6), corners first, into four straight triangles each (4 n, 3)."""
-    corners, mids = dofs[:, :3], dofs[:, 3:]
-    edges = nodes[corners][:, [[1, 2], [0, 2], [0, 1]]].mean(axis=2)
-    distance = np.linalg.norm(nodes[mids][:, None, :, :] - edges[:, :, None, :], axis=-1)
-    opposite = np.take_along_axis(mids, np.argmin(distance, axis=2), axis=1)  # of edge k: the node opposite corner k
-    a, b, c = corners.T
-    at_a, at_b, at_c = opposite.T
-    parts = [(a, at_c, at_b), (at_c, b, at_a), (at_b, at_a, c), (at_a, at_b, at_c)]
-    return np.concatenate([np.column_stack(part) for part in parts])
-
-
-def _completed(model: Model, part: SurfaceFields) -> SurfaceFields:
-    """Mirror the simulated part at its symmetry planes and turn it into the scene's frame."""
-    reduction = model.reduction
-    pieces = [(1.0, 1.0)]
-    for axis in reduction.planes:
-        pieces += [tuple(-s if k == axis else s for k, s in enumerate(signs)) for signs in pieces]  # type: ignore[misc]
-    count = len(part.reference)
-    turn = np.eye(3)
-    c, s = np.cos(reduction.angle), np.sin(reduction.angle)
-    turn[:2, :2] = [[c, -s], [s, c]]
-    origin = np.array([*reduction.origin, 0.0])
-    mirrors = [np.array([*signs, 1.0]) for signs in pieces]
-    return SurfaceFields(
-        np.concatenate([(part.reference * m) @ turn.T + origin for m in mirrors]),
-        np.concatenate([(part.points * m) @ turn.T + origin for m in mirrors]),
-        np.concatenate([part.triangles + k * count for k in range(len(mirrors))]),
-        np.tile(part.pressure, len(mirrors)),
-    )
+def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return J and the principal stretches (..., 3), largest first, for displacement gradients (..., 3, 3)."""
+    if not finite:
+        principal = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, -1, -2)))
+        return 1.0 + np.trace(gradient, axis1=-2, axis2=-1), 1.0 + principal[..., ::-1]
+    F = np.eye(3) + gradient
+    return np.linalg.det(F), np.linalg.svd(F, compute_uv=False)

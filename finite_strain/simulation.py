@@ -11,19 +11,22 @@ import hashlib
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
 from finite_strain import FORMAT, compat
+from finite_strain.catalogue import FieldChoice
 from finite_strain.checkpoint import read_checkpoint, write_checkpoint
 from finite_strain.companion import Companion, saved_rows
 from finite_strain.mesh_run import MeshRun
 from finite_strain.model import Model
-from finite_strain.output import FieldWriter, gather_surface
+from finite_strain.output import FieldWriter
 from finite_strain.planning import RunPlan, plan_run
 from finite_strain.together import on_root, replace_text, working_folder
+from finite_strain.top_surface import gather_surface
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
 
@@ -45,7 +48,13 @@ class Silence:
 
 
 def simulate(
-    problem: Problem, model: str, tangential_force: float, comm: MPI.Comm | None, folder: Path | None, observer: Any
+    problem: Problem,
+    model: str,
+    tangential_force: float,
+    comm: MPI.Comm | None,
+    folder: Path | None,
+    observer: Any,
+    fields: FieldChoice | None = None,
 ) -> Result:
     """Run a problem; see `finite_strain.solve`."""
     began = time.monotonic()
@@ -56,7 +65,7 @@ def simulate(
     with working_folder(folder, comm) as where:
         companion = _companion(plan, where, key, comm, observer)
         main = MeshRun(plan, plan.boxes[1], where / "mesh.msh", comm, observer, "main")
-        writer = FieldWriter(main.model, where) if folder is not None else None
+        writer = FieldWriter(main.model, where, fields) if folder is not None else None
         history, steps = read_checkpoint(where, main.model, key)
         main.path.resume(history)
         if writer is not None:
@@ -74,9 +83,11 @@ def simulate(
         )
         for record in main.path.steps(list(plan.fractions)):
             step = main.answer(record, steps, companion)
+            if writer is not None:
+                taken = writer.write(len(steps) + 1, record.fraction)
+                step = replace(step, record={**step.record, "seconds_output": taken})
             steps.append(step)
             if writer is not None:
-                writer.write(len(steps))
                 write_checkpoint(where, main.model, main.path.history, steps, key)
             observer.step_done(step, gather_surface(main.model))
     result = _result(plan, tangential_force, main.model, steps, comm, time.monotonic() - began)

@@ -1,0 +1,75 @@
+"""The fields that a run can write: names, units, meanings, and which of them are asked for. No DOLFINx here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from linear_bem.errors import InvalidProblem
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field on the nodes: its unit, the attribute type that XDMF knows, its components, and what it is."""
+
+    unit: str
+    kind: str
+    shape: tuple[int, ...]
+    meaning: str
+
+
+_RECOVERED = (
+    "its values at four Gauss points of a cell, extended linearly to the nodes of the cell and averaged at each node "
+    "over the cells of its region, weighted by volume; where layer and substrate meet, the layer's"
+)
+CATALOGUE = {
+    "displacement": Field("m", "Vector", (3,), "displacement of the material point; quadratic on each cell, exact"),
+    "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress; {_RECOVERED}"),
+    "von_mises": Field("Pa", "Scalar", (), "von Mises' equivalent stress of the written Cauchy stress"),
+    "pressure": Field("Pa", "Scalar", (), "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
+    "volume_ratio": Field(
+        "1", "Scalar", (), f"J, deformed over undeformed volume (at small strain 1 + trace of the strain); {_RECOVERED}"
+    ),
+    "principal_stretches": Field(
+        "1", "Vector", (3,), f"principal stretches, largest first (at small strain 1 + principal strains); {_RECOVERED}"
+    ),
+    "contact_pressure": Field(
+        "Pa", "Scalar", (),
+        "contact pressure per deformed area; projected to the corners of the top facets (lumped: never negative, the "
+        "same integral over the undeformed top) and linear on each cell; of meaning on the top alone",
+    ),
+    "gap": Field(
+        "m", "Scalar", (),
+        "distance of the displaced node from the nearest ball: along the normal for a sphere, vertical for a "
+        "paraboloid and at small strain; on the top the contact gap, negative where the node penetrates",
+    ),
+}  # fmt: skip
+"""Every field by its name."""
+
+
+@dataclass(frozen=True)
+class FieldChoice:
+    """Which fields are written, and on which load steps: every so many, and always on the last."""
+
+    names: tuple[str, ...] = tuple(CATALOGUE)
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        faults = choice_faults(self.names, self.every)
+        if faults:
+            raise InvalidProblem(*faults)
+
+    def wants(self, number: int, fraction: float) -> bool:
+        """Return whether step ``number`` (1, 2, ...) at a fraction of the full load is written."""
+        return bool(self.names) and (number % self.every == 0 or fraction >= 1.0 - 1e-12)
+
+
+def choice_faults(names: Sequence[str], every: int) -> list[str]:
+    """Return what is wrong with a choice of fields, one text per fault."""
+    faults = []
+    unknown = [name for name in names if name not in CATALOGUE]
+    if unknown:
+        faults.append(f"output.fields: unknown {', '.join(unknown)}; known: {', '.join(CATALOGUE)}")
+    if every < 1:
+        faults.append(f"output.every: must be 1 or more (write every so many load steps), got {every}")
+    return faults

@@ -1,0 +1,88 @@
+"""Arrays whose rows are spread over the ranks, in one HDF5 file: written in turns, read in blocks, never gathered.
+
+Debian's h5py knows no MPI, so each rank in its turn opens the file and adds its rows; no rank holds more than its own
+rows and, while reading, one block. The file takes its place when the last rank is done: whole, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from linear_bem.errors import OutputUnusable
+
+BLOCK = 1_000_000
+"""Rows that a rank reads at a time."""
+
+
+def write_in_turns(
+    comm: MPI.Comm, path: Path, arrays: Mapping[str, np.ndarray], describe: Callable[[h5py.File], None]
+) -> None:
+    """Write each array's rows, one rank's under the other's (collective); ``describe`` adds the rest on rank 0.
+
+    Raises `OutputUnusable` on every rank if any rank could not write.
+    """
+    rows = np.array([len(array) for array in arrays.values()], dtype=np.int64)
+    ends = np.array(comm.scan(rows, op=MPI.SUM))
+    totals = comm.bcast(ends, root=comm.size - 1)
+    draft = path.with_name(f"{path.name}.part")
+    failure = comm.recv(source=comm.rank - 1) if comm.rank > 0 else None
+    if failure is None:
+        try:
+            with h5py.File(draft, "r+" if comm.rank > 0 else "w") as file:
+                if comm.rank == 0:
+                    for (name, array), total in zip(arrays.items(), totals, strict=True):
+                        file.create_dataset(name, (int(total), *array.shape[1:]), array.dtype)
+                    describe(file)
+                for (name, array), end in zip(arrays.items(), ends, strict=True):
+                    if len(array):
+                        file[name][end - len(array) : end] = array
+            if comm.rank == comm.size - 1:
+                draft.replace(path)
+        except OSError as error:
+            failure = f"{path} cannot be written: {error}"
+    if comm.rank < comm.size - 1:
+        comm.send(failure, dest=comm.rank + 1)
+    failure = comm.bcast(failure, root=comm.size - 1)
+    if failure is not None:
+        raise OutputUnusable(failure)
+
+
+def read_at(
+    file: h5py.File, positions: str, names: list[str], points: np.ndarray, tolerance: float, block: int = BLOCK
+) -> list[np.ndarray]:
+    """Return the rows of the named datasets that lie at ``points`` (n, 3) [m]; ``positions`` names theirs.
+
+    Raises `OutputUnusable` for a point without a saved row within ``tolerance`` [m].
+    """
+    saved = file[positions]
+    answers = [np.zeros((len(points), *file[name].shape[1:])) for name in names]
+    nearest = np.full(len(points), np.inf)
+    tree = cKDTree(points) if len(points) else None
+    for begin in range(0, len(saved) if tree is not None else 0, block):
+        here = slice(begin, begin + block)
+        distance, row = tree.query(saved[here])  # type: ignore[union-attr]
+        near = np.flatnonzero(distance <= tolerance)
+        nearest[row[near]] = distance[near]
+        for answer, name in zip(answers, names, strict=True):
+            answer[row[near]] = file[name][here][near]
+    lost = int(np.count_nonzero(np.isinf(nearest)))
+    if lost:
+        raise OutputUnusable(
+            f"checkpoint: {lost} of {len(points)} nodes of this mesh have no saved value within {tolerance:g} m; "
+            "it belongs to another mesh"
+        )
+    return answers
+
+
+def fail_together(comm: MPI.Comm, failure: str | None) -> None:
+    """Raise `OutputUnusable` on every rank if any rank has a failure to tell (collective)."""
+    failures: list[Any] = [text for text in comm.allgather(failure) if text]
+    if failures:
+        raise OutputUnusable(failures[0])

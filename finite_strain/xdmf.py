@@ -1,0 +1,67 @@
+"""XDMF text beside the HDF5 files of the steps: one file per step, and an index over all steps for ParaView and meshio.
+
+The text is written here because the library's own puts every field on a grid of its own, which meshio cannot
+read and ParaView shows as separate blocks, and knows no quadratic cells.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import h5py
+
+INDEX = "fields.xdmf"
+_NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
+
+
+def stem(number: int) -> str:
+    """Return the name of a step's files without suffix."""
+    return f"step_{number:04d}"
+
+
+def write_step_and_index(folder: Path, number: int) -> None:
+    """Write the XDMF file of a step whose HDF5 file is there, and the index over all such steps."""
+    _write(folder / f"{stem(number)}.xdmf", [_grid(folder, number, timed=False)], temporal=False)
+    numbers = sorted(int(path.stem.removeprefix("step_")) for path in folder.glob("step_*.h5"))
+    _write(folder / INDEX, [_grid(folder, n, timed=True) for n in numbers], temporal=True)
+
+
+def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
+    """Return the XDMF grid of one step, with the sizes that its HDF5 file has; its number is its time."""
+    grid = Xml.Element("Grid", Name=stem(number), GridType="Uniform")
+    with h5py.File(folder / f"{stem(number)}.h5", "r") as file:
+        cells = file["cells"]
+        topology = Xml.SubElement(
+            grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(len(cells)), NodesPerElement="10"
+        )
+        _item(topology, cells, number)
+        _item(Xml.SubElement(grid, "Geometry", GeometryType="XYZ"), file["points"], number)
+        if timed:
+            Xml.SubElement(grid, "Time", Value=str(number))
+        for group, center in (("node_fields", "Node"), ("cell_fields", "Cell")):
+            for name, data in file[group].items():
+                kind = data.attrs["kind"]
+                attribute = Xml.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center=center)
+                _item(attribute, data, number)
+    return grid
+
+
+def _item(parent: Xml.Element, data: h5py.Dataset, number: int) -> None:
+    kind, precision = _NUMBERS[data.dtype.kind]
+    item = Xml.SubElement(
+        parent, "DataItem", Dimensions=" ".join(map(str, data.shape)), NumberType=kind, Precision=str(precision),
+        Format="HDF",
+    )  # fmt: skip
+    item.text = f"{stem(number)}.h5:{data.name}"
+
+
+def _write(path: Path, grids: list[Xml.Element], temporal: bool) -> None:
+    root = Xml.Element("Xdmf", Version="3.0")
+    parent = Xml.SubElement(root, "Domain")
+    if temporal:
+        parent = Xml.SubElement(parent, "Grid", Name="load path", GridType="Collection", CollectionType="Temporal")
+    parent.extend(grids)
+    draft = path.with_suffix(".part")
+    Xml.ElementTree(root).write(draft, xml_declaration=True, encoding="utf-8")
+    draft.replace(path)
