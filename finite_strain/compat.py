@@ -56,7 +56,8 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
             element = ufl.VectorElement(family, cell, degree, dim=shape[0])
         else:
             element = ufl.TensorElement(family, cell, degree, shape=shape)
-        return dolfinx.fem.FunctionSpace(mesh, element)
+        with _compiler_cache(mesh.comm) as cache:  # the old version compiles spaces too
+            return dolfinx.fem.FunctionSpace(mesh, element, jit_params=_jit_options(cache))
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
 
     element = basix.ufl.element(
@@ -72,8 +73,12 @@ def compile_form(form: Any, comm: MPI.Comm) -> Any:
     for it in vain; ours is dropped by the kernel with the process that held it.
     """
     with _compiler_cache(comm) as cache:
-        options = {"timeout": 600, "cache_dir": str(cache)}
+        options = _jit_options(cache)
         return dolfinx.fem.form(form, jit_params=options) if _OLD else dolfinx.fem.form(form, jit_options=options)
+
+
+def _jit_options(cache: Path) -> dict[str, Any]:
+    return {"timeout": 600, "cache_dir": str(cache)}
 
 
 @contextmanager
@@ -105,7 +110,7 @@ def vector_of(function: Any) -> PETSc.Vec:
 def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
     """Return the compiled expression at reference points (n, 3) of a cell (collective over comm)."""
     with _compiler_cache(comm) as cache:
-        options = {"timeout": 600, "cache_dir": str(cache)}
+        options = _jit_options(cache)
         if _OLD:
             return dolfinx.fem.Expression(value, points, jit_params=options)
         return dolfinx.fem.Expression(value, points, jit_options=options)
