@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linear_bem.kernel import LayeredKernel
-from linear_bem.multipole import disc_nodes, interpolation
+from linear_bem.multipole import DEGREES, disc_nodes, interpolation
 from linear_bem.newton import Nodes, Rule
 
 Array = NDArray[np.float64]
@@ -45,6 +45,55 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
             exact = zone_displacement(kernel, n, x[close], y[close])
             total[close] += exact - share(close, np.array([j]))
     return total
+
+
+def displacement_around(
+    kernel: LayeredKernel, nodes: Sequence[Nodes], x: Sequence[Array], y: Sequence[Array], precision: float
+) -> list[Array]:
+    """Return the displacement [m] from all contacts at points around each: ``x[k]``, ``y[k]`` [m] near ``nodes[k]``.
+
+    A far contact acts by equivalent point loads on interpolation nodes about the points, of the lowest degree d with
+    (a/(L - a))^(d + 1) below ``precision``, a the larger of its size and the points' spread: what is neglected of its
+    share is of that relative size. Where no degree does, the share is integrated to 1e-8. Nothing is taken from the
+    solver but pressures: other nodes, other degrees, other pairs than in `linear_bem.multipole.Interaction`.
+    """
+    centres = np.array([n.zone.centre for n in nodes])
+    size = np.array([1.1 * np.max(np.linalg.svd(n.zone.axes, compute_uv=False)) for n in nodes])
+    spread = np.array([np.max(np.hypot(u - c[0], v - c[1])) for u, v, c in zip(x, y, centres, strict=True)])
+    fine = [n.zone.quadrature(14, 28) for n in nodes]
+    loads = {d: np.array([(w * p) @ interpolation(u, v, d) for u, v, w, p in fine]) for d in DEGREES}
+    sources = {d: np.array([n.zone.points(*disc_nodes(d)[:2]) for n in nodes]) for d in DEGREES}
+    surface = [n.zone.points(u, v) for n, (u, v, _, _) in zip(nodes, fine, strict=True)]
+    out = []
+    for i in range(len(nodes)):
+        apart = np.hypot(*(centres - centres[i]).T)
+        large = np.maximum(size, spread[i])
+        eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 1e-300), np.inf)
+        eta[i] = np.inf
+        left = np.ones(len(nodes), dtype=bool)
+        total = np.zeros(len(x[i]))
+        for d in DEGREES:
+            chosen = np.flatnonzero(left & (eta ** (d + 1) < precision))
+            if chosen.size == 0:
+                continue
+            left[chosen] = False
+            u, v, _ = disc_nodes(d)
+            tx, ty = centres[i, 0] + spread[i] * u, centres[i, 1] + spread[i] * v
+            values = _from_points(kernel, tx, ty, *sources[d][chosen].transpose(1, 0, 2), loads[d][chosen])
+            total += interpolation((x[i] - centres[i, 0]) / spread[i], (y[i] - centres[i, 1]) / spread[i], d) @ values
+        for j in np.flatnonzero(left):
+            if apart[j] > 2.5 * size[j] + spread[i]:
+                _, _, w, p = fine[j]
+                total += _from_points(kernel, x[i], y[i], *surface[j], w * p)
+            else:
+                total += zone_displacement(kernel, nodes[j], x[i], y[i])
+        out.append(total)
+    return out
+
+
+def _from_points(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
+    r = np.hypot(x[:, None] - at_x.ravel(), y[:, None] - at_y.ravel())
+    return np.asarray((1.0 / r + kernel.smooth(r)) @ loads.ravel())
 
 
 def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:

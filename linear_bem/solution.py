@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from linear_bem.field import FEW, displacement_of_many, zone_displacement
+from linear_bem.field import FEW, displacement_around, displacement_of_many, zone_displacement
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import Nodes, SmoothSolution
 from linear_bem.problem import Problem
@@ -16,6 +16,9 @@ from linear_bem.shapes import height
 from linear_bem.tangential import mutual_force, slope_force
 
 Array = NDArray[np.float64]
+
+EVALUATED = 1e-7
+"""Relative exactness of the displacement that residuals are recomputed with."""
 
 
 @dataclass(frozen=True)
@@ -104,17 +107,17 @@ class SmoothContacts:
 
     @cached_property
     def certificate(self) -> dict[str, float]:
-        """Residuals recomputed at points that the solver did not use (around at most 40 of the balls).
+        """Residuals recomputed around every ball, at points and by nodes that the solver did not use.
 
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
-        error of the prescribed forces; ``negative_pressure`` is 0: p is a square root.
+        error of the prescribed forces; ``negative_pressure`` is 0: p is a square root. The displacement is exact to
+        `EVALUATED` of itself.
         """
         scale = float(np.max(np.abs(self.approaches)))
-        checked = np.unique(np.linspace(0, len(self.touching) - 1, 40).astype(int))
         xs, ys, depths, pressures = [], [], [], []
-        for k in checked:
-            zone, ball = self.smooth.nodes[k].zone, self.touching[k]
+        for ball, n in zip(self.touching, self.smooth.nodes, strict=True):
+            zone = n.zone
             xi, eta, _, p = zone.quadrature(3, 5)
             x, y = zone.points(xi, eta)
             ox, oy = zone.outline(7)
@@ -124,10 +127,11 @@ class SmoothContacts:
             xs.append(x)
             ys.append(y)
             depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
-            pressures.append(np.append(p / np.max(self.smooth.nodes[k].pressure), np.zeros(14)))
-        x, y, p = np.concatenate(xs), np.concatenate(ys), np.concatenate(pressures)
-        gap = self.displacement(x, y) - np.concatenate(depths)
-        free = (p == 0.0) & (self.pressure(x, y) == 0.0)
+            pressures.append(np.append(p / np.max(n.pressure), np.zeros(14)))
+        p = np.concatenate(pressures)
+        gap = np.concatenate(displacement_around(self.kernel, self.smooth.nodes, xs, ys, EVALUATED))
+        gap = gap - np.concatenate(depths)
+        free = (p == 0.0) & ~self._covered(xs, ys)
         inside = float(np.max(np.abs(gap[p > 0.0])))
         outside = float(np.max(-gap[free], initial=0.0))
         product = float(np.max(np.abs(gap) * p))
@@ -144,6 +148,20 @@ class SmoothContacts:
             "negative_pressure": 0.0,
             "load": load,
         }
+
+    def _covered(self, xs: list[Array], ys: list[Array]) -> NDArray[np.bool_]:
+        """Return which of the points around each zone lie in the contact of any zone."""
+        zones = [n.zone for n in self.smooth.nodes]
+        centres = np.array([z.centre for z in zones])
+        size = np.array([1.4 * np.max(np.linalg.svd(z.axes, compute_uv=False)) for z in zones])
+        out = []
+        for x, y, centre in zip(xs, ys, centres, strict=True):
+            spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
+            inside = np.zeros(len(x), dtype=bool)
+            for j in np.flatnonzero(np.hypot(*(centres - centre).T) < spread + size):
+                inside |= zones[j].pressure(x, y) > 0.0
+            out.append(inside)
+        return np.concatenate(out)
 
     def _scatter(self, values: ArrayLike) -> Array:
         values = np.asarray(values, dtype=float)

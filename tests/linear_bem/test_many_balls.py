@@ -1,9 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import linear_bem.smooth_contact
 import linear_bem.solver
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem.field import displacement_around, zone_displacement
+from linear_bem.solution import EVALUATED
 from tests.linear_bem.conftest import PAPER_LOAD
 
 
@@ -65,6 +69,29 @@ def test_a_dense_random_heap_has_equal_forces_by_both_routes():
     assert np.max(np.abs(t - slope)) < 1e-3 * np.max(np.abs(t))
     assert not result.solved.notes
     assert max(result.solved.certificate.values()) < 1e-3
+
+
+def test_the_certificate_sees_a_wrong_pressure_under_any_one_of_many_balls():
+    contacts = solve_contact(block(Load("force", (PAPER_LOAD,) * 49), count=7), 1e-2).contacts
+    assert max(contacts.certificate.values()) < 1e-4
+    for k in range(0, 49, 6):
+        nodes = list(contacts.smooth.nodes)
+        zone = replace(nodes[k].zone, coefficients=1.01 * nodes[k].zone.coefficients)
+        nodes[k] = replace(nodes[k], zone=zone, pressure=np.sqrt(1.01) * nodes[k].pressure)
+        wrong = replace(contacts, smooth=replace(contacts.smooth, nodes=tuple(nodes)))
+        # half a per cent of the ball's own dent is more than the tolerance of an answer that is handed out
+        assert wrong.certificate["gap_in_contact"] > 1e-3
+
+
+def test_the_displacement_around_many_balls_is_exact_to_what_is_stated():
+    contacts = solve_contact(block(Load("approach", (0.3,) * 9)), 1e-2).contacts
+    nodes = contacts.smooth.nodes
+    x = [n.zone.centre[0] + 2.0 * (n.zone.outline(7)[0] - n.zone.centre[0]) for n in nodes]
+    y = [n.zone.centre[1] + 2.0 * (n.zone.outline(7)[1] - n.zone.centre[1]) for n in nodes]
+    around = displacement_around(contacts.kernel, nodes, x, y, EVALUATED)
+    for k in (0, 4):
+        one_by_one = sum(zone_displacement(contacts.kernel, n, x[k], y[k]) for n in nodes)
+        assert around[k] == pytest.approx(one_by_one, rel=EVALUATED)
 
 
 @pytest.fixture(scope="module")
