@@ -1,4 +1,4 @@
-"""The command ``thirdbody``: solve, compare, plan, study, doctor. Each loads only what it needs."""
+"""The command ``thirdbody``: solve, compare, evolve, plan, study, report, doctor. Each loads only what it needs."""
 
 from __future__ import annotations
 
@@ -75,6 +75,26 @@ def compare(
 
 
 @app.command()
+def evolve(
+    scene: SceneArgument,
+    model: ModelOption = None,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+    fresh: FreshOption = False,
+    tables: Annotated[
+        Path | None,
+        typer.Option("--tables", metavar="DIR", help="Where tables of pairs are kept; default out/pair-tables."),
+    ] = None,
+) -> None:
+    """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
+    from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
+    from runs.scene import read_scene  # noqa: PLC0415
+    from runs.session import Options  # noqa: PLC0415
+
+    evolve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh), tables)
+
+
+@app.command()
 def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
     """Say what would be simulated and what not, how large it is and how long it takes."""
     from runs.planning import plan_scene  # noqa: PLC0415
@@ -91,9 +111,26 @@ def study(
         Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/study-NAME.")
     ] = None,
     fresh: FreshOption = False,
+    shard: Annotated[str, typer.Option("--shard", metavar="i/n", help="Run only the i-th of n parts.")] = "1/1",
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Compute nothing: tables and figures from what is there.")
+    ] = False,
+    publish: Annotated[bool, typer.Option("--publish", help="Write the answer into the study's README.")] = False,
 ) -> None:
     """Make a study's tables and figures anew. Parts that an unfinished run has saved are not computed again."""
-    studies.run_study(name, studies.Options(quick, out, fresh))
+    options = studies.Options(quick, out, fresh, studies.read_shard(shard), tables, publish)
+    studies.run_study(name, options)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run or a study.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Default: report.html in DIR.")] = None,
+) -> None:
+    """Write one self-contained HTML page for a run or a study: tables, figures, scene, versions, command."""
+    from runs.reporting import report_folder  # noqa: PLC0415
+
+    report_folder(folder, out)
 
 
 @app.command()

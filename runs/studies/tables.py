@@ -19,8 +19,9 @@ def markdown(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str] | Non
     """
     if not rows:
         return ["(no rows yet)"]
-    columns = columns or {key: key.replace("_", " ") for key in rows[0]}
-    lines = [f"| {' | '.join(columns.values())} |", f"|{'---|' * len(columns)}"]
+    columns = columns or {key: key.replace("_", " ") if key.islower() else key for key in rows[0]}
+    sides = [":--" if any(isinstance(row.get(key), str) for row in rows) else "--:" for key in columns]
+    lines = [f"| {' | '.join(columns.values())} |", f"|{'|'.join(sides)}|"]
     return lines + [f"| {' | '.join(written(row.get(key)) for key in columns)} |" for row in rows]
 
 

@@ -12,7 +12,7 @@ from runs.studies.records import Found
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import SIDES
-from runs.studies.strengthening.ratios import cancelled, factors, small_strain_partner
+from runs.studies.strengthening.ratios import cancelled, factors, on_one_mesh, small_strain_partner
 from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
@@ -130,7 +130,7 @@ def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
             continue
         paths: dict[str, Rows] = {"against linear_bem": rows[case.name]}
         partner = small_strain_partner(found, case)
-        if partner is not None and found.steps(partner.name):
+        if partner is not None and on_one_mesh(found, case, partner):
             paths["two runs on one mesh"] = cancelled(found.steps(case.name), found.steps(partner.name))
         for how, path in paths.items():
             slope = fitting.initial_slope(path, "sqrt(D/R)", case.labels["h"])

@@ -1,0 +1,85 @@
+"""What lies in the folder of a run or a study, and the command that makes it anew."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import OutputUnusable
+from runs.store import MARK
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A run's or a study's folder: its identity, whether it is complete, its document and texts."""
+
+    path: Path
+    identity: Mapping[str, Any]
+    finished: bool
+    document: Mapping[str, Any]
+    scene_text: str
+    log: str
+
+    @property
+    def command(self) -> str:
+        """The command that made it: solve, compare, evolve, study, ..."""
+        return str(self.identity.get("command", "run"))
+
+    def words(self) -> Path | None:
+        """Return the Markdown text of a study."""
+        found = sorted(self.path.glob("*.md"))
+        return found[0] if found else None
+
+    def cases(self) -> list[dict[str, Any]]:
+        """Return the records of a study's cases, in the order of their names."""
+        return [json.loads(path.read_text(encoding="utf-8")) for path in sorted((self.path / "cases").glob("*.json"))]
+
+    def repeat(self) -> str:
+        """Return the command line that makes it anew."""
+        if self.command == "study":
+            quick = " --quick" if self.identity.get("quick") else ""
+            return f"{_launcher(self.ranks())}thirdbody study {self.identity['study']}{quick}"
+        words = ["thirdbody", self.command, str(self.path / "scene.toml")]
+        if self.command == "solve":
+            words += ["--model", str(self.identity.get("model"))]
+        return _launcher(self.ranks()) + " ".join(words) + " --out NEW_FOLDER"
+
+    def ranks(self) -> int:
+        """Return how many MPI ranks it was made with."""
+        said = re.findall(r"on (\d+) rank\(s\)", self.log)
+        recorded = [int(record.get("ranks", 1)) for record in self.cases()]
+        return max([*recorded, int(said[-1]) if said else 1])
+
+
+def _launcher(ranks: int) -> str:
+    return f"mpirun -n {ranks} " if ranks > 1 else ""
+
+
+def read_folder(path: Path) -> Folder:
+    """Return what lies in ``path``; raises `OutputUnusable` where that is not a run or a study."""
+    try:
+        mark = json.loads((path / MARK).read_text(encoding="utf-8"))
+        identity, state = mark["identity"], mark["state"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise OutputUnusable(
+            f"{path}: holds no run and no study ({MARK} is not there or not readable); name the folder that "
+            "thirdbody solve, compare, evolve or study wrote"
+        ) from None
+    try:
+        document = json.loads((path / "result.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        document = {}
+    except ValueError as error:
+        raise OutputUnusable(f"{path / 'result.json'}: is not JSON ({error}); run the same command again") from None
+    return Folder(path, identity, state == "finished", document, _text(path / "scene.toml"), _text(path / "run.log"))
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return ""

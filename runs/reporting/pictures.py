@@ -1,0 +1,72 @@
+"""Figures inside the page: SVG as vector, other pictures as data, each with a text that says what it shows."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html import escape
+from pathlib import Path
+
+from runs.reporting.markup import tag
+
+SHOWN = {
+    "tangential_force": "Tangential force over the load; where both models ran, how much finite strain strengthens it.",
+    "surface": "Contact pressure on the layer's surface from above, and a section through the balls.",
+    "strengthening": "Finite over small strain along the load, separation and attraction case.",
+    "parameters": "Strengthening over Poisson's ratio and distance, and the sign of the tangential force.",
+    "top_views": "Positions of the balls from above, at the start and later.",
+    "distances": "Distances between the balls over the sliding path.",
+    "evolution": "The balls as they move, from above.",
+    "ensemble": "Outcomes from different starting positions.",
+    "pareto": "Error of the tangential force against processor time, with the Pareto front.",
+}
+"""What the pictures of runs and studies show, by the stem of their file, in the order of the page."""
+KINDS = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg"}
+WIDE = 1.5
+"""Width over height from which a picture keeps a readable width on a phone and scrolls in its own box."""
+
+
+def pictures_of(folder: Path) -> list[Path]:
+    """Return the pictures of a folder, each once: the vector one where there is one."""
+    found = [path for path in sorted(folder.rglob("*")) if path.suffix in (".svg", *KINDS) and path.is_file()]
+    found = [p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
+    vectors = {path.with_suffix("") for path in found if path.suffix == ".svg"}
+    once = [path for path in found if path.suffix == ".svg" or path.with_suffix("") not in vectors]
+    order = list(SHOWN)
+    return sorted(once, key=lambda path: order.index(path.stem) if path.stem in order else len(order))
+
+
+def figure(path: Path, number: int, words: str = "") -> str:
+    """Return the picture with its caption; ``number`` keeps the names inside one SVG apart from another's."""
+    words = words or SHOWN.get(path.stem, path.stem.replace("_", " ").capitalize())
+    if path.suffix == ".svg":
+        content, ratio = _inline(path.read_text(encoding="utf-8"), f"figure{number}", words)
+    else:
+        data = path.read_bytes()
+        source = f"data:{KINDS[path.suffix]};base64,{base64.b64encode(data).decode()}"
+        content, ratio = f'<img src="{source}" alt="{escape(words)}">', _png_ratio(data)
+    shape = "picture wide" if ratio >= WIDE else "picture tall"
+    inside = tag("div", content, class_=shape, tabindex="0", role="group", aria_label=words)
+    return tag("figure", inside + tag("figcaption", escape(words)))
+
+
+def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:
+    """Return an SVG element for the inside of a page, and its width over height."""
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<(script|foreignObject)\b.*?</\1>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', text)
+    text = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', text)
+    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", text)
+    box = re.search(r'viewBox="([^"]+)"', text)
+    size = [float(v) for v in box.group(1).split()] if box else [0.0, 0.0, 1.0, 1.0]
+    head, rest = text.split(">", 1)
+    head = re.sub(r'\s(width|height)="[^"]*"', "", head)
+    return f'{head} role="img" aria-label="{escape(words)}">{rest.strip()}', size[2] / size[3]
+
+
+def _png_ratio(data: bytes) -> float:
+    if data[:4] != b"\x89PNG":
+        return 1.0
+    width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+    return width / height

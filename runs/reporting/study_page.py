@@ -1,0 +1,71 @@
+"""The page of a study: its answer as written, with its figures in place, and the account of its cases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from runs.presentation import duration
+from runs.reporting.folder import Folder
+from runs.reporting.markup import box, section, table
+from runs.reporting.pictures import figure
+
+
+def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
+    """Return the study's Markdown as HTML and the pictures that it shows; its first heading is the page's own."""
+    from markdown_it import MarkdownIt  # noqa: PLC0415  (comes with rich; only a study's page needs it)
+
+    shown: list[Path] = []
+
+    def image(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
+        token = tokens[index]
+        source = folder.path / str(token.attrs["src"])
+        vector = source.with_suffix(".svg")
+        chosen = vector if vector.exists() else source
+        if not chosen.exists():
+            return ""
+        shown.append(chosen)
+        return figure(chosen, len(shown), token.content)
+
+    reader = MarkdownIt("commonmark", {"html": False}).enable("table")
+    reader.add_render_rule("image", image)
+    html = reader.render(_without_title(text))
+    html = html.replace("<p><figure>", "<figure>").replace("</figure></p>", "</figure>")
+    return _boxed(html), shown
+
+
+def title(text: str) -> str:
+    """Return the first heading of a Markdown text."""
+    return next((line.lstrip("# ").strip() for line in text.splitlines() if line.startswith("# ")), "")
+
+
+def _without_title(text: str) -> str:
+    lines = text.splitlines()
+    first = next((i for i, line in enumerate(lines) if line.startswith("# ")), None)
+    return "\n".join(line for i, line in enumerate(lines) if i != first)
+
+
+def _boxed(html: str) -> str:
+    """Put every table into its own scrolling box."""
+    parts = html.split("<table>")
+    for i, part in enumerate(parts[1:], start=1):
+        inside, rest = part.split("</table>", 1)
+        parts[i] = box(f"<table>{inside}</table>", f"table {i}") + rest
+    return "".join(parts)
+
+
+def account(folder: Folder) -> str:
+    """Return the table of a study's cases: state, load steps, processor time, reason."""
+    rows = [
+        {
+            "case": record["name"],
+            "model": record["model"],
+            "state": record["state"],
+            "load steps": len(record["steps"]),
+            "ranks": record["ranks"],
+            "processor time": duration(record["cpu_seconds"]),
+            "reason": record.get("reason") or "",
+        }
+        for record in folder.cases()
+    ]
+    return section("Cases", table(rows, "Every case of the study and how it ended")) if rows else ""

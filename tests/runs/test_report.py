@@ -1,0 +1,231 @@
+"""The report: one page that needs no other file, says what the run's JSON says, and fits a desk and a phone."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import re
+import shutil
+import subprocess
+from collections import Counter
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runs.reporting.pictures import figure
+from runs.store import MARK
+from tests.launch import ROOT, mpirun, python
+
+STAND_IN = Path(__file__).with_name("elements.py")
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update",
+    "--disable-background-networking", "--disable-sync", "--virtual-time-budget=4000",
+)  # fmt: skip
+
+
+class Page(HTMLParser):
+    """What a page holds: elements with their attributes, open elements around each, text of headings."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
+        self.open: list[tuple[str, dict[str, str | None]]] = []
+        self.faults: list[str] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+        self.faults += [f"<{name}> is not closed" for name, _ in self.open]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(f"{n}.{a.get('class', '')}" for n, a in self.open)))
+        if tag not in VOID:
+            self.open.append((tag, dict(attrs)))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(f"{n}.{a.get('class', '')}" for n, a in self.open)))
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open[-1][0] != tag:
+            self.faults.append(f"</{tag}> closes {self.open[-1][0] if self.open else 'nothing'}")
+        else:
+            self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+    def all(self, *tags: str) -> list[dict[str, str | None]]:
+        return [attributes for tag, attributes, _ in self.elements if tag in tags]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders of a solved scene, a comparison and a study, each with its report."""
+    base = tmp_path_factory.mktemp("report")
+    made = {name: base / name for name in ("solve", "compare", "study")}
+    commands = {
+        "solve": ("-m", "runs.cli", "solve", "runs/scenes/paper_thin_pair_linear.toml"),
+        "compare": (STAND_IN, "compare", "runs/scenes/paper_thin_pair.toml"),
+        "study": (STAND_IN, "study", "strengthening", "--quick", "--shard", "1/2"),
+    }
+    for name, folder in made.items():
+        done = python(*commands[name], "--out", folder)
+        assert done.returncode == 0, done.stderr
+        told = python("-m", "runs.cli", "report", folder)
+        assert told.returncode == 0, told.stderr
+        assert "report.html" in told.stderr
+    return made
+
+
+@pytest.mark.parametrize("name", ["solve", "compare", "study"])
+def test_the_page_is_whole_and_needs_no_other_file(name: str, runs: dict[str, Path]) -> None:
+    text = (runs[name] / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert not page.faults
+    assert not page.all("script", "link", "iframe", "object", "embed", "base")
+    for attributes in page.all("img", "a", "use", "image", "source"):
+        for key, value in attributes.items():
+            if key in ("src", "href", "xlink:href", "srcset"):
+                assert (value or "").startswith(("#", "data:image/")), f"{key}={value}"
+    assert "@import" not in text
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", text))
+    ids = Counter(attributes["id"] for _, attributes, _ in page.elements if "id" in attributes)
+    assert not [name for name, count in ids.items() if count > 1]
+    for target in re.findall(r'(?:xlink:)?href="#([^"]+)"', text):
+        assert target in ids
+
+
+@pytest.mark.parametrize("name", ["solve", "compare", "study"])
+def test_the_page_can_be_read_without_seeing_it(name: str, runs: dict[str, Path]) -> None:
+    page = Page((runs[name] / "report.html").read_text(encoding="utf-8"))
+    assert page.all("html")[0]["lang"] == "en"
+    assert any(attributes.get("name") == "viewport" for attributes in page.all("meta"))
+    headings = [int(tag[1]) for tag, _, _ in page.elements if re.fullmatch("h[1-6]", tag)]
+    assert headings.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(headings))
+    assert all((attributes.get("alt") or "").strip() for attributes in page.all("img"))
+    for tag, attributes, around in page.elements:
+        if tag == "svg":
+            assert attributes.get("role") == "img"
+            assert attributes.get("aria-label")
+            assert any(outer.startswith("div.picture") for outer in around)
+        if tag == "table":
+            assert "div.scroll" in around
+        if tag == "div" and "scroll" in (attributes.get("class") or ""):
+            assert attributes.get("tabindex") == "0"
+            assert attributes.get("aria-label")
+
+
+def test_the_pages_say_what_the_runs_found(runs: dict[str, Path]) -> None:
+    document = json.loads((runs["compare"] / "result.json").read_text(encoding="utf-8"))
+    page = Page((runs["compare"] / "report.html").read_text(encoding="utf-8"))
+    text = " ".join(page.text)
+    assert document["answer"] in text
+    assert "Thin pair: two touching balls" in text
+    assert "poisson = 0.48" in text
+    assert "thirdbody compare" in text
+    assert f"{document['comparison'][0]['approach']:.4g}" in text
+    assert len(page.all("svg")) == 1  # T over the load, as vectors
+    assert len(page.all("img")) == 1  # the surface, which is a raster picture
+    linear = " ".join(Page((runs["solve"] / "report.html").read_text(encoding="utf-8")).text)
+    found = json.loads((runs["solve"] / "result.json").read_text(encoding="utf-8"))
+    assert f"{found['balls'][0]['normal_force']:.4g}" in linear
+    assert "numpy" in linear
+    assert "--model linear_bem" in linear
+    study = Page((runs["study"] / "report.html").read_text(encoding="utf-8"))
+    words = " ".join(study.text)
+    assert "thirdbody study strengthening --quick" in words
+    assert "not run yet" in words  # the other shard
+    assert len(study.all("svg")) == 2
+
+
+def test_what_a_user_writes_cannot_become_markup(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    given = (ROOT / "runs/scenes/paper_thin_pair_linear.toml").read_text(encoding="utf-8")
+    scene.write_text(re.sub(r'title = ".*"', 'title = "<script>alert(1)</script> & co"', given), encoding="utf-8")
+    assert python("-m", "runs.cli", "solve", scene, "--out", tmp_path / "out").returncode == 0
+    assert python("-m", "runs.cli", "report", tmp_path / "out", "--out", tmp_path / "page.html").returncode == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert not Page(text).all("script")
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in text
+
+
+def test_a_run_of_any_other_command_is_shown_by_its_tables(tmp_path: Path) -> None:
+    document = {
+        "answer": "Two balls come to rest as a pair that touches, after some cycles of sliding.",
+        "cycles": 120.0,
+        "ensemble": [{"seed": 1, "groups": 2}, {"seed": 2, "groups": 1}],
+        "balls": [{"position": [0.0, 1.0]}],
+        "solved": {"seconds": 3.0, "versions": {"numpy": "1.24"}, "notes": ["forces by pairs"]},
+    }
+    (tmp_path / MARK).write_text(json.dumps({"identity": {"command": "evolve"}, "state": "running"}))
+    (tmp_path / "result.json").write_text(json.dumps(document))
+    assert python("-m", "runs.cli", "report", tmp_path).returncode == 0
+    text = " ".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
+    for words in (document["answer"], "120", "seed", "groups", "Note: forces by pairs", "1.24", "unfinished"):
+        assert str(words) in text
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
+    done = mpirun(1, "-m", "runs.cli", "report", tmp_path)
+    assert done.returncode == 2
+    assert "holds no run and no study" in done.stderr
+
+
+def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
+    used = '<use xlink:href="#a" clip-path="url(#a)"/>'
+    (tmp_path / "x.svg").write_text(f'<?xml version="1.0"?><svg viewBox="0 0 4 1" width="4pt"><g id="a"/>{used}</svg>')
+    first, second = (figure(tmp_path / "x.svg", number, 'shows "x"') for number in (1, 2))
+    assert 'id="figure1-a"' in first
+    assert 'href="#figure2-a"' in second
+    assert "url(#figure2-a)" in second
+    assert 'class="picture wide"' in first
+    assert "shows &quot;x&quot;" in first
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """What a browser makes of a page: by how much it is wider than its window, and how high its pictures are."""
+
+    hidden: int
+    pictures: list[float]
+
+
+def seen(page: Path, width: int, scratch: Path) -> Seen:
+    """Lay the page out in a frame of a given width in headless Chromium."""
+    script = (
+        "const d = document.getElementById('f').contentDocument;"
+        "document.body.dataset.seen = JSON.stringify({"
+        "hidden: d.documentElement.scrollWidth - d.documentElement.clientWidth,"
+        "pictures: [...d.querySelectorAll('.picture svg, .picture img')].map(e => e.getBoundingClientRect().height)})"
+    )
+    frame = scratch / f"frame-{width}.html"
+    frame.write_text(
+        f'<body style="margin:0"><iframe id="f" style="border:0;width:{width}px;height:900px" onload="{script}" '
+        f'srcdoc="{html.escape(page.read_text(encoding="utf-8"))}"></iframe></body>',
+        encoding="utf-8",
+    )
+    assert BROWSER is not None
+    command = [BROWSER, *FLAGS, f"--user-data-dir={scratch / 'profile'}", "--dump-dom", f"file://{frame}"]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    match = re.search(r'data-seen="([^"]*)"', shown)
+    assert match, shown[-500:]
+    answer: dict[str, Any] = json.loads(html.unescape(match.group(1)))
+    return Seen(answer["hidden"], answer["pictures"])
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here: the structure is tested above, the layout is not")
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", ["compare", "study"])
+def test_a_browser_shows_the_page_without_sideways_scrolling(
+    name: str, width: int, runs: dict[str, Path], tmp_path: Path
+) -> None:
+    found = seen(runs[name] / "report.html", width, tmp_path)
+    assert found.hidden == 0
+    assert len(found.pictures) == 2
+    assert min(found.pictures) > 100.0
