@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -9,12 +10,14 @@ from typing import Any
 
 from linear_bem.result import Result
 from runs import ranks, tables
+from runs.advice import USUAL, Adviser
 from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, standing, without
 from runs.plain import as_given, plain, to_json
 from runs.presentation import Scale, duration, number
 from runs.scene import Scene
 
 NAMES = {
+    "forms": "form of the elements",
     "memory_bytes": "memory",
     "seconds": "time",
     "symmetries": "symmetries used",
@@ -36,6 +39,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     if asked is None and model.name != "linear_bem":
         # compare solves it twice at every load step: at its normal forces and at its approaches
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, 2 * plans[0]["load_steps"]))
+    advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
@@ -43,6 +47,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
         "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
+        "advice": [dataclasses.asdict(item) for item in advice],
         "notes": list(notes),
     }
     if as_json:
@@ -92,6 +97,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
             if key not in ("model", "summary"):
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     _look_ahead(say, document["linear_estimate"], scale)
+    _advise(say, document["advice"], scene.tangential_force)
 
 
 def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
@@ -104,6 +110,16 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
         f"Q = {number(ball['normal_force'] / scale.force)} E R\u00b2, "
         f"contact radius {number(radius / scale.radius, 3)} R, |T| / Q = {number(ratio, 3)}"
     )
+
+
+def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:
+    headings = {True: "matters", False: "does not matter", None: "perhaps"}
+    if advice:
+        say(f"what would change T by more than {100.0 * (accuracy or USUAL):.2g} %, by the linear model:", "bold")
+    for matters, heading in headings.items():
+        for item in advice:
+            if item["matters"] is matters:
+                say(f"  {heading}: {item['text']}")
 
 
 def _word(key: str, value: Any) -> str:

@@ -1,0 +1,223 @@
+"""What ``plan`` advises: which absent effects would matter and by how much, and which present ones do not.
+
+Every change is of the tangential force on the ball that feels the largest, computed with the linear model both ways;
+that of finite strain alone comes from a fit (`linear_bem.strengthening_fit`), as it is too dear to compute.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from linear_bem.errors import ThirdBodyError
+from linear_bem.problem import Elastic, Load, Problem
+from linear_bem.result import Result
+from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
+from runs.models import MODELS, Run, without
+from runs.presentation import number
+
+USUAL = 0.02
+"""Relative accuracy of T that a change is held against where the scene asks for none."""
+SHARE = 0.05
+"""Part of that accuracy to which the changes are computed."""
+STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
+"""Moduli of a substrate over the layer's that are tried where the scene has a rigid base."""
+PATIENCE = 60.0
+"""Seconds that the advice may take: scenes whose linear solution takes longer get the parts that cost nothing."""
+FRICTION = 0.3
+"""Coefficient of friction that a drift is quoted for."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One effect: whether the scene has it, by which part it changes T, how sure that is, and what to do."""
+
+    effect: str
+    present: bool
+    change: float | None
+    error: float | None
+    matters: bool | None
+    text: str
+
+
+class Adviser:
+    """Looks ahead for one scene; ``ahead`` is its linear solution, ``accuracy`` what T is asked to."""
+
+    def __init__(self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...]) -> None:
+        self.given = problem
+        self.problem = without(problem, ["finite_strain"])
+        self.ahead = ahead
+        self.effects = effects
+        self.accuracy = accuracy or USUAL
+        sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
+        self.ball = sizes.index(max(sizes))
+        self.force = ahead.balls[self.ball].tangential_force
+        self.size = sizes[self.ball]
+
+    def advise(self) -> list[Advice]:
+        """Return advice for every effect that can be judged; nothing for one ball alone, which feels no T."""
+        if self.problem.size < 2 or self.size <= self.ahead.balls[self.ball].tangential_force_error:
+            return []
+        found = [self._finite_strain(), self._reciprocation()]
+        if self.ahead.solved.seconds * 8.0 < PATIENCE:
+            for part in (self._shape, self._substrate, self._volume, self._point_load):
+                try:
+                    found += part()
+                except ThirdBodyError as error:
+                    name = part.__name__.strip("_").replace("_", " ")
+                    found.append(Advice(name, False, None, None, None, f"{name}: cannot be judged ({error})"))
+        return found
+
+    def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
+        """Return by which part of T another problem's T differs along it."""
+        exact = self._exact()
+        x, y = solve(problem, Run(self._precision)).balls[self.ball].tangential_force
+        return (x * exact[0] + y * exact[1]) / (exact[0] ** 2 + exact[1] ** 2) - 1.0
+
+    @property
+    def _precision(self) -> float:
+        return max(SHARE * self.accuracy, 1e-4)
+
+    def _exact(self) -> tuple[float, float]:
+        if not hasattr(self, "_force"):
+            solved = MODELS["linear_bem"].solve(self.problem, Run(self._precision))
+            self._force = solved.balls[self.ball].tangential_force
+        return self._force
+
+    def _judged(self, change: float) -> bool:
+        return abs(change) > self.accuracy
+
+    def _finite_strain(self) -> Advice:
+        present = self.given.finite_strain is not None
+        ball, scene_ball = self.ahead.balls[self.ball], self.problem.balls[self.ball]
+        thickness = self.problem.layer.thickness
+        distance = min(
+            math.dist(scene_ball.position, other.position)
+            for i, other in enumerate(self.problem.balls)
+            if i != self.ball
+        )
+        change = strengthening_at_force(ball.approach, thickness) - 1.0
+        beyond = outside(ball.approach, thickness, distance / scene_ball.radius, self.problem.layer.poisson)
+        error = fit_error(ball.approach, thickness)
+        matters = None
+        if not beyond and abs(change) - error > self.accuracy:
+            matters = True
+        elif not beyond and abs(change) + error <= self.accuracy:
+            matters = False
+        verb = "changes" if present else "would change"
+        said = f"finite strain {verb} T by {100.0 * change:+.2g} \u00b1 {100.0 * error:.1g} % at equal force"
+        if beyond:
+            said += f", as an order of magnitude: {'; '.join(beyond)}, outside the fit's range"
+        do = "" if present else "; add [finite_strain]"
+        if matters is False:
+            do = "; the scene can do without" if present else "; not needed"
+        return Advice("finite_strain", present, change, error, matters, said + do)
+
+    def _shape(self) -> list[Advice]:
+        shapes = {ball.shape for ball in self.problem.balls}
+        if len(shapes) != 1 or callable(shape := next(iter(shapes))):
+            return []
+        other = "sphere" if shape == "paraboloid" else "paraboloid"
+        balls = tuple(dataclasses.replace(ball, shape=other) for ball in self.problem.balls)
+        change = self._changed(dataclasses.replace(self.problem, balls=balls))
+        matters = self._judged(change)
+        words = (
+            f"the exact {'sphere would change' if other == 'sphere' else 'sphere matters: a paraboloid would change'}"
+        )
+        if not matters and other == "paraboloid":
+            words = "the exact sphere does not matter: a paraboloid would change"
+        do = f'; use shape = "{other}"' if matters and other == "sphere" else ""
+        return [Advice("sphere", shape == "sphere", change, None, matters, f"{words} T by {_percent(change)}{do}")]
+
+    def _substrate(self) -> list[Advice]:
+        layer, substrate = self.problem.layer, self.problem.substrate
+        if not math.isfinite(layer.thickness):
+            return []
+        if substrate is not None:
+            change = self._changed(dataclasses.replace(self.problem, substrate=None))
+            matters = self._judged(change)
+            words = "" if matters else "; the scene can do without"
+            text = f"the substrate's compliance: a rigid base would change T by {_percent(change)}{words}"
+            return [Advice("substrate", True, change, None, matters, text)]
+        change, softest = 0.0, None
+        for ratio in sorted(STIFFNESSES, reverse=True):
+            change = self._changed(dataclasses.replace(self.problem, substrate=Elastic(ratio * layer.young, 0.3)))
+            if self._judged(change):
+                softest = ratio
+                break
+        if softest is None:
+            text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {_percent(change)}"
+            return [Advice("substrate", False, change, None, False, f"{text}; not needed")]
+        text = (
+            f"a substrate {softest:g} times as stiff as the layer would change T by {_percent(change)}; "
+            "add [substrate] if yours is no stiffer"
+        )
+        return [Advice("substrate", False, change, None, None, text)]
+
+    def _volume(self) -> list[Advice]:
+        layer = self.problem.layer
+        if layer.poisson == 0.5:
+            return []
+        change = self._changed(dataclasses.replace(self.problem, layer=dataclasses.replace(layer, poisson=0.5)))
+        text = (
+            f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {_percent(change)}, "
+            f"{_percent(change * 0.01 / (0.5 - layer.poisson))} for each 0.01 on the way"
+        )
+        return [Advice("poisson", True, change, None, self._judged(change), text)]
+
+    def _point_load(self) -> list[Advice]:
+        change = self._changed(self.problem, MODELS["point_load"].solve)
+        matters = self._judged(change)
+        words = "" if matters else "; --model point_load would do"
+        text = f"the size of the contacts: balls as point loads would change T by {_percent(change)}{words}"
+        return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
+
+    def _neighbours(self) -> Iterator[Advice]:
+        """Say beyond which distance neighbours could be left out, by the point-load law of each pair."""
+        place = self.problem.balls[self.ball].position
+        away = [math.dist(place, ball.position) for ball in self.problem.balls]
+        rings = sorted({round(d, 12) for d in away if d > 0.0})
+        if len(rings) < 2:
+            return
+        law = MODELS["point_load"].solve
+        forces = [ball.normal_force for ball in self.ahead.balls]
+
+        def within(reach: float) -> tuple[float, float]:
+            kept = [i for i, d in enumerate(away) if d <= reach * (1.0 + 1e-9) and (forces[i] > 0.0 or i == self.ball)]
+            balls = tuple(self.problem.balls[i] for i in kept)
+            alone = dataclasses.replace(self.problem, balls=balls, load=Load("force", tuple(forces[i] for i in kept)))
+            return law(alone, Run()).balls[kept.index(self.ball)].tangential_force
+
+        whole = within(rings[-1])
+        size = math.hypot(*whole)
+        nearest, change = rings[-1], 0.0
+        for ring in rings[-2::-1]:
+            left = math.dist(within(ring), whole) / size
+            if left > self.accuracy:
+                break
+            nearest, change = ring, left
+        radius = self.problem.balls[self.ball].radius
+        if nearest == rings[-1]:
+            yield Advice("neighbours", True, None, None, True, "neighbours: the farthest one is needed too")
+        else:
+            text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {_percent(change)} in all"
+            yield Advice("neighbours", True, change, None, False, f"{text}; the ball can do without")
+
+    def _reciprocation(self) -> Advice:
+        ball = self.ahead.balls[self.ball]
+        share = self.size / ball.normal_force if ball.normal_force > 0.0 else math.inf
+        drift = share / FRICTION
+        text = (
+            f"reciprocating sliding moves a ball by about {number(drift, 2)} of the sliding path "
+            f"(|T| / Q over a friction of {FRICTION:g})"
+        )
+        present = "reciprocation" in self.effects
+        return Advice(
+            "reciprocation", present, None, None, None, text + ("" if present else "; add [reciprocation] if it slides")
+        )
+
+
+def _percent(change: float) -> str:
+    return f"{100.0 * change:+.2g} %"

@@ -1,0 +1,148 @@
+"""What a plan advises: changes of T that the linear model computes both ways, held against the accuracy asked."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+import pytest
+
+from linear_bem import Ball, Elastic, FiniteStrain, Layer, Load, Problem, solve
+from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
+from runs.advice import Advice, Adviser
+from tests.launch import python
+
+SUBSTRATE = Elastic(1e3, 0.3)
+PRECISION = 5e-3
+"""Of changes that both sides compute to 1e-3 of T."""
+KNOWN = (
+    (1.16, 0.02502, 0.997, 0.011), (1.16, 0.0563, 1.014, 0.029), (1.16, 0.1267, 1.061, 0.024),
+    (1.16, 0.19, 1.11, 0.04), (1.16, 0.255, 1.17, 0.03), (1.16, 0.32, 1.245, 0.027), (6.0, 0.32, 0.991, 0.01),
+)  # fmt: skip
+"""Thickness and approach over R, S_Q and its error, as `thirdbody compare` gave them."""
+
+
+def pair(
+    approach: float, *, thickness: float = 1.16, shape: str = "sphere", substrate: Elastic | None = SUBSTRATE
+) -> Problem:
+    balls = (Ball((-1.0, 0.0), 1.0, shape), Ball((1.0, 0.0), 1.0, shape))
+    return Problem(Layer(1.0, 0.48, thickness), balls, Load("approach", (approach, approach)), substrate)
+
+
+def advice(problem: Problem, accuracy: float | None = None, *effects: str) -> dict[str, Advice]:
+    ahead = solve(dataclasses.replace(problem, finite_strain=None), 1e-2)
+    return {item.effect: item for item in Adviser(problem, ahead, accuracy, effects).advise()}
+
+
+def force(problem: Problem) -> float:
+    return solve(problem, 1e-3).balls[0].tangential_force[0]
+
+
+def test_the_fit_meets_what_is_known_within_its_error() -> None:
+    for thickness, approach, ratio, error in KNOWN:
+        assert abs(strengthening_at_force(approach, thickness) - ratio) <= fit_error(approach, thickness) + error
+        assert not outside(approach, thickness, 2.0, 0.48)
+    assert strengthening_at_force(0.0, 1.0) == 1.0
+    assert len(outside(0.5, 1.0, 4.0, 0.3)) == 3
+
+
+def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> None:
+    found = advice(pair(0.32))["finite_strain"]
+    assert found.change == pytest.approx(0.245, abs=0.03)
+    assert found.matters is True
+    assert not found.present
+    assert found.text.endswith("add [finite_strain]")
+    deep = advice(pair(0.32), 0.25)["finite_strain"]
+    assert deep.matters is None  # its error bar reaches over the accuracy asked
+    loose = advice(pair(0.02), 0.05)["finite_strain"]
+    assert loose.matters is False
+    assert loose.text.endswith("not needed")
+
+
+def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
+    scene = dataclasses.replace(pair(0.02), finite_strain=FiniteStrain())
+    found = advice(scene, 0.05)["finite_strain"]
+    assert found.present
+    assert found.matters is False
+    assert found.text.endswith("the scene can do without")
+
+
+def test_outside_its_range_the_fit_decides_nothing() -> None:
+    found = advice(pair(0.35))["finite_strain"]
+    assert found.matters is None
+    assert "outside the fit's range" in found.text
+
+
+@pytest.mark.parametrize("shape", ["sphere", "paraboloid"])
+def test_the_shape_is_judged_by_solving_both(shape: str) -> None:
+    other = "paraboloid" if shape == "sphere" else "sphere"
+    scene = pair(0.2, shape=shape)
+    found = advice(scene)["sphere"]
+    assert found.present == (shape == "sphere")
+    assert found.change == pytest.approx(force(pair(0.2, shape=other)) / force(scene) - 1.0, abs=PRECISION)
+    assert found.matters == (abs(found.change or 0.0) > 0.02)
+    assert advice(pair(0.005, shape=shape))["sphere"].matters is False
+
+
+def test_a_stiff_substrate_can_be_dropped_and_a_soft_one_cannot() -> None:
+    stiff = advice(pair(0.02))["substrate"]
+    assert stiff.present
+    assert stiff.matters is False
+    soft = advice(pair(0.02, substrate=Elastic(10.0, 0.3)))["substrate"]
+    assert soft.matters is True
+    rigid = force(pair(0.02, substrate=None)) / force(pair(0.02, substrate=Elastic(10.0, 0.3))) - 1.0
+    assert soft.change == pytest.approx(rigid, rel=0.02)
+
+
+def test_a_rigid_base_is_told_how_soft_a_substrate_would_be_felt() -> None:
+    found = advice(pair(0.02, substrate=None))["substrate"]
+    assert not found.present
+    assert found.matters is None
+    assert "a substrate 100 times as stiff" in found.text
+    changed = force(pair(0.02, substrate=Elastic(100.0, 0.3))) / force(pair(0.02, substrate=None)) - 1.0
+    assert found.change == pytest.approx(changed, abs=PRECISION)
+    assert abs(force(pair(0.02, substrate=SUBSTRATE)) / force(pair(0.02, substrate=None)) - 1.0) < 0.02
+
+
+def test_incompressibility_and_point_loads_are_judged_against_the_full_solution() -> None:
+    scene = pair(0.02)
+    found = advice(scene)
+    other = dataclasses.replace(scene, layer=Layer(1.0, 0.5, 1.16))
+    assert found["poisson"].change == pytest.approx(force(other) / force(scene) - 1.0, abs=PRECISION)
+    assert found["contact size"].matters is False
+    assert advice(pair(0.32))["contact size"].matters is True
+
+
+def test_far_neighbours_that_add_nothing_are_named() -> None:
+    balls = tuple(Ball((2.0 * i, 0.0), 1.0) for i in range(6))
+    row = Problem(Layer(1.0, 0.48, 1.16), balls, Load("force", (1e-3,) * 6), SUBSTRATE)
+    found = advice(row)["neighbours"]
+    assert found.matters is False
+    assert 0.0 < (found.change or 0.0) <= 0.02
+    strict = advice(row, 1e-3)["neighbours"]
+    assert strict.text != found.text
+    assert "neighbours" not in advice(pair(0.02))
+
+
+def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> None:
+    scene = pair(0.02)
+    ball = solve(scene, 1e-2).balls[0]
+    ratio = math.hypot(*ball.tangential_force) / ball.normal_force / 0.3
+    assert f"{ratio:.2g} of the sliding path" in advice(scene)["reciprocation"].text
+    assert "add [reciprocation]" not in advice(scene, None, "reciprocation")["reciprocation"].text
+    alone = Problem(scene.layer, scene.balls[:1], Load("approach", (0.02,)), SUBSTRATE)
+    assert advice(alone) == {}
+
+
+def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
+    said = python("-m", "runs.cli", "plan", "runs/scenes/paper_thin_pair_linear.toml")
+    assert said.returncode == 0, said.stderr
+    assert "would change T by more than 2 %" in said.stdout
+    assert "does not matter: the substrate's compliance" in said.stdout
+    done = python("-m", "runs.cli", "plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
+    items: list[dict[str, Any]] = json.loads(done.stdout)["advice"]
+    assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
+    for item in items:
+        assert item["text"] in said.stdout
