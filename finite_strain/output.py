@@ -152,11 +152,17 @@ class FieldWriter:
             field = CATALOGUE[name]
             file[f"node_fields/{name}"].attrs.update(unit=field.unit, kind=field.kind, meaning=field.meaning)
         frame, reduction = self._frame, self.model.reduction
+        balls = [(image, reduction.balls[image.model_ball]) for image in reduction.images]
+        axes = np.array([[*np.multiply(image.signs, ball.position), 0.0] for image, ball in balls])
         file.attrs.update(
             step=number,
             fraction=fraction,
             deformed=self.model.contacts[0].indenter.deformed,
-            approaches=[contact.approach for contact in self.model.contacts],
+            ball_positions=frame.points(axes)[:, :2],
+            layer_young=self.model.bulks[0].solid.young,
+            ball_radii=[ball.radius for _, ball in balls],
+            ball_shapes=[ball.shape for _, ball in balls],
+            ball_approaches=[self.model.contacts[image.model_ball].approach for image, _ in balls],
             frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
             frame_turn=frame.turn,
             frame_origin=frame.origin,

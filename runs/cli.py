@@ -123,6 +123,25 @@ def study(
 
 
 @app.command()
+def render(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Output folder of a finite-element run.")],
+    field: Annotated[str, typer.Option("--field", help="Field that gives the colours.")] = "von_mises",
+    view: Annotated[
+        list[str] | None, typer.Option("--view", help="cut or surface, may be repeated; default both.")
+    ] = None,
+    step: Annotated[int | None, typer.Option("--step", metavar="N", help="Default: the last written step.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: pictures in RUN.")] = None,
+    animation: Annotated[bool, typer.Option(help="Draw the load path as a GIF (and MP4 with ffmpeg).")] = True,
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
+) -> None:
+    """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
+    from runs.rendering import Wish, read_size, render_run  # noqa: PLC0415
+
+    views = {} if view is None else {"views": tuple(view)}
+    render_run(run, Wish(field, step=step, out=out, animation=animation, size=read_size(size), **views))
+
+
+@app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run or a study.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Default: report.html in DIR.")] = None,

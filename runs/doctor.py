@@ -25,6 +25,7 @@ PACKAGES = {
     "h5py": "python3-h5py",
 }
 OVER_SYSTEM_PYTHON = f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv && .venv/bin/pip install -e '.[cli]'"
+INSTALL_PICTURES = "bash runs/setup.sh render"
 OLDEST_DOLFINX = (0, 5, 2)
 LAUNCHED_BY_MPI = ("OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX_", "PMI_", "PRTE_", "ORTE_")
 PROBE = """
@@ -97,10 +98,10 @@ def examine(*, as_json: bool) -> int:
 
 def look(python: str = sys.executable) -> list[Finding]:
     """Return all findings about ``python`` and the libraries that it would use."""
-    report = probe(python, ["numpy", "scipy", *PACKAGES])
+    report = probe(python, ["numpy", "scipy", *PACKAGES, "pyvista"])
     found = [_python(python, report)]
     found += [_numpy(report, python), *(_package(name, report, python) for name in PACKAGES), _blas(report)]
-    return [*found, _launcher()]
+    return [*found, _launcher(), _pictures(report)]
 
 
 def probe(python: str, names: Sequence[str]) -> dict[str, Any]:
@@ -182,6 +183,16 @@ def _blas(report: dict[str, Any]) -> Finding:
         fault = "the reference BLAS: direct solvers take 5 to 6 times longer"
         return Finding("BLAS", found, fault, _install("libopenblas0-serial"), blocks=False)
     return Finding("BLAS", found)
+
+
+def _pictures(report: dict[str, Any]) -> Finding:
+    this = report["pyvista"]
+    if "error" not in this:
+        return Finding("pyvista", f"{this['version']}, {_folder(this)}")
+    found = f"none: only `thirdbody render` needs it ({INSTALL_PICTURES})"
+    if "No module named 'pyvista'" in this["error"]:
+        return Finding("pyvista", found)
+    return Finding("pyvista", "broken", this["error"], INSTALL_PICTURES, blocks=False)
 
 
 def _launcher() -> Finding:

@@ -45,6 +45,10 @@ class Session:
         self.plan: dict[str, Any] = {}
         if self.model.plan is not None:  # names what the model lacks, cheaply
             self.plan = self.model.plan(self.problem, scene.tangential_force)
+        if self.problem.elements is not None and not self.model.parallel:
+            self.notes = (*self.notes, f"[elements] left out: {self.model.name} has no finite elements")
+        if scene.output is not None and not self.model.parallel:
+            self.notes = (*self.notes, f"[output] left out: {self.model.name} has no fields inside the layer to write")
         self.idle = not self.model.parallel and not ranks.is_root()
         self.folder: RunFolder | None = None
         self.finished: dict[str, Any] | None = None
@@ -67,6 +71,8 @@ class Session:
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": self.scene.tangential_force,
         }
+        if self.scene.output is not None and self.model.parallel:
+            identity["output"] = self.scene.output.model_dump()
         path = self.options.out or self._default_folder()
         self.folder = RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
         finished = self.folder.finished()
@@ -94,7 +100,8 @@ class Session:
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
             tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
-        return self.model.solve(self.problem, Run(self.scene.tangential_force, self.comm, fields, progress))
+        run = Run(self.scene.tangential_force, self.comm, fields, progress, self.scene.output)
+        return self.model.solve(self.problem, run)
 
     def with_notes(self, document: dict[str, Any]) -> dict[str, Any]:
         """Return a result's JSON object with what this run's reader must know among its notes."""

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Makes this checkout ready to run: Debian packages, a .venv over /usr/bin/python3, the project in it.
 #
-#   bash runs/setup.sh [run|test|packages]
+#   bash runs/setup.sh [run|render|test|packages]
 #
-# run: what a simulation needs (the default); test: that and ruff, mypy, pytest, meshio; packages: only the Debian packages.
+# run: what a simulation needs (the default); render: that and pyvista (150 MB), for `thirdbody render`; test: all that and ruff, mypy,
+# pytest, meshio; packages: only the Debian packages.
 # runs/quickstart.sh and tests/run.sh source this file. Nothing that is already there is installed again, and a set-up that was
 # interrupted goes on where it stopped.
 
@@ -11,7 +12,7 @@ checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 venv=$checkout/.venv
 log='' ticker=''
 debian_packages=(ca-certificates python3 python3-venv python3-dolfinx-real python3-gmsh python3-h5py python3-scipy python3-matplotlib
-  openmpi-bin)
+  openmpi-bin libegl1)
 blas_packages=(libopenblas0-serial libopenblas0-pthread libopenblas0-openmp) # any one will do; the first is installed
 
 say() { printf 'setup: %s\n' "$*"; }
@@ -198,7 +199,7 @@ ensure_venv() {
   if [[ $fault != absent ]]; then
     [[ -e $mark ]] || stop "cannot use .venv: $fault." "Move it away and run this again:  mv '$venv' '$venv.old'"
     say "making .venv anew: $fault"
-    rm -rf "${venv:?}"/{bin,include,lib,lib64,share,pyvenv.cfg} "$venv"/.thirdbody-*-{run,test}
+    rm -rf "${venv:?}"/{bin,include,lib,lib64,share,pyvenv.cfg} "$venv"/.thirdbody-*-{run,render,test}
   fi
   printf begun >"$mark"
   logged "making .venv from /usr/bin/python3 (Python $python_version)" /usr/bin/python3 -m venv --system-site-packages "$venv" ||
@@ -344,14 +345,15 @@ make_ready() {
   if [[ -n $log ]]; then rm -f "$log"; fi
 }
 
-# set_up run|test|packages
+# set_up run|render|test|packages
 set_up() {
   local hash=''
   case $1 in
     run) extras=(cli) ;;
-    test) extras=(cli test) ;;
+    render) extras=(cli render) ;;
+    test) extras=(cli render test) ;;
     packages) extras=() ;;
-    *) stop "what is '$1'?" "Usage:  bash runs/setup.sh [run|test|packages]" ;;
+    *) stop "what is '$1'?" "Usage:  bash runs/setup.sh [run|render|test|packages]" ;;
   esac
   check_system
   set_mpi_environment

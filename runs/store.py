@@ -19,6 +19,7 @@ from runs.plain import plain, to_json
 
 MARK = "run.json"
 FIELDS = "fields"
+PICTURES = "pictures"
 OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "run.log", "tangential_force.png", "tangential_force.svg",
     "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png", "distances.svg", "evolution.gif",
@@ -98,7 +99,8 @@ class RunFolder:
             pass  # a file system without locks
 
     def _clear(self) -> None:
-        shutil.rmtree(self.fields, ignore_errors=True)
+        for folder in (self.fields, self.path / PICTURES):
+            shutil.rmtree(folder, ignore_errors=True)
         for name in OURS:
             if name != ".lock":
                 (self.path / name).unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Pictures in three dimensions of what a finite-element run has written: the deformed layer under its balls."""

@@ -1,0 +1,84 @@
+"""What a picture is coloured by: one number per node, its name, its unit with a prefix, and its colours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_LAYER = ["#efeae0", "#f6d6a0", "#f3a95f", "#e06a3c", "#b02f4b", "#6a1a56", "#2a1041"]
+"""From the colour of unstressed foam to dark, the lightness falling all the way."""
+_PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+@dataclass(frozen=True)
+class Coloring:
+    """How a written field is shown: words, colour map, and the number taken from its values at each node.
+
+    ``centre`` is the value that a colour map of two hues has in its middle (None: one hue upwards from the lowest).
+    """
+
+    words: str
+    colors: str
+    number: Callable[[Array], Array]
+    centre: float | None = None
+
+    def color_map(self) -> Any:
+        """Return the matplotlib colour map."""
+        import matplotlib  # noqa: PLC0415  (slow to load)
+        from matplotlib.colors import LinearSegmentedColormap  # noqa: PLC0415
+
+        if self.colors.startswith("layer"):
+            stops = _LAYER[::-1] if self.colors.endswith("_r") else _LAYER
+            return LinearSegmentedColormap.from_list(self.colors, stops)
+        return matplotlib.colormaps[self.colors]
+
+    def limits(self, values: Array) -> tuple[float, float]:
+        """Return the numbers at the ends of the colours for these values: not both the same."""
+        low, high = float(np.min(values)), float(np.max(values))
+        if self.centre is not None:
+            reach = max(high - self.centre, self.centre - low)
+            low, high = self.centre - reach, self.centre + reach
+        return (low, high) if high > low else (low, low + max(abs(low), 1.0) * 1e-6)
+
+
+def _itself(values: Array) -> Array:
+    return values
+
+
+COLORINGS = {
+    "von_mises": Coloring("von Mises stress", "layer", _itself),
+    "contact_pressure": Coloring("contact pressure", "layer", _itself),
+    "pressure": Coloring("pressure", "RdBu_r", _itself, centre=0.0),
+    "cauchy_stress": Coloring("vertical stress", "RdBu", lambda tensors: tensors[:, 2, 2], centre=0.0),
+    "volume_ratio": Coloring("volume ratio J", "RdBu", _itself, centre=1.0),
+    "principal_stretches": Coloring("largest stretch", "layer", lambda stretches: stretches[:, 0]),
+    "displacement": Coloring("displacement", "layer", lambda vectors: np.linalg.norm(vectors, axis=1)),
+    "gap": Coloring("distance from the ball", "layer_r", _itself),
+}
+"""Every field that can be drawn."""
+
+
+def prefixed(unit: str, largest: float, dimensionless: bool) -> tuple[float, str]:
+    """Return what to multiply numbers of a unit by, and the unit with the prefix that suits the largest of them.
+
+    In a dimensionless scene lengths are in R and stresses in E, the layer's Young's modulus.
+    """
+    if dimensionless:
+        return 1.0, {"m": "R", "Pa": "E", "1": ""}[unit]
+    if unit == "1" or largest <= 0.0 or not math.isfinite(largest):
+        return 1.0, "" if unit == "1" else unit
+    power = 3 * math.floor(math.log10(largest * 1.0000001) / 3.0)
+    power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
+    return 10.0**-power, f"{_PREFIXES[power]}{unit}"
+
+
+def round_length(length: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that does not exceed ``length``."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * 1.0000001)

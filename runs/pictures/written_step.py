@@ -1,0 +1,128 @@
+"""One written load step of a run, completed at its mirror planes: what a picture is drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import MissingDependency, OutputUnusable
+
+Array = NDArray[np.float64]
+_MIRRORED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+"""Nodes of a quadratic tetrahedron in VTK's order after a mirror has turned it inside out."""
+
+
+@dataclass(frozen=True)
+class DrawnBall:
+    """A ball as it stands in one step: axis (x, y), radius, approach, all in m, and shape."""
+
+    position: tuple[float, float]
+    radius: float
+    approach: float
+    shape: str
+
+
+@dataclass(frozen=True)
+class WrittenStep:
+    """Points (n, 3) and displacement (n, 3) [m], quadratic cells (m, 10), region of each (m,), node fields, balls."""
+
+    number: int
+    points: Array
+    displacement: Array
+    cells: NDArray[np.int64]
+    region: NDArray[np.int64]
+    fields: dict[str, Array]
+    units: dict[str, str]
+    balls: tuple[DrawnBall, ...]
+    young: float
+
+    @property
+    def dimensionless(self) -> bool:
+        """Whether lengths are in units of the radius and stresses in units of the layer's modulus: both are 1."""
+        return self.young == 1.0 and all(ball.radius == 1.0 for ball in self.balls)
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the undeformed layer [m]."""
+        return -float(self.points[np.unique(self.cells[self.region == 1]), 2].min())
+
+
+def step_files(run: Path) -> dict[int, Path]:
+    """Return the HDF5 file of every written step of a run (its folder, or the folder of its fields) by its number."""
+    for folder in (run / "fields", run):
+        found = {int(path.stem.removeprefix("step_")): path for path in sorted(folder.glob("step_*.h5"))}
+        if found:
+            return found
+    if not run.is_dir():
+        raise OutputUnusable(f"{run}: is no folder; name the output folder of a finite-element run")
+    raise OutputUnusable(
+        f"{run}: holds no written fields (fields/step_*.h5); name the output folder of a finite-element run "
+        "whose [output] has not switched them off"
+    )
+
+
+def read_step(path: Path, number: int, field: str) -> WrittenStep:
+    """Return a written step with one node field beside its displacement; raises `OutputUnusable`."""
+    try:
+        import h5py  # noqa: PLC0415  (not needed where nothing is drawn)
+    except ImportError as error:
+        raise MissingDependency(f"written fields need h5py to be read: {error}; `thirdbody doctor`") from None
+    try:
+        with h5py.File(path, "r") as file:
+            there = file["node_fields"]
+            for name in ("displacement", field):
+                if name not in there:
+                    raise OutputUnusable(
+                        f"{path}: holds no field {name} (there are {', '.join(there)}); name another --field, "
+                        "or add it to [output] fields and run anew"
+                    )
+            balls = zip(
+                *(file.attrs[f"ball_{name}"][:] for name in ("positions", "radii", "approaches", "shapes")), strict=True
+            )
+            part = WrittenStep(
+                number,
+                file["points"][:],
+                there["displacement"][:],
+                file["cells"][:],
+                file["cell_fields/region"][:],
+                {field: there[field][:]},
+                {name: str(there[name].attrs["unit"]) for name in ("displacement", field)},
+                tuple(DrawnBall((float(p[0]), float(p[1])), float(r), float(d), str(s)) for p, r, d, s in balls),
+                float(file.attrs["layer_young"]),
+            )
+            if not file.attrs["deformed"]:  # small strain: contact is met at the undeformed place, moved straight down
+                part.displacement[:, :2] = 0.0
+            return _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
+    except (OSError, KeyError, ValueError) as error:
+        if isinstance(error, OutputUnusable):
+            raise
+        raise OutputUnusable(f"{path}: cannot be read ({error}); run the scene anew") from None
+
+
+def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:
+    """Return the whole scene: the part and its mirror images, with the nodes that they share."""
+    points, displacement, cells, region = part.points, part.displacement, part.cells, part.region
+    fields: dict[str, Array] = dict(part.fields)
+    for normal in normals:
+        count = len(points)
+        mirror = np.eye(3) - 2.0 * np.outer(normal, normal)
+        points = np.concatenate([points, (points - origin) @ mirror + origin])
+        displacement = np.concatenate([displacement, displacement @ mirror])
+        cells = np.concatenate([cells, cells[:, _MIRRORED] + count])
+        region = np.concatenate([region, region])
+        fields = {name: np.concatenate([values, _mirrored(values, mirror)]) for name, values in fields.items()}
+    size = float(np.ptp(points, axis=0).max())
+    _, first, inverse = np.unique(np.round(points / (1e-9 * size)), axis=0, return_index=True, return_inverse=True)
+    kept: dict[str, Any] = {name: values[first] for name, values in fields.items()}
+    return replace(
+        part, points=points[first], displacement=displacement[first], cells=inverse.reshape(-1)[cells], region=region,
+        fields=kept,
+    )  # fmt: skip
+
+
+def _mirrored(values: Array, mirror: Array) -> Array:
+    return mirror @ values @ mirror if values.ndim == 3 else values
