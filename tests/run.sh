@@ -3,7 +3,8 @@
 #
 #   bash tests/run.sh [options of pytest; paths are those of the checkout]
 #
-# All of them run even if one fails; the exit code is non-zero if any did.
+# All of them run even if one fails; the exit code is non-zero if any did. The files of tests are shared out to as many processes
+# as there are cores, four at most (-n 0: one after another in this process, for a debugger).
 set -euo pipefail
 # shellcheck source=runs/setup.sh
 . "$(dirname -- "${BASH_SOURCE[0]}")/../runs/setup.sh"
@@ -26,6 +27,7 @@ check() {
 }
 check ruff .venv/bin/python -m ruff check .
 check mypy .venv/bin/python -m mypy
-check pytest .venv/bin/python -m pytest "$@"
+workers=$(nproc)
+check pytest .venv/bin/python -m pytest -n $((workers < 4 ? workers : 4)) --dist loadfile --durations 15 "$@"
 printf 'tests: %s\n' "${summary[@]}"
 exit "$failed"
