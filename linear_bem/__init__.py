@@ -14,6 +14,7 @@ from linear_bem.kernel import LayeredKernel
 from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result
+from linear_bem.sequence import ContactSequence, SequenceState
 from linear_bem.solver import Solution, solve, solve_contact
 from linear_bem.square import deepest_bulge, uniform_square_displacement
 from linear_bem.stress import vertical_stress
@@ -21,6 +22,7 @@ from linear_bem.stress import vertical_stress
 __all__ = [
     "Ball",
     "BallResult",
+    "ContactSequence",
     "Elastic",
     "Elements",
     "FiniteStrain",
@@ -32,6 +34,7 @@ __all__ = [
     "NotConverged",
     "Problem",
     "Result",
+    "SequenceState",
     "Solution",
     "ThirdBodyError",
     "UnsupportedProblem",

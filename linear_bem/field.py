@@ -79,12 +79,13 @@ def displacement_around(
             left[chosen] = False
             u, v, _ = disc_nodes(d)
             tx, ty = centres[i, 0] + spread[i] * u, centres[i, 1] + spread[i] * v
-            values = _from_points(kernel, tx, ty, *sources[d][chosen].transpose(1, 0, 2), loads[d][chosen])
+            at = sources[d][chosen]
+            values = _from_points(kernel, tx, ty, at[:, 0], at[:, 1], loads[d][chosen])
             total += interpolation((x[i] - centres[i, 0]) / spread[i], (y[i] - centres[i, 1]) / spread[i], d) @ values
         for j in np.flatnonzero(left):
             if apart[j] > 2.5 * size[j] + spread[i]:
-                _, _, w, p = fine[j]
-                total += _from_points(kernel, x[i], y[i], *surface[j], w * p)
+                (_, _, w, p), (at_x, at_y) = fine[j], surface[j]
+                total += _from_points(kernel, x[i], y[i], at_x, at_y, w * p)
             else:
                 total += zone_displacement(kernel, nodes[j], x[i], y[i])
         out.append(total)

@@ -186,6 +186,13 @@ class LayeredKernel:
             return np.zeros(r.shape)
         return self._table.value_and_slope(r / self.thickness, slope=False)[0] / self.thickness
 
+    def smooth_and_slope(self, r: Array) -> tuple[Array, Array]:
+        """Return `smooth` and `smooth_slope` at once."""
+        if self._table is None:
+            return np.zeros(r.shape), np.zeros(r.shape)
+        s, ds = self._table.value_and_slope(r / self.thickness, slope=True)
+        return s / self.thickness, ds / self.thickness**2
+
     def smooth_slope(self, r: Array | float) -> Array:
         """Return d/dr of `smooth` [1/m^2]."""
         r = np.asarray(r, dtype=float)

@@ -52,12 +52,26 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
     for i in touching:
         force, radius = float(state.forces[i]), float(contact_radii[i])
+        if problem.balls[i].shape == "sphere":
+            radius = _sphere_radius(radius, problem.balls[i].radius)
         bend, turn = np.linalg.eigh(curvature(problem.balls[i], radius))
         # axes of Hertz's ellipse go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28]
         shape = (bend * problem.balls[i].radius) ** (-2.0 / 3.0)
         peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
         zones.append(_hertz_zone(problem.balls[i].position, turn * (radius * shape), peak))
     return Start(touching, zones, state.approaches)
+
+
+def _sphere_radius(parabolic: float, radius: float) -> float:
+    """Return the contact radius [m] of a sphere where a paraboloid's would be ``parabolic``, at equal approach.
+
+    a artanh(a/R) = a_p^2/R on a half-space [Sneddon 1965, Int. J. Eng. Sci. 3, 47]; always below R.
+    """
+    wanted, low, high = (parabolic / radius) ** 2, 0.0, 1.0 - 1e-12
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if middle * np.arctanh(middle) < wanted else (low, middle)
+    return min(low, 0.97) * radius
 
 
 def _hertz_zone(centre: tuple[float, float], axes: Array, peak: float) -> Zone:
@@ -97,7 +111,7 @@ def solve_smooth(
         )
     shapes = [height(problem.balls[i]) for i in touching]
     if len(touching) > DENSE:
-        return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision)
+        return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision, 30 if degree == 2 else 60)
     return solve_zones(kernel, shapes, zones, approaches[touching], groups, 1e-9)
 
 

@@ -33,6 +33,9 @@ WORTH_KEEPING = 5.0
 ROUTES_SUFFICE = 1e-3
 """Where no more accuracy is asked, three times the difference of two routes to T is taken without a refinement."""
 
+STEEP, GRID_FIRST = 0.75, 16
+"""Contact radius over a sphere's from which on up to so many balls go to a grid at once where no more is asked."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -120,47 +123,75 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
 
 
-def _refined(
-    problem: Problem, kernel: LayeredKernel, wanted: float
-) -> tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]:
-    """Return contacts by polynomials where these converge, else on grids; with the error of T and notes."""
+Answer = tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]
+"""Contacts, error of T [N] per ball, notes."""
+
+
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> Answer:
+    """Return contacts by polynomials where these converge, else on grids."""
     guess = first_guess(problem, kernel)
-    enough = float(np.clip(wanted, 1e-4, 1e-3))
+    if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not _steep(problem, guess):
+        answer = _by_polynomials(problem, kernel, wanted, guess)
+        if answer is not None:
+            return answer
+    return _on_grids(problem, kernel, wanted, guess)
+
+
+def _enough(wanted: float) -> float:
+    """Return the relative accuracy of forces and approaches that goes with one of T."""
+    return float(np.clip(wanted, 1e-4, 1e-3))
+
+
+def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Answer | None:
+    """Return contacts of the lowest degree that is exact enough, or of the best if that is good; None where neither."""
+    enough = _enough(wanted)
     best: tuple[SmoothContacts, Array, float, float] | None = None
+    before: SmoothContacts | None = None
 
     def score(reached: float, settled: float) -> float:
         return max(reached / wanted, settled / enough)
 
-    try:
-        precision = min(1e-6, 1e-3 * wanted) if problem.size > DENSE else 1e-11
-        before = _state(problem, kernel, 2, guess, precision)
-        if wanted >= ROUTES_SUFFICE:
-            error = _routes_error(before)
-            if float(np.max(error)) / _size(before) <= wanted and max(before.certificate.values()) < CERTIFIED:
-                return before, error, ()
-        for degree in (4, 6, 8, 10, 12):
-            after = _state(problem, kernel, degree, before, precision)
+    precision = min(1e-6, 1e-3 * wanted) if problem.size > DENSE else 1e-11
+    for degree in (2, 4, 6, 8, 10, 12):
+        try:
+            after = smooth_state(problem, kernel, degree, guess if before is None else before, precision)
+        except NotConverged:
+            if degree > 2:
+                break
+            # a deep sphere's pressure may be too far from any parabola for Newton's method
+            continue
+        certified = max(after.certificate.values()) < CERTIFIED
+        if before is None:
+            error = _routes_error(after)
+            reached = max(float(np.max(error)) / _size(after), 3.0 * after.smooth.residual)
+            if certified and wanted >= ROUTES_SUFFICE and reached <= wanted:
+                return after, error, ()
+        else:
             error, settled = _change(before, after)
             error = np.maximum(error, np.max(np.abs(after.mutual_force - after.slope_force), axis=1))
+            if after.smooth.residual > precision:
+                error = error + 3.0 * after.smooth.residual * _pulls(after)
             reached = float(np.max(error)) / _size(after)
-            if max(after.certificate.values()) < CERTIFIED:
-                if best is None or score(reached, settled) < score(*best[2:]):
-                    best = after, error, reached, settled
-                if score(reached, settled) <= 1.0:
-                    return after, error, ()
-            before = after
-    except NotConverged:
-        pass
+            if certified and (best is None or score(reached, settled) < score(*best[2:])):
+                best = after, error, reached, settled
+            if certified and score(reached, settled) <= 1.0:
+                return after, error, ()
+        before = after
     if best is not None and (score(*best[2:]) <= WORTH_KEEPING or (best[2] <= 1e-3 and best[3] <= enough)):
         # good, if not as good as asked: a grid would not be better
         return best[0], best[1], (_note("highest usable degree", wanted, best[2], best[3]),)
+    return None
+
+
+def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Answer:
+    """Return contacts on the coarsest grid that is exact enough, or on the finest that fits."""
     previous: GridContacts | None = None
     error, reached, settled = np.full(problem.size, np.inf), np.inf, np.inf
     for contacts in grid_levels(problem, kernel, guess):
         if previous is not None:
             error, settled = _change(previous, contacts)
             reached = float(np.max(error)) / _size(contacts)
-            if reached <= wanted and settled <= enough:
+            if reached <= wanted and settled <= _enough(wanted):
                 return _rested(contacts), error, ()
         previous = contacts
     assert previous is not None
@@ -171,6 +202,12 @@ def _refined(
         note = f"only one grid fits: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
         return _rested(previous), error, (note,)
     return _rested(previous), error, (_note("finest grid", wanted, reached, settled),)
+
+
+def _steep(problem: Problem, guess: Start) -> bool:
+    """Return whether a contact comes close to the equator of its sphere, where the profile is singular."""
+    spheres = ((problem.balls[i], zone) for i, zone in zip(guess.touching, guess.zones, strict=True))
+    return any(b.shape == "sphere" and np.sqrt(z.jacobian) > STEEP * b.radius for b, z in spheres)
 
 
 def _note(limit: str, wanted: float, reached: float, settled: float) -> str:
@@ -230,7 +267,7 @@ def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridC
     return error, settled
 
 
-def _state(
+def smooth_state(
     problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts | GridContacts, precision: float
 ) -> SmoothContacts:
     """Return the contacts at one degree, with the balls that touch found on the way."""

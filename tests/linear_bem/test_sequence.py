@@ -1,0 +1,83 @@
+"""Scenes solved one from the other: the same answers as from nothing, and said when they are not near."""
+
+import numpy as np
+import pytest
+
+from linear_bem import Ball, ContactSequence, Elastic, Layer, Load, Problem, solve
+from linear_bem.linearised import LinearisedContacts
+
+ACCURACY = 1e-2
+
+
+def block(shift, load, shape="sphere", thickness=8.0, substrate=None):
+    """Nine balls 2.4 radii apart, each moved by its own share of ``shift``."""
+    way = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 2))
+    xy = np.array([(2.4 * i, 2.4 * j) for i in range(3) for j in range(3)]) + shift * way
+    return Problem(Layer(1.0, 0.48, thickness), tuple(Ball(tuple(p), 1.0, shape) for p in xy), load, substrate)
+
+
+LOADS = [Load("approach", (0.5,) * 9), Load("force", (0.3,) * 9), Load("total_force", (3.0,))]
+
+
+@pytest.mark.parametrize("load", LOADS, ids=lambda load: load.kind)
+def test_warm_answers_equal_cold_ones_within_the_accuracy(load):
+    sequence = ContactSequence(ACCURACY)
+    assert sequence.solve(block(0.0, load)).cold
+    for shift in (0.02, 0.08):
+        state = sequence.solve(block(shift, load))
+        assert not state.cold
+    cold = solve(block(0.08, load), 1e-3)
+    t = np.array([b.tangential_force for b in cold.balls])
+    error = np.max(np.abs(state.tangential_force - t), axis=1)
+    assert np.max(error) <= ACCURACY * np.max(np.abs(t))
+    assert np.all(error <= state.tangential_force_error)
+    assert state.normal_forces == pytest.approx([b.normal_force for b in cold.balls], rel=ACCURACY)
+    assert state.approaches == pytest.approx([b.approach for b in cold.balls], rel=ACCURACY)
+    assert state.gap_in_contact < ACCURACY
+
+
+def test_small_moves_linearise_nothing_anew(monkeypatch):
+    sequence = ContactSequence(ACCURACY)
+    sequence.solve(block(0.0, LOADS[0]))
+    calls = []
+    plain = LinearisedContacts.__init__
+    monkeypatch.setattr(LinearisedContacts, "__init__", lambda self, *a: (calls.append(1), plain(self, *a))[1])
+    for shift in np.linspace(0.0, 0.02, 5):
+        sequence.solve(block(shift, LOADS[0]))
+    assert not calls
+    sequence.solve(block(0.3, LOADS[0]))
+    assert calls
+
+
+def test_other_bodies_are_solved_from_nothing():
+    sequence = ContactSequence(ACCURACY)
+    load = Load("approach", (0.05,) * 9)
+    sequence.solve(block(0.0, load))
+    assert sequence.solve(block(0.0, load, thickness=2.0)).cold
+    assert sequence.solve(block(0.0, load, thickness=2.0, substrate=Elastic(3.0, 0.3))).cold
+    assert sequence.solve(block(0.0, load, shape="paraboloid")).cold
+    assert sequence.solve(block(0.0, Load("force", (1e-3,) * 9), shape="paraboloid")).cold
+
+
+def test_a_ball_that_comes_into_contact_or_leaves_it_is_noticed():
+    def scene(approach):
+        pair = (Ball((0.0, 0.0), 1.0), Ball((2.5, 0.0), 1.0))
+        return Problem(Layer(1.0, 0.48, np.inf), pair, Load("approach", (0.1, approach)))
+
+    sequence = ContactSequence(ACCURACY)
+    for approach in (1e-4, 0.02, 1e-4):
+        state = sequence.solve(scene(approach))
+        full = solve(scene(approach), 1e-4)
+        assert state.normal_forces == pytest.approx([b.normal_force for b in full.balls], rel=ACCURACY)
+        assert (state.normal_forces[1] > 0.0) == (approach > 1e-3)
+
+
+def test_merging_contacts_are_answered_from_nothing():
+    def scene(distance):
+        pair = (Ball((0.0, 0.0), 1.0), Ball((distance, 0.0), 1.0))
+        return Problem(Layer(1.0, 0.48, np.inf), pair, Load("force", (12.0, 12.0)))
+
+    sequence = ContactSequence(ACCURACY)
+    states = [sequence.solve(scene(d)) for d in (2.0, 2.01)]
+    assert all(s.cold for s in states)
+    assert states[1].tangential_force[0, 0] == pytest.approx(-states[1].tangential_force[1, 0], rel=1e-6)
