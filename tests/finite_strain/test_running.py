@@ -12,6 +12,9 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import h5py
+from scipy.spatial import cKDTree
+
 import finite_strain
 from finite_strain.catalogue import CATALOGUE
 from finite_strain.planning import plan_run
@@ -183,6 +186,16 @@ def assert_same_answer(found: Any, expected: Any, tolerance: float) -> None:
             assert ball["contact_area"] == relatively(other["contact_area"], tolerance)
 
 
+def same_fields(one: Path, other: Path, tolerance: float) -> None:
+    with h5py.File(one) as a, h5py.File(other) as b:
+        distance, row = cKDTree(b["points"][:]).query(a["points"][:])
+        assert distance.max() < 1e-12
+        assert len(np.unique(row)) == len(b["points"])
+        for name in CATALOGUE:
+            x, y = a[f"node_fields/{name}"][:], b[f"node_fields/{name}"][:][row]
+            assert np.abs(x - y).max() <= tolerance * np.abs(x).max(), name
+
+
 @pytest.mark.mpi
 @pytest.mark.slow
 def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path) -> None:
@@ -191,12 +204,16 @@ def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path)
     assert found["meshes_run"] == ["companion", "main"]
     assert (tmp_path / "mesh.msh").read_bytes() == (folder / "mesh.msh").read_bytes()
     assert_same_answer(found, result.to_dict(), PARALLEL)
+    for number in range(1, STEPS + 1):
+        same_fields(folder / f"step_{number:04d}.h5", tmp_path / f"step_{number:04d}.h5", PARALLEL)
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-@pytest.mark.parametrize(("before", "after"), [(2, 1), (1, 2)], ids=["from two ranks to one", "from one to two"])
-def test_a_stopped_run_goes_on_from_its_folder(result: Any, before: int, after: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("before", "after"), [(2, 1), (1, 4)], ids=["from two ranks to one", "from one to four"])
+def test_a_stopped_run_goes_on_from_its_folder(
+    result: Any, folder: Path, before: int, after: int, tmp_path: Path
+) -> None:
     press(before, tmp_path, "1", code=STOPPED)
     assert (tmp_path / "step_0001.h5").exists()
     assert not (tmp_path / "step_0002.h5").exists()
@@ -204,6 +221,8 @@ def test_a_stopped_run_goes_on_from_its_folder(result: Any, before: int, after: 
     assert found["resumed"] == 1
     assert found["meshes_run"] == ["main"]  # the companion's answers are kept too
     assert_same_answer(found, result.to_dict(), PARALLEL)
+    same_fields(folder / "step_0002.h5", tmp_path / "step_0002.h5", PARALLEL)
+    assert all(step["record"]["seconds_output"] > 0.0 for step in found["steps"])
 
 
 def test_a_finished_run_is_answered_from_its_folder(result: Any, folder: Path) -> None:

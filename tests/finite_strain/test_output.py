@@ -1,0 +1,235 @@
+"""What is written on disk: exact under a uniform strain, complementary in contact, the same on any number of ranks."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import h5py
+from mpi4py import MPI
+
+from finite_strain.catalogue import CATALOGUE, FieldChoice
+from finite_strain.checkpoint import read_checkpoint, write_checkpoint
+from finite_strain.domain import Resolution
+from finite_strain.loading import State
+from finite_strain.output import FieldWriter
+from finite_strain.recovery import EXTENSION, GAUSS_POINTS
+from finite_strain.spread_arrays import read_at, write_in_turns
+from linear_bem import Elastic, Problem
+from linear_bem.errors import InvalidProblem, OutputUnusable
+from tests.finite_strain.scenes import Rig, balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively, single
+from tests.launch import mpirun
+
+ROUNDOFF = 1e-11
+COARSE = Resolution(inner=0.5, outer=0.5, finest=0.5)
+FINER = Resolution(inner=0.25, outer=0.35, finest=0.25)
+STRETCH = 0.8
+NU = 0.3
+LAME, SHEAR = NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 0.5 / (1.0 + NU)
+
+
+def coarse(problem: Problem, folder: Path, model: str = "finite_strain", resolution: Resolution = COARSE) -> Rig:
+    return coarse_rig(coarse_plan(problem, model, resolution, 0.3), folder)
+
+
+def written(rig: Rig, folder: Path, choice: FieldChoice | None = None) -> h5py.File:
+    FieldWriter(rig.model, folder, choice).write(1, 1.0)
+    return h5py.File(folder / "step_0001.h5", "r")
+
+
+def compress(rig: Rig, stretch: float) -> None:
+    """Press the whole layer down between smooth walls: every strain is the same everywhere."""
+    nodes = rig.model.space.tabulate_dof_coordinates()
+    rig.model.nodal[:, 2] = (stretch - 1.0) * (nodes[:, 2] - nodes[:, 2].min())
+
+
+@pytest.fixture(scope="module")
+def confined(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("confined")
+    rig = coarse(single(0.1, poisson=NU), folder)
+    compress(rig, STRETCH)
+    return written(rig, folder)
+
+
+def test_confined_compression_is_written_exactly(confined: Any) -> None:
+    fields, J = confined["node_fields"], STRETCH
+    # Cauchy stress of mu/2 (I1 - 3) - mu ln J + lambda/2 (J - 1)^2 at the stretches (1, 1, J)
+    axial = SHEAR * (J - 1.0 / J) + LAME * (J - 1.0)
+    lateral = LAME * (J - 1.0)
+    np.testing.assert_allclose(fields["volume_ratio"][:], J, rtol=ROUNDOFF)
+    np.testing.assert_allclose(fields["principal_stretches"][:], np.tile([1.0, 1.0, J], (len(fields["gap"]), 1)),
+                               rtol=ROUNDOFF)  # fmt: skip
+    stress = np.diag([lateral, lateral, axial])
+    np.testing.assert_allclose(fields["cauchy_stress"][:] - stress, 0.0, atol=ROUNDOFF)
+    np.testing.assert_allclose(fields["von_mises"][:], abs(axial - lateral), rtol=ROUNDOFF)
+    np.testing.assert_allclose(fields["pressure"][:], -(axial + 2.0 * lateral) / 3.0, rtol=ROUNDOFF)
+
+
+def test_small_strain_writes_hookes_stress_and_linear_measures(tmp_path: Path) -> None:
+    rig = coarse(single(0.1, poisson=NU, shape="paraboloid"), tmp_path, "small_strain")
+    compress(rig, STRETCH)
+    with written(rig, tmp_path) as file:
+        fields, strain = file["node_fields"], STRETCH - 1.0
+        np.testing.assert_allclose(fields["volume_ratio"][:], 1.0 + strain, rtol=ROUNDOFF)
+        np.testing.assert_allclose(fields["von_mises"][:], 2.0 * SHEAR * abs(strain), rtol=ROUNDOFF)
+        np.testing.assert_allclose(fields["pressure"][:], -(LAME + 2.0 / 3.0 * SHEAR) * strain, rtol=ROUNDOFF)
+        np.testing.assert_allclose(fields["principal_stretches"][:, 2], STRETCH, rtol=ROUNDOFF)
+
+
+def test_every_field_names_its_unit_and_meaning(confined: Any) -> None:
+    assert set(confined["node_fields"]) == set(CATALOGUE)
+    for name, field in CATALOGUE.items():
+        data = confined[f"node_fields/{name}"]
+        assert data.shape == (len(confined["points"]), *field.shape)
+        assert data.attrs["unit"] == field.unit
+        assert data.attrs["meaning"] == field.meaning
+    assert confined["points"].attrs["unit"] == "m"
+
+
+def test_cells_are_quadratic_in_the_order_of_vtk(confined: Any) -> None:
+    points, cells = confined["points"][:], confined["cells"][:]
+    for node, edge in enumerate([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]], start=4):
+        np.testing.assert_allclose(points[cells[:, node]], points[cells[:, edge]].mean(axis=1), atol=1e-12)
+    assert np.linalg.det(points[cells[:, 1:4]] - points[cells[:, :1]]).min() > 0.0
+    assert sorted(np.unique(cells)) == list(range(len(points)))
+
+
+def test_a_linear_function_is_extended_exactly_to_the_nodes() -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    slope = np.array([2.0, -3.0, 5.0])
+    np.testing.assert_allclose((EXTENSION @ (GAUSS_POINTS @ slope))[:4], corners @ slope, atol=1e-14)
+
+
+def test_where_two_regions_meet_the_layers_value_is_written(tmp_path: Path) -> None:
+    problem = on_layer(balls_at((0.0, 0.0)), single(0.1).load, 1.0, Elastic(10.0, NU), poisson=NU)
+    rig = coarse(problem, tmp_path)
+    compress(rig, STRETCH)
+    with written(rig, tmp_path) as file:
+        z, region = file["points"][:, 2], file["cell_fields/region"][:]
+        in_layer = np.unique(file["cells"][:][region == 1])
+        von_mises = file["node_fields/von_mises"][:]
+        assert set(region) == {1, 2}
+        assert np.ptp(von_mises[in_layer]) < ROUNDOFF
+        assert np.abs(z[in_layer] + 1.0).min() < 1e-9  # the interface is among them
+        beyond = np.setdiff1d(np.arange(len(z)), in_layer)
+        np.testing.assert_allclose(von_mises[beyond], 10.0 * von_mises[in_layer[0]], rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
+    """A pair on a line that is turned by 30 degrees, in equilibrium."""
+    folder = tmp_path_factory.mktemp("pressed")
+    rig = coarse(pair(0.1, angle=math.pi / 6.0), folder, resolution=FINER)
+    rig.press()
+    written(rig, folder).close()
+    return rig, folder
+
+
+def test_written_contact_is_complementary(pressed: tuple[Rig, Path]) -> None:
+    rig, folder = pressed
+    with h5py.File(folder / "step_0001.h5") as file:
+        points, cells = file["points"][:], file["cells"][:]
+        gap, pressure = file["node_fields/gap"][:], file["node_fields/contact_pressure"][:]
+    top = np.abs(points[:, 2]) < 1e-9
+    assert pressure.min() >= 0.0
+    peak = pressure.max()
+    # discretisation: between the quadrature points that carry the contact, nodes may lie inside the ball
+    assert gap[top].min() > -1e-3
+    assert peak == relatively(rig.model.contacts[0].extremes(rig.model.nodal, MPI.COMM_SELF)["peak_pressure"], 0.3)
+    # discretisation: a pressure linear on facets reaches one facet beyond the edge of the contact
+    edges = np.linalg.norm(points[cells[:, 0]] - points[cells[:, 1]], axis=1)
+    clear = top & (gap > 0.2 * np.median(edges))
+    assert clear.sum() > 20
+    assert pressure[clear].max() < 0.02 * peak
+    touched = top & (pressure > 0.5 * peak)
+    assert touched.any()
+    assert np.abs(gap[touched]).max() < 1e-3
+
+
+def test_everything_is_written_in_the_scenes_own_frame(pressed: tuple[Rig, Path]) -> None:
+    _, folder = pressed
+    with h5py.File(folder / "step_0001.h5") as file:
+        points, u = file["points"][:], file["node_fields/displacement"][:]
+        stress = file["node_fields/cauchy_stress"][:]
+        axes, mirrors = file.attrs["ball_positions"][:], file.attrs["mirror_planes"][:]
+    right = np.array([math.cos(math.pi / 6.0), math.sin(math.pi / 6.0)])
+    np.testing.assert_allclose(sorted(axes.tolist()), sorted([(-right).tolist(), right.tolist()]), atol=1e-12)
+    assert len(mirrors) == 2
+    assert np.abs(np.abs(mirrors @ [*right, 0.0]) - [1.0, 0.0]).max() < 1e-12
+    deepest = points[np.argmin(u[:, 2])]
+    assert np.linalg.norm(axes - deepest[:2], axis=1).min() < 0.05
+    # on the plane between the balls nothing moves through it, and no shear acts
+    middle = np.abs(points[:, :2] @ right) < 1e-9
+    assert np.abs(u[middle, :2] @ right).max() < 1e-12
+    across = np.array([-right[1], right[0]])
+    shear = np.einsum("i,nij,j->n", right, stress[middle][:, :2, :2], across)
+    assert np.abs(shear).max() < 0.05 * np.abs(stress[middle]).max()  # discretisation
+
+
+def test_what_is_not_asked_for_is_neither_compiled_nor_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from finite_strain import compat  # noqa: PLC0415
+
+    def never(*_: Any) -> None:
+        raise AssertionError("compiled an expression")
+
+    monkeypatch.setattr(compat, "compile_expression", never)
+    rig = coarse(single(0.1, poisson=NU), tmp_path)
+    with written(rig, tmp_path, FieldChoice(("displacement", "gap"))) as file:
+        assert set(file["node_fields"]) == {"displacement", "gap"}
+    FieldWriter(rig.model, tmp_path, FieldChoice(())).write(2, 1.0)
+    assert not (tmp_path / "step_0002.h5").exists()
+    with pytest.raises(AssertionError, match="compiled"):
+        FieldWriter(rig.model, tmp_path, FieldChoice(("von_mises",)))
+
+
+def test_every_so_many_steps_are_written_and_always_the_last() -> None:
+    choice = FieldChoice(every=3)
+    assert [n for n in range(1, 8) if choice.wants(n, n / 7.0)] == [3, 6, 7]
+    with pytest.raises(InvalidProblem, match="unknown mises"):
+        FieldChoice(("mises",), every=0)
+
+
+def test_rows_are_read_back_block_by_block_and_missed_ones_named(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    points, values = random.random((50, 3)), random.random((50, 2))
+    write_in_turns(MPI.COMM_SELF, tmp_path / "a.h5", {"x": points, "v": values}, lambda _file: None)
+    order = random.permutation(50)[:31]
+    with h5py.File(tmp_path / "a.h5") as file:
+        (found,) = read_at(file, "x", ["v"], points[order], 1e-12, block=7)
+        np.testing.assert_array_equal(found, values[order])
+        with pytest.raises(OutputUnusable, match="1 of 2 nodes"):
+            read_at(file, "x", ["v"], np.array([points[0], [9.0, 9.0, 9.0]]), 1e-12)
+
+
+def test_a_checkpoint_of_another_mesh_is_refused(pressed: tuple[Rig, Path], tmp_path: Path) -> None:
+    rig, _ = pressed
+    values = rig.model.fields.copy()
+    write_checkpoint(tmp_path, rig.model, [State(1.0, values, values, (0.1,), (1.0,))], [], "key")
+    (state,), _ = read_checkpoint(tmp_path, rig.model, "key")
+    np.testing.assert_array_equal(state.values[0], values[0])
+    assert read_checkpoint(tmp_path, rig.model, "another key") == ([], [])
+    other = coarse(single(0.1), tmp_path)
+    with pytest.raises(OutputUnusable, match="another mesh"):
+        read_checkpoint(tmp_path, other.model, "key")
+
+
+@pytest.mark.mpi
+def test_an_unwritable_folder_stops_every_rank(tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; import numpy as np; from mpi4py import MPI\n"
+        "from finite_strain.spread_arrays import write_in_turns\n"
+        "from linear_bem.errors import OutputUnusable\n"
+        "try:\n"
+        "    write_in_turns(MPI.COMM_WORLD, Path(sys.argv[1]), {'x': np.zeros(3)}, lambda file: None)\n"
+        "except OutputUnusable as error:\n"
+        "    print(f'rank {MPI.COMM_WORLD.rank} refused')\n"
+    )
+    done = mpirun(2, "-c", code, tmp_path / "missing" / "a.h5")
+    assert done.returncode == 0, done.stderr
+    assert sorted(done.stdout.split("\n")) == ["", "rank 0 refused", "rank 1 refused"]
