@@ -1,0 +1,177 @@
+"""The study's table: every effect with its price, and the proof that its absence costs nothing."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from runs import interrupt
+from runs.progress import tell
+from runs.store import RunFolder, replacing
+from runs.studies import Options
+from runs.studies.effects import measuring
+from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_modules
+from runs.studies.effects.scenes import Effect, effects, toml
+from runs.studies.publishing import publish
+from runs.studies.tables import markdown, save_csv
+
+REPEATS = 3
+"""Runs of each scene in the full version: the shortest tells its cost."""
+
+
+def answer(options: Options) -> None:
+    """Measure, write and print; nothing is taken from an earlier run."""
+    identity = {"command": "study", "study": "effects", "quick": options.quick}
+    name = "study-effects" + ("-quick" if options.quick else "")
+    folder = RunFolder(options.out or Path("out") / name, identity, "", fresh=options.fresh)
+    rows = load(folder.path) if options.tables else measure(effects(), quick=options.quick)
+    save_csv(folder.path / "effects.csv", rows)
+    with replacing(folder.path / "effects.json") as draft:
+        draft.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    text = "\n".join(report(rows, quick=options.quick)) + "\n"
+    with replacing(folder.path / "effects.md") as draft:
+        draft.write_text(text, encoding="utf-8")
+    print(text, end="")
+    if options.publish:
+        tell(f"published in {publish('effects', text, [])}")
+    folder.finish()
+    folder.close()
+
+
+def load(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows that an earlier run measured; none where there are none."""
+    try:
+        return list(json.loads((folder / "effects.json").read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        return []
+
+
+def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
+    """Return one row per effect.
+
+    Runs are two at a time in the quick version, whose seconds are then only rough, and one after the other in the
+    full one. The quick version takes away the modules of all effects at once, the full one those of each.
+    """
+    repeats, workers = (1, 2) if quick else (REPEATS, 1)
+    texts = {toml(e.without): e.without for e in chosen}
+    with ThreadPoolExecutor(workers) as pool:
+        bare = dict(zip(texts, pool.map(lambda scene: _best(scene, "solve", repeats), texts.values()), strict=True))
+        full = list(pool.map(lambda e: _best(e.with_, e.command, repeats), chosen))
+        own = [own_modules(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
+        blocked: dict[tuple[str, tuple[str, ...]], None] = {}
+        for effect, names in zip(chosen, own, strict=True):
+            without = bare[toml(effect.without)]
+            every = sorted({name for other in own for name in other} - without.modules)
+            blocked[toml(effect.without), tuple(every if quick else names)] = None
+        proofs = dict(zip(blocked, pool.map(lambda k: _without(texts[k[0]], k[1]), blocked), strict=True))
+    rows = []
+    for effect, names, with_ in zip(chosen, own, full, strict=True):
+        key = toml(effect.without)
+        proof = next(p for (text, absent), p in proofs.items() if text == key and set(names) <= set(absent))
+        rows.append(_row(effect, bare[key], with_, names, proof))
+    return rows
+
+
+def _best(scene: Any, command: str, repeats: int) -> Account:
+    runs = []
+    for _ in range(repeats):
+        interrupt.check()
+        runs.append(measuring.run(scene, command))
+    return min(runs, key=lambda account: account.cpu_seconds)
+
+
+def _without(scene: Any, names: Sequence[str]) -> Account:
+    interrupt.check()
+    return measuring.run(scene, "solve", names)
+
+
+def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str], proof: Account) -> dict[str, Any]:
+    difference = largest_difference(without.document, proof.document)
+    pays_nothing = (
+        proof.forms == without.forms
+        and proof.unknowns == without.unknowns
+        and proof.modules == without.modules
+        and proof.libraries == without.libraries
+        and difference <= ROUNDOFF
+    )
+    kinds = len(set(with_.forms) - set(without.forms))
+    return {
+        "effect": effect.name,
+        "called for by": effect.adds,
+        "unknowns without": without.unknowns,
+        "unknowns with": with_.unknowns,
+        "forms without": len(set(without.forms)),
+        "forms of its own": kinds,
+        "modules of its own": " ".join(name for name in names),
+        "libraries of its own": " ".join(sorted(with_.libraries - without.libraries)),
+        "result entries of its own": _entries(without, with_),
+        "seconds without": without.cpu_seconds,
+        "seconds with": with_.cpu_seconds,
+        "MB without": without.memory_bytes / 1e6,
+        "MB with": with_.memory_bytes / 1e6,
+        "difference of T with its code absent": difference,
+        "pays nothing without": pays_nothing,
+    }
+
+
+def _entries(without: Account, with_: Account) -> str:
+    """Return the names of entries that only the result with the effect has, outside its scene."""
+    names = {name.split("[")[0].split(".")[0] if "[" in name else name for name in with_.columns - without.columns}
+    return " ".join(sorted(name for name in names if not name.startswith("scene")))
+
+
+def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
+    """Return the answer as Markdown."""
+    free = [row["effect"] for row in rows if row["pays nothing without"]]
+    paying = [row["effect"] for row in rows if not row["pays nothing without"]]
+    price = {
+        "effect": "effect", "called for by": "called for by", "unknowns without": "unknowns without",
+        "unknowns with": "with", "forms without": "forms without", "forms of its own": "more forms",
+        "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
+    }  # fmt: skip
+    own = [
+        {
+            "effect": row["effect"],
+            "modules": _listed(row["modules of its own"]),
+            "libraries": _listed(row["libraries of its own"]),
+            "result": _listed(row["result entries of its own"]),
+        }
+        for row in rows
+    ]
+    proof = [
+        {
+            "effect": row["effect"],
+            "modules taken away": len(row["modules of its own"].split()),
+            "same forms, unknowns, modules, answer": "yes" if row["pays nothing without"] else "NO",
+            "largest relative difference": row["difference of T with its code absent"],
+        }
+        for row in rows
+    ]
+    command = f"thirdbody study effects{' --quick' if quick else ''}"
+    lines = ["# What an effect costs, and that a scene without it pays nothing", ""]
+    if not rows:
+        return [*lines, "Nothing has been measured yet."]
+    lines += [
+        f"**A scene without an effect runs as if its code did not exist: {len(free)} of {len(rows)} effects.**"
+        + (f" Not so: {', '.join(paying)}." if paying else ""),
+        "",
+        f"Made by `{command}`, thirdbody {importlib.metadata.version('thirdbody')}. Seconds are processor time of one "
+        f"process, imports included{', two at a time: rough' if quick else f', the best of {REPEATS}'}.",
+        "", "## The price of having it", "", *markdown(rows, price),
+        "", "## What it alone brings in", "", *markdown(own),
+        "", "## Proof: the scene without it, run where the effect's modules cannot be imported", "",
+        "Compared with the same scene run where they can: signatures of all compiled forms, number of unknowns, the "
+        "project's modules and libraries loaded, and every entry of the result.", "", *markdown(proof),
+    ]  # fmt: skip
+    return lines
+
+
+def _listed(names: str) -> str:
+    words = names.split()
+    return (
+        ", ".join(f"`{word}`" for word in words[:8]) + (f" and {len(words) - 8} more" if len(words) > 8 else "") or "-"
+    )

@@ -1,0 +1,80 @@
+"""A child process that runs one command and says what it loaded, compiled, solved and answered.
+
+Modules named on its command line cannot be imported in it, as if their code did not exist. Run as
+``python -m runs.studies.effects.probe ACCOUNT BLOCKED COMMAND...``, with BLOCKED a comma-separated list.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+OURS = ("linear_bem", "meshes", "finite_strain", "runs")
+
+
+class Absent:
+    """A finder that refuses modules, so that importing one fails as it does where its file is not there."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = frozenset(names)
+
+    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Raise for a refused module; leave every other to the next finder."""
+        if name in self.names:
+            raise ModuleNotFoundError(f"No module named {name!r} (refused by the study effects)", name=name)
+        return None
+
+
+def watch_forms(signatures: list[str]) -> None:
+    """Note the signature of every variational form that finite_strain compiles from now on."""
+    from finite_strain import compat  # noqa: PLC0415  (imports DOLFINx)
+
+    compile_form = compat.compile_form
+
+    def noting(form: Any, *arguments: Any) -> Any:
+        parts = form if isinstance(form, list | tuple) else [form]
+        flat = [one for part in parts for one in (part if isinstance(part, list | tuple) else [part])]
+        signatures.extend(one.signature() for one in flat if one is not None)
+        return compile_form(form, *arguments)
+
+    compat.compile_form = noting  # type: ignore[assignment]
+
+
+def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
+    """Run the command in this process and write the account as JSON."""
+    sys.meta_path.insert(0, Absent([name for name in blocked if name]))
+    signatures: list[str] = []
+    if "--forms" in command:
+        command = [word for word in command if word != "--forms"]
+        watch_forms(signatures)
+    from runs import cli  # noqa: PLC0415
+
+    sys.argv = ["thirdbody", *command]
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    loaded = sorted(name for name in sys.modules if name.split(".")[0] in OURS)
+    libraries = sorted({name.split(".")[0] for name in sys.modules if "." not in name and not name.startswith("_")})
+    found = {
+        "code": code,
+        "modules": [name for name in loaded if not name.startswith("runs.studies")],
+        "libraries": [name for name in libraries if name not in sys.stdlib_module_names and name not in OURS],
+        "forms": signatures,
+        "cpu_seconds": time.process_time(),
+        "memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+    }
+    account.write_text(json.dumps(found), encoding="utf-8")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2].split(","), sys.argv[3:]))

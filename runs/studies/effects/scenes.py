@@ -1,0 +1,75 @@
+"""The effects that the study looks at: for each a scene without it and the same scene with it, and what adds it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+LAYER = {"thickness": 1.16, "young": 1.0, "poisson": 0.3}
+LINEAR: dict[str, Mapping[str, object]] = {
+    "layer": LAYER,
+    "balls": {"radius": 1.0, "positions": [[-1.25, 0.0], [1.25, 0.0]]},
+    "load": {"approach": 0.012},
+}
+ELEMENTS = {
+    **LINEAR,
+    "finite_strain": {},
+    "accuracy": {"tangential_force": 0.2},
+    "output": {"fields": ["displacement"]},
+}
+"""One load step on coarse meshes, and as little written as a run writes."""
+STIFF = {"young": 1e3, "poisson": 0.3}
+SLIDING = {"amplitude": 5.0, "cycles": 5, "friction": 0.3, "forces": "direct"}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect: ``without`` and ``with_`` are scenes, ``command`` the one that the latter needs."""
+
+    name: str
+    adds: str
+    without: Mapping[str, Mapping[str, object]]
+    with_: Mapping[str, Mapping[str, object]]
+    command: str = "solve"
+
+    @property
+    def elements(self) -> bool:
+        """Whether the scene without the effect is already one of finite elements."""
+        return "finite_strain" in self.without
+
+
+def effects() -> list[Effect]:
+    """Return all effects, those of the linear model first."""
+    return [
+        Effect("substrate", "[substrate]", LINEAR, LINEAR | {"substrate": STIFF}),
+        Effect("exact sphere", 'shape = "sphere"', LINEAR, _sphere(LINEAR)),
+        Effect("accuracy control", "[accuracy] to 1e-5", LINEAR, LINEAR | {"accuracy": {"tangential_force": 1e-5}}),
+        Effect("reciprocation", "[reciprocation], evolve", LINEAR, LINEAR | {"reciprocation": SLIDING}, "evolve"),
+        Effect("finite strain", "[finite_strain]", LINEAR, ELEMENTS),
+        Effect("substrate (elements)", "[substrate]", ELEMENTS, ELEMENTS | {"substrate": STIFF}),
+        Effect("exact sphere (elements)", 'shape = "sphere"', ELEMENTS, _sphere(ELEMENTS)),
+        Effect("mixed form", '[elements] form = "mixed"', ELEMENTS, ELEMENTS | {"elements": {"form": "mixed"}}),
+        Effect("field output", "[output], all fields", ELEMENTS, ELEMENTS | {"output": {}}),
+        Effect(
+            "accuracy control (elements)", "[accuracy] to 0.05", ELEMENTS,
+            ELEMENTS | {"accuracy": {"tangential_force": 0.05}},
+        ),
+    ]  # fmt: skip
+
+
+def _sphere(scene: Mapping[str, Mapping[str, object]]) -> dict[str, Mapping[str, object]]:
+    return {**scene, "balls": {**scene["balls"], "shape": "sphere"}}
+
+
+def toml(scene: Mapping[str, Mapping[str, object]]) -> str:
+    """Return a scene file's text."""
+    lines = []
+    for name, table in scene.items():
+        lines += [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items()), ""]
+    return "\n".join(lines)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,59 @@
+"""The study ``stability``: hard cases times models, each with a right answer and its check, or a named refusal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from runs.studies import Options
+from runs.studies.records import Found
+
+
+def run(options: Options) -> None:
+    """Solve the cases of `matrix.cases`, then write the table and the answer."""
+    from runs.studies.frame import Study, run  # noqa: PLC0415
+    from runs.studies.stability.matrix import cases  # noqa: PLC0415
+
+    run(Study("stability", cases(options.quick), present), options)
+
+
+def present(found: Found, folder: Path, quick: bool) -> str:
+    """Write stability.csv and return the table and the counts as Markdown."""
+    from runs.studies.tables import markdown, save_csv  # noqa: PLC0415
+
+    rows = [_row(found, case) for case in found.cases]
+    save_csv(folder / "stability.csv", rows)
+    ended = [row["ended"] for row in rows]
+    counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
+    lines = ["# Hard cases: a right answer or a named refusal", ""]
+    lines += [f"**Of {len(rows)} cases times models: {counts}.**", ""]
+    numbers = {key: key for key in rows[0] if key not in ("why", "words")}
+    lines += ["## What it took", "", *markdown(rows, numbers), "", "## What each case is, and why it is right", ""]
+    return "\n".join([*lines, *markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"})])
+
+
+def _row(found: Found, case: Any) -> dict[str, Any]:
+    from runs.studies.stability.judging import energy_balance, largest, smallest, verdict  # noqa: PLC0415
+
+    steps = found.steps(case.name)
+    record = found.records.get(case.name, {})
+    ended, why = verdict(found, case.name, case.labels)
+    last = steps[-1]["balls"] if steps else []
+    size = max((abs(ball["tangential_force"][0]) for ball in last), default=0.0)
+    error = max((ball["tangential_force_error"] for ball in last), default=0.0)
+    iterations = sum(step["record"].get("iterations", 0) for step in steps) if case.parallel else None
+    return {
+        "case": case.name,
+        "words": case.labels["words"],
+        "ended": ended,
+        "steps": len(steps) if case.parallel else None,
+        "cut-backs": sum(step["record"].get("cuts", 0) > 0 for step in steps) if case.parallel else None,
+        "iterations": iterations,
+        "smallest J": smallest(steps, "smallest_volume_ratio"),
+        "penetration": largest(steps, "penetration"),
+        "energy balance": energy_balance(steps),
+        "T": (last[0]["tangential_force"][0], last[0]["tangential_force_error"]) if last else None,
+        "error of T [%]": 100.0 * error / size if size else None,
+        "CPU seconds": record.get("cpu_seconds"),
+        "why": why,
+    }
