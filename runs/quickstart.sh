@@ -20,7 +20,7 @@ export COLUMNS
 
 echo "quickstart: in $checkout: mpirun -n 2 ${job[*]}"
 status=0
-"$mpirun" -n 2 "${job[@]}" </dev/null || status=$?
+"${two_ranks[@]}" "${job[@]}" </dev/null || status=$?
 if ((status)); then
   echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command goes on from there" >&2
 fi

@@ -253,7 +253,7 @@ install_project() {
 
 # One look at the whole: every module imports, numpy and h5py are the system's, PETSc is real, two ranks see each other.
 verify() {
-  logged "looking whether it all works on two ranks" "$mpirun" -n 2 "$venv/bin/python" -c '
+  logged "looking whether it all works on two ranks" "${two_ranks[@]}" "$venv/bin/python" -c '
 import importlib.util, sys
 faults = []
 for name in ("numpy", "scipy", "h5py", "mpi4py", "petsc4py"):
@@ -281,11 +281,8 @@ if PETSc.ScalarType != numpy.float64:
 set_mpi_environment() {
   export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}" PYTHONNOUSERSITE="${PYTHONNOUSERSITE:-1}"
   export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
-  # Open MPI 4 reads the OMPI_MCA_ name, Open MPI 5 the PRTE_MCA_ one.
-  export OMPI_MCA_hwloc_base_binding_policy="${OMPI_MCA_hwloc_base_binding_policy:-none}"
-  export PRTE_MCA_hwloc_default_binding_policy="${PRTE_MCA_hwloc_default_binding_policy:-none}"
-  export OMPI_MCA_rmaps_base_oversubscribe="${OMPI_MCA_rmaps_base_oversubscribe:-1}"
-  export PRTE_MCA_rmaps_default_mapping_policy="${PRTE_MCA_rmaps_default_mapping_policy:-:oversubscribe}"
+  # All ranks are on this machine; Open MPI 5 complains about a network without addresses, though it does not need one.
+  export OMPI_MCA_btl="${OMPI_MCA_btl:-^tcp}"
   # Containers often forbid ranks to read each other's memory.
   export OMPI_MCA_btl_vader_single_copy_mechanism="${OMPI_MCA_btl_vader_single_copy_mechanism:-none}"
   by_hand=("OMP_NUM_THREADS=$OMP_NUM_THREADS")
@@ -299,6 +296,13 @@ set_mpi_environment() {
     export XDG_CACHE_HOME=$venv/cache
     by_hand+=("XDG_CACHE_HOME=$XDG_CACHE_HOME")
   fi
+}
+
+# Sets mpirun and what starts two ranks with it: options, for every version of Open MPI names its variables anew.
+find_mpirun() {
+  mpirun=$(command -v mpirun.openmpi || command -v mpirun) || return
+  two_ranks=("$mpirun" -n 2 --bind-to none)
+  if [[ $("$mpirun" --version 2>/dev/null) == *"Open MPI"* ]]; then two_ranks+=(--oversubscribe); fi
 }
 
 is_ready() {
@@ -335,7 +339,7 @@ make_ready() {
   if ! is_ready "$1"; then
     check_python
     hash=$(fingerprint)
-    mpirun=$(command -v mpirun.openmpi || command -v mpirun) || stop "there is no mpirun." "As root:  apt-get install openmpi-bin"
+    find_mpirun || stop "there is no mpirun." "As root:  apt-get install openmpi-bin"
     ensure_venv
     install_project
     verify
@@ -359,7 +363,7 @@ set_up() {
   set_mpi_environment
   is_ready "$1" || make_ready "$1"
   check_blas
-  mpirun=$(command -v mpirun.openmpi || command -v mpirun) || true
+  find_mpirun || true
 }
 
 if [[ ${BASH_SOURCE[0]} == "$0" ]]; then

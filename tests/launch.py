@@ -20,10 +20,9 @@ def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     env |= {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "OMPI_MCA_mpi_yield_when_idle": "1",
         "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        "OMPI_MCA_btl": "^tcp",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONFAULTHANDLER": "1",
@@ -48,7 +47,8 @@ def mpirun(
     launcher = shutil.which("mpirun")
     if launcher is None:
         raise FileNotFoundError("mpirun is not on PATH: apt-get install openmpi-bin")
-    return _run([launcher, "-n", str(n), "--bind-to", "none", sys.executable, *map(str, args)], timeout, env, cwd)
+    options = ["-n", str(n), "--bind-to", "none", "--oversubscribe"]
+    return _run([launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
 
 
 def _run(

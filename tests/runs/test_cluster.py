@@ -68,7 +68,7 @@ def test_a_scene_is_solved_once_by_all_ranks(cluster: Cluster, tmp_path: Path) -
     pytest.importorskip("mpi4py")
     done = cluster.run(
         "solve", "runs/scenes/paper_thin_pair_linear.toml", "--out", str(tmp_path / "out"),
-        VENV=str(Path(sys.executable).parent.parent), LAUNCHER="mpirun --bind-to none",
+        VENV=str(Path(sys.executable).parent.parent), LAUNCHER="mpirun --bind-to none --oversubscribe",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["model"] == "linear_bem"
