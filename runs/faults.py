@@ -27,6 +27,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "seed": 1,
         "ensemble": 1,
         "tolerance": 1e-6,
+        "rest": 1e-6,
         "forces": "pairs",
     },
     "accuracy": {"tangential_force": 0.01},

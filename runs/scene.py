@@ -105,7 +105,8 @@ class ReciprocationTable(Table):
     ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it sets the clock alone), ``direction`` (x, y) of
     the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions from
     ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
-    ``forces`` from the table of "pairs", or "direct": the model asked at every step.
+    ``rest``: force over load below which nothing is taken to move; ``forces`` from the table of "pairs", or "direct":
+    the model asked at every step.
     """
 
     amplitude: Length
@@ -116,13 +117,14 @@ class ReciprocationTable(Table):
     seed: Whole = 0
     ensemble: Whole = 1
     tolerance: Number = 1e-6
+    rest: Number = 1e-6
     forces: Literal["pairs", "direct"] = "pairs"
 
     def faults(self, load: LoadKind) -> list[str]:
         """Return what is out of range, one text each."""
         texts = [
             f"reciprocation.{key}: must be greater than 0 and finite, got {value:g}"
-            for key in ("amplitude", "cycles", "friction")
+            for key in ("amplitude", "cycles", "friction", "rest")
             if not 0.0 < (value := getattr(self, key)) < math.inf
         ]
         if not 0.0 <= self.perturbation < math.inf:

@@ -21,7 +21,9 @@ Document = Mapping[str, Any]
 STEEL, EDGE = "#c9d3dc", "#3a4650"
 FRAMES, SECONDS = 60, 6.0
 """Frames of an animation, and how long it takes."""
-NEIGHBOURS = 1.2
+NAMED = 8
+"""Largest number of curves that a legend names."""
+NEIGHBOURS = 1.5
 """Starting distance over the smallest one up to which a pair's distance is drawn."""
 
 
@@ -83,7 +85,10 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
             "touching", (1.0, 1e3 * float(np.min(balls.distances))), xycoords=("axes fraction", "data"),
             xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
         )  # fmt: skip
-        axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(near) > 6 else 1, loc="best")
+        if len(near) <= NAMED:
+            axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(near) > 4 else 1, loc="best")
+        else:
+            axis.set_title(f"{len(near)} pairs of neighbours and next neighbours", fontsize=9)
         save_figure(figure, folder, "distances")
 
 

@@ -18,12 +18,10 @@ from scipy.optimize import brentq
 
 from linear_bem.errors import NotConverged
 from runs.evolution.forces import Forces, State
-from runs.evolution.hard_balls import HardBalls, Pairs, resistances
+from runs.evolution.hard_balls import HardBalls, Pairs
 
 Array = NDArray[np.float64]
 
-REST = 1e-6
-"""Largest (T + pushes)/Q of any ball at which nothing moves any more: a millionth of its load."""
 LONGEST = 0.25
 """Largest displacement in one step, over the smallest touching distance."""
 LANDED = 1e-7
@@ -34,7 +32,8 @@ LANDED = 1e-7
 class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
-    ``step`` [m] is the length of the next step: with it the path goes on exactly as if it had not stopped.
+    ``resting``: nothing moves any more. ``step`` [m] is the length of the next step: with it the path goes on exactly
+    as if it had not stopped.
     """
 
     sigma: float
@@ -44,18 +43,18 @@ class Moment:
     pushes: Array
     speed: float
     step: float
-
-    @property
-    def resting(self) -> bool:
-        """Whether nothing moves any more."""
-        return self.speed <= REST
+    resting: bool
 
 
 class Drift:
-    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step."""
+    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps`` counts those taken.
 
-    def __init__(self, forces: Forces, balls: HardBalls, tolerance: float) -> None:
-        self.forces, self.balls, self.tolerance = forces, balls, tolerance
+    ``rest`` is the largest (T + pushes)/Q of any ball at which nothing is taken to move any more.
+    """
+
+    def __init__(self, forces: Forces, balls: HardBalls, tolerance: float, rest: float) -> None:
+        self.forces, self.balls, self.tolerance, self.rest = forces, balls, tolerance, rest
+        self.steps = 0
 
     def path(self, start: Array, end: float, sigma: float = 0.0, step: float | None = None) -> Iterator[Moment]:
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included."""
@@ -66,16 +65,17 @@ class Drift:
             speed = float(np.max(np.hypot(*velocity.T)))
             if step is None:
                 step = 0.02 * self._longest(speed)
-            moment = Moment(sigma, x, state, contacts, pushes, speed, step)
+            moment = Moment(sigma, x, state, contacts, pushes, speed, step, speed <= self.rest)
             yield moment
             if moment.resting or sigma >= end * (1.0 - 1e-12):
                 return
             taken, x, state, step = self._advance(moment, velocity, end)
+            self.steps += 1
             sigma += taken
 
     def _longest(self, speed: float) -> float:
         smallest = float(np.min(self.balls.distances, initial=1.0))
-        return LONGEST * smallest / max(speed, REST)
+        return LONGEST * smallest / max(speed, self.rest)
 
     def _advance(self, now: Moment, velocity: Array, end: float) -> tuple[float, Array, State, float]:
         """Return the step taken, the new positions, their state, and the next step."""
@@ -139,12 +139,3 @@ class Drift:
         landed = np.flatnonzero(np.abs(gaps) <= LANDED * distances)
         landed = np.setdiff1d(landed, now.contacts)
         return self.balls.restored(after, now.state.normal, np.union1d(still, landed).astype(np.intp))
-
-
-def at_rest_because(moment: Moment) -> str:
-    """Return the sentence that tells why nothing moves any more, with the largest force that is left."""
-    free = np.hypot(*moment.state.tangential.T) / resistances(moment.state.normal)
-    if len(moment.contacts):
-        held = f"{len(moment.contacts)} contacts hold the balls against |T|/Q up to {float(np.max(free)):.2g}"
-        return f"{held}; what moves them is {moment.speed:.1e} of their load"
-    return f"|T|/Q is at most {float(np.max(free)):.1e}"

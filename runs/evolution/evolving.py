@@ -56,6 +56,7 @@ class Evolution:
         self.balls = HardBalls.of(self.problem)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.path_per_cycle = 4.0 * self.sliding.amplitude
+        self.steps = 0
         self.end = self.sliding.cycles * self.path_per_cycle / self.sliding.friction
 
     def cycles(self, sigma: float) -> float:
@@ -87,6 +88,7 @@ class Evolution:
         began = time.process_time()
         earlier = folder.saved() or {}
         before = float(earlier.get("solved", {}).get("seconds", 0.0))
+        self.steps = int(earlier.get("solved", {}).get("iterations", 0))
         members: list[dict[str, Any]] = list(earlier.get("ensemble", []))
         record = Record(list(earlier.get("path", [])), earlier.get("continuation"))
         document: dict[str, Any] = {}
@@ -100,6 +102,7 @@ class Evolution:
 
         self._follow(record, given, self.sliding.seed, keep)
         members[:1] = [self._member(record, 0)]
+        keep()
         for number in range(len(members), self.sliding.ensemble):
             member = Record()
             self._follow(member, given, self.sliding.seed + number, lambda: None)
@@ -124,7 +127,7 @@ class Evolution:
     def _follow(self, record: Record, given: Provider, seed: int, keep: Any) -> None:
         if record.moments and record.continuation is None:
             return
-        drift = Drift(given.forces, self.balls, self.tolerance)
+        drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
             path = drift.path(start(self.problem, self.balls, self.sliding.perturbation, seed), self.end)
@@ -137,6 +140,7 @@ class Evolution:
             if time.monotonic() - written > SAVED_EVERY:
                 keep()
                 written = time.monotonic()
+        self.steps += drift.steps
 
     def _document(
         self, record: Record, members: list[dict[str, Any]], given: Provider, converged: bool, seconds: float
@@ -156,7 +160,7 @@ class Evolution:
             "ensemble": members,
             "solved": {
                 "converged": converged,
-                "iterations": len(path),
+                "iterations": self.steps,
                 "unknowns": 2 * self.problem.size,
                 "seconds": seconds,
                 "ranks": ranks.rank_and_size()[1],
@@ -177,9 +181,9 @@ class Evolution:
         begin, end = (np.array(moments[k]["positions"]) for k in (0, -1))
         found: dict[str, Any] = {
             "rest": outcome.rest(moments),
-            "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance),
-            "equilibrium": outcome.equilibrium(forces, balls, end),
-            "pair_equilibria": outcome.pair_equilibria(forces, balls) if self.problem.size == 2 else None,
+            "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance, self.sliding.rest),
+            "equilibrium": outcome.equilibrium(forces, balls, end) if given.cheap or moments[-1]["resting"] else None,
+            "pair_equilibria": outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None,
             "momentum": _momentum(moments),
             "pair_table": given.table,
             "direct_check": None,
@@ -204,12 +208,20 @@ def _momentum(moments: list[dict[str, Any]]) -> float:
 
 def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
     """Let the balls of ``scene`` drift, save the run and print its outcome."""
-    from runs.evolution.showing import draw, show  # noqa: PLC0415
-
     evolution = Evolution(scene, asked, options, tables)
     if not evolution.model.parallel and not ranks.is_root():
         return
     folder = evolution.open() if ranks.is_root() else None
+    try:
+        _evolve(evolution, folder)
+    finally:
+        if folder is not None:
+            folder.close()
+
+
+def _evolve(evolution: Evolution, folder: RunFolder | None) -> None:
+    from runs.evolution.showing import draw, show  # noqa: PLC0415
+
     finished: Mapping[str, Any] | None = folder.finished() if folder is not None else None
     if evolution.model.parallel:
         ranks.world()
@@ -229,7 +241,6 @@ def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path
     if folder is not None and finished is not None:
         show(evolution, finished)
         tell(f"results are in {folder.path}")
-        folder.close()
 
 
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from runs.evolution import equilibria
-from runs.evolution.drift import REST, Drift
+from runs.evolution.drift import Drift
 from runs.evolution.forces import Forces, State, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.record import Record, positions_at
@@ -30,7 +30,7 @@ def rest(moments: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     end = moments[-1]
     force = np.hypot(*np.array(end["tangential_force"]).T)
     left = float(np.max(force / resistances(np.array(end["normal_force"]))))
-    return {"at_rest": end["speed"] <= REST, "speed": end["speed"], "force_over_load": left}
+    return {"at_rest": end["resting"], "speed": end["speed"], "force_over_load": left}
 
 
 def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str:
@@ -44,12 +44,12 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str
 
 
 def position_error(
-    moments: Sequence[Mapping[str, Any]], forces: Forces, balls: HardBalls, begin: Array, tolerance: float
+    moments: Sequence[Mapping[str, Any]], forces: Forces, balls: HardBalls, begin: Array, tolerance: float, rest: float
 ) -> float:
     """Return the largest difference [m] of any position at any kept moment from a run with a coarser tolerance."""
     coarse = Record()
     end = float(moments[-1]["sigma"])
-    drift = Drift(forces, balls, COARSER * tolerance)
+    drift = Drift(forces, balls, COARSER * tolerance, rest)
     for moment in drift.path(begin, end):
         coarse.take(moment, balls, last=moment.resting or moment.sigma >= end)
     sigma = np.array([m["sigma"] for m in moments])

@@ -23,11 +23,12 @@ DIRECT_ACCURACY = 1e-2
 
 @dataclass(frozen=True)
 class Provider:
-    """Forces, the sentences that say what they are, and the table behind them."""
+    """Forces, the sentences that say what they are, the table behind them, and whether they can be asked at leisure."""
 
     forces: Forces
     notes: tuple[str, ...]
     table: dict[str, Any] | None = None
+    cheap: bool = True
 
 
 def provider(
@@ -50,7 +51,9 @@ def provider(
             raise UnsupportedProblem(
                 f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
             )
-        return Provider(DirectForces(problem, accuracy or DIRECT_ACCURACY), ("the full model is asked at every step",))
+        return Provider(
+            DirectForces(problem, accuracy or DIRECT_ACCURACY), ("the full model is asked at every step",), cheap=False
+        )
     asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
     settings: dict[str, Any] = {"accuracy": asked}
     if model.parallel:

@@ -49,6 +49,7 @@ class Record:
                 "contacts": contacts,
                 "pushes": moment.pushes.tolist(),
                 "speed": moment.speed,
+                "resting": moment.resting,
             }
         )
 

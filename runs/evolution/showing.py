@@ -55,7 +55,10 @@ def sentences(evolution: Any, document: Mapping[str, Any]) -> list[str]:
             lines.append(f"the full linear model has no answer at the {row['at']}: {row['reason']}")
         else:
             lines.append(f"T at the {row['at']} differs from the full linear model by {100.0 * row['share']:.2g} %")
-    lines.append(_balance(document["equilibrium"], smallest))
+    solved = document["solved"]
+    lines.append(f"{solved['iterations']} steps in {number(solved['seconds'], 3)} s of processor time")
+    if document["equilibrium"] is not None:
+        lines.append(_balance(document["equilibrium"], smallest))
     for pair in document["pair_equilibria"] or []:
         lines.append(f"two balls rest {number(1e3 * pair['distance'])} mm apart: {pair['verdict']}")
     if document["pair_equilibria"] == []:

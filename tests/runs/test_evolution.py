@@ -1,0 +1,337 @@
+"""Drift of hard balls: the analytic law, contacts that hold and part, symmetry, equilibria, and the pair table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, UnsupportedProblem, solve, solve_point_load
+from runs.evolution import equilibria, pair_table
+from runs.evolution.drift import Drift, Moment
+from runs.evolution.forces import DirectForces, State, at
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.outcome import position_error
+from runs.evolution.pair_forces import PairForces, SingleBall
+from runs.evolution.providers import Provider, provider
+from runs.evolution.record import Record, events
+from runs.models import MODELS
+
+Array = NDArray[np.float64]
+
+ROUNDOFF = 1e-10
+THEORY = 0.01
+"""Of L^3 linear in the path: a pair at a fixed approach loses load, by 0.7 % at 2 R and D = 1e-4 R."""
+FOAM = Layer(57.4e3, 0.3, 0.08)
+RADIUS, APPROACH = 0.01, 0.012
+TOLERANCE = 1e-6 * RADIUS
+REST = 1e-6
+
+
+def scene(positions: list[tuple[float, float]], layer: Layer = FOAM, approach: float = APPROACH) -> Problem:
+    balls = tuple(Ball(p, RADIUS, "sphere") for p in positions)
+    return Problem(layer, balls, Load("approach", (approach,) * len(balls)))
+
+
+def line(count: int, distance: float) -> list[tuple[float, float]]:
+    return [((i - 0.5 * (count - 1)) * distance, 0.0) for i in range(count)]
+
+
+def path(forces: object, problem: Problem, end: float, start: Array | None = None, rest: float = REST) -> list[Moment]:
+    x = np.array([ball.position for ball in problem.balls]) if start is None else start
+    return list(Drift(forces, HardBalls.of(problem), TOLERANCE, rest).path(x, end))  # type: ignore[arg-type]
+
+
+def of(name: str, problem: Problem, folder: Path) -> Provider:
+    return provider(MODELS[name], problem, None, "pairs", folder)
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("tables")
+
+
+@pytest.fixture(scope="module")
+def foam(tables: Path) -> Provider:
+    """Point loads on foam: cheap, and the same machinery as every other model."""
+    return of("point_load", scene(line(2, 0.03)), tables)
+
+
+def spread(forces: Provider, problem: Problem) -> PairForces:
+    """Return the same law for another number of the same balls."""
+    pair = forces.forces
+    assert isinstance(pair, PairForces)
+    return PairForces(problem, [pair.singles[0]] * problem.size, pair.law, pair.share)
+
+
+@pytest.mark.parametrize("thickness", [np.inf, 100.0])
+def test_two_balls_on_a_half_space_meet_as_the_cube_of_their_distance(thickness: float, tables: Path) -> None:
+    problem = scene(line(2, 6.0 * RADIUS), Layer(1e6, 0.3, float(thickness)), 1e-4 * RADIUS)
+    forces = of("point_load", problem, tables).forces
+    moments = path(forces, problem, np.inf, rest=1e-12)
+    distance = np.array([np.ptp(m.positions[:, 0]) for m in moments])
+    sigma = np.array([m.sigma for m in moments])
+    load = float(forces(moments[0].positions).normal[0])
+    singular = LayeredKernel.of(problem).singular
+    # dL/dsigma = -2 T/Q with T = Q^2 (1 - nu^2)/(pi E L^2)
+    expected = distance[0] ** 3 - 6.0 * load * singular * sigma
+    assert distance[-1] == pytest.approx(2.0 * RADIUS, rel=ROUNDOFF)
+    assert np.max(np.abs(distance**3 - expected)) <= THEORY * distance[0] ** 3
+    assert moments[-1].resting
+    assert sigma[-1] == pytest.approx((distance[0] ** 3 - distance[-1] ** 3) / (6.0 * load * singular), rel=THEORY)
+
+
+def test_balls_of_different_size_touch_where_their_spheres_do() -> None:
+    balls = (Ball((0.0, 0.0), 0.01, "sphere"), Ball((0.05, 0.0), 0.004, "sphere"))
+    problem = Problem(FOAM, balls, Load("approach", (0.001, 0.001)))
+    touch = HardBalls.of(problem).distances[0]
+    assert np.hypot(touch, 0.01 - 0.004) == pytest.approx(0.01 + 0.004, rel=1e-14)
+    with pytest.raises(UnsupportedProblem, match="flat plate"):
+        HardBalls.of(Problem(FOAM, balls, Load("approach", (0.001, 0.002))))
+
+
+def test_pushes_keep_touching_balls_apart_and_never_pull() -> None:
+    problem = scene(line(3, 2.0 * RADIUS))
+    balls = HardBalls.of(problem)
+    x = np.array([ball.position for ball in problem.balls])
+    load = np.array([1.0, 2.0, 1.5])
+    contacts = balls.touching(x)
+    assert balls.pairs[contacts].tolist() == [[0, 1], [1, 2]]
+    inwards = np.array([[0.3, 0.0], [0.1, 0.0], [-0.4, 0.0]])
+    velocity, pushes = balls.admissible(x, inwards, load, contacts)
+    # sum T = 0: three balls in contact with the outer ones attracted stay where they are
+    assert np.abs(velocity) == pytest.approx(0.0, abs=1e-14)
+    assert pushes == pytest.approx([0.3, 0.4])
+    velocity, pushes = balls.admissible(x, -inwards, load, contacts)
+    assert velocity == pytest.approx(-inwards / load[:, None])
+    assert np.all(pushes == 0.0)
+    # one pair parts while the other is pushed along: the projection in the metric Q shares the push out
+    velocity, pushes = balls.admissible(x, np.array([[0.5, 0.0], [0.0, 0.0], [0.3, 0.1]]), load, contacts)
+    assert pushes == pytest.approx([1.0 / 3.0, 0.0])
+    assert velocity[0, 0] == pytest.approx(velocity[1, 0])
+    assert velocity[2, 0] > velocity[1, 0]
+
+
+def test_a_ball_without_load_is_not_moved_by_its_force_and_gives_way() -> None:
+    problem = scene(line(2, 2.0 * RADIUS))
+    balls = HardBalls.of(problem)
+    x = np.array([ball.position for ball in problem.balls])
+    free = np.zeros(0, dtype=np.intp)
+    velocity, _ = balls.admissible(x, np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([1.0, 0.0]), free)
+    assert np.all(velocity == 0.0)
+    velocity, _ = balls.admissible(x, np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([1.0, 0.0]), balls.touching(x))
+    assert velocity[:, 0] == pytest.approx([1.0, 1.0], rel=1e-5)
+
+
+def test_a_touching_pair_that_repels_parts_and_one_that_attracts_stays(tables: Path) -> None:
+    rubber = Layer(1e6, 0.48, 0.01)
+    radii = {0.008: "part", 0.005: "stay"}
+    for radius, what in radii.items():
+        balls = (Ball((-radius, 0.0), radius, "sphere"), Ball((radius, 0.0), radius, "sphere"))
+        problem = Problem(rubber, balls, Load("approach", (0.0015, 0.0015)))
+        moments = path(of("point_load", problem, tables).forces, problem, 1.0)
+        distance = [float(np.ptp(m.positions[:, 0])) for m in moments]
+        if what == "part":
+            assert np.all(np.diff(distance) > 0.0)
+            assert distance[-1] > 2.4 * radius
+            assert not moments[-1].resting
+        else:
+            assert len(moments) == 1
+            assert moments[0].resting
+            assert moments[0].pushes[0] > 0.0
+
+
+def test_no_ball_overlaps_and_contacts_hold_on_the_whole_path(foam: Provider) -> None:
+    problem = scene([(0.021 * i + 0.0003 * j * j, 0.022 * j - 0.0002 * i * j) for i in range(3) for j in range(3)])
+    balls = HardBalls.of(problem)
+    forces = spread(foam, problem)
+    moments = path(forces, problem, 5.0)
+    assert min(float(np.min(balls.gaps(m.positions))) for m in moments) >= -1e-11 * RADIUS
+    for moment in moments:
+        assert np.all(moment.pushes >= 0.0)
+        velocity, pushes = balls.admissible(
+            moment.positions, moment.state.tangential, moment.state.normal, moment.contacts
+        )
+        opening = balls.jacobian(moment.positions, moment.contacts) @ velocity.ravel()
+        assert np.all(opening >= -ROUNDOFF)
+        assert np.abs(opening * pushes) == pytest.approx(0.0, abs=ROUNDOFF)
+    assert moments[-1].resting
+    assert moments[-1].speed <= REST
+    assert len(moments[-1].contacts) == 16  # nine discs have at most 16 contacts in the plane: closest packing
+
+
+def test_momentum_is_kept_and_equal_loads_keep_the_centroid(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035), (-0.02, 0.027)])
+    for moment in path(spread(foam, problem), problem, 2.0):
+        # at every instant sum Q dx = 0: pushes are internal, and so is T
+        balls = HardBalls.of(problem)
+        velocity, _ = balls.admissible(moment.positions, moment.state.tangential, moment.state.normal, moment.contacts)
+        drift = np.abs((velocity * moment.state.normal[:, None]).sum(axis=0))
+        assert drift == pytest.approx(0.0, abs=1e-12 * float(np.max(np.abs(moment.state.tangential))))
+    pair = scene([(0.0, 0.0), (0.04, 0.03)])
+    ends = path(spread(foam, pair), pair, 3.0)
+    assert ends[-1].positions.mean(axis=0) == pytest.approx([0.02, 0.015], rel=1e-12)
+
+
+def test_mirror_scenes_have_mirror_paths(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035), (-0.02, 0.027)])
+    start = np.array([ball.position for ball in problem.balls])
+    forces = spread(foam, problem)
+    here, there = (path(forces, problem, 1.0, start * [sign, 1.0]) for sign in (1.0, -1.0))
+    assert len(here) == len(there)
+    for one, other in zip(here, there, strict=True):
+        assert other.positions * [-1.0, 1.0] == pytest.approx(one.positions, abs=1e-9 * RADIUS)
+
+
+def test_a_finer_tolerance_moves_the_end_by_less_than_the_stated_error(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035), (-0.02, 0.027)])
+    balls, forces = HardBalls.of(problem), spread(foam, problem)
+    start = np.array([ball.position for ball in problem.balls])
+    record = Record()
+    for moment in Drift(forces, balls, TOLERANCE, REST).path(start, 0.3):
+        record.take(moment, balls, last=moment.sigma >= 0.3)
+    stated = position_error(record.moments, forces, balls, start, TOLERANCE, REST)
+    finer = list(Drift(forces, balls, 0.5 * TOLERANCE, REST).path(start, 0.3))[-1].positions
+    change = float(np.max(np.abs(finer - np.array(record.moments[-1]["positions"]))))
+    assert 0.0 < change < stated < 1e-3 * RADIUS
+
+
+def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
+    problem = scene(line(4, 0.03))
+    balls = HardBalls.of(problem)
+    record = Record()
+    for moment in path(spread(foam, problem), problem, 5.0):
+        record.take(moment, balls, last=moment.resting)
+    touches = [event["pair"] for event in events(record.moments, balls)]
+    assert sorted(touches[:2]) == [[0, 1], [2, 3]]
+    assert touches[2] == [1, 2]
+    assert np.array(record.moments[-1]["positions"])[:, 1] == pytest.approx(0.0, abs=ROUNDOFF)
+
+
+def test_the_straight_line_is_unstable_and_the_rhomb_stable(foam: Provider) -> None:
+    problem = scene(line(4, 0.021))
+    balls, forces = HardBalls.of(problem), spread(foam, problem)
+    straight = path(forces, problem, 5.0)[-1]
+    found = equilibria.find(forces, balls, straight.positions)
+    assert found.verdict == "unstable"
+    assert found.free == 2
+    assert found.growth[0] > 0.0
+    shaken = straight.positions + np.array([[0.0, 1e-5], [0.0, -1e-5], [0.0, 1e-5], [0.0, -1e-5]])
+    x = balls.restored(shaken, straight.state.normal, balls.touching(straight.positions))
+    moments = path(forces, problem, 20.0, x)
+    # the disturbance grows at the rate that the linearised drift tells
+    bend = np.array([abs(m.positions[1, 1] - m.positions[2, 1]) for m in moments])
+    early = (bend > 3e-5) & (bend < 3e-4)
+    rate = np.polyfit(np.array([m.sigma for m in moments])[early], np.log(bend[early]), 1)[0]
+    assert rate == pytest.approx(found.growth[0], rel=0.05)
+    rhomb = equilibria.find(forces, balls, moments[-1].positions)
+    assert moments[-1].resting
+    assert rhomb.verdict == "stable"
+    assert rhomb.free == 0
+    assert len(rhomb.contacts) == 5
+    assert rhomb.positions == pytest.approx(moments[-1].positions, abs=1e-8 * RADIUS)
+
+
+def test_a_pair_settles_at_the_distance_where_its_force_vanishes() -> None:
+    problem = scene(line(2, 0.03))
+    balls = HardBalls.of(problem)
+
+    def spring(x: Array) -> State:
+        between = x[1] - x[0]
+        distance = float(np.hypot(*between))
+        force = (distance - 0.045) * (0.09 - distance) * 100.0 * between / distance
+        return State(np.array([force, -force]), np.ones(2), np.zeros(2))
+
+    assert equilibria.of_pair(spring, 0.02, 0.2) == [
+        (pytest.approx(0.045), "stable"),
+        (pytest.approx(0.09), "unstable"),
+    ]
+    end = path(spring, problem, 1e3)[-1]
+    assert end.resting
+    found = equilibria.find(spring, balls, end.positions)
+    assert found.verdict == "stable"
+    assert np.ptp(found.positions[:, 0]) == pytest.approx(0.045, rel=1e-7)
+    assert np.ptp(end.positions[:, 0]) == pytest.approx(0.045, rel=1e-4)
+
+
+def test_pairs_of_the_table_are_the_models_own_and_more_balls_are_close(
+    tables: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # as few distances as a finite-strain table has
+    monkeypatch.setattr(pair_table, "MANY", pair_table.FEW)
+    problem = scene(line(3, 0.023))
+    given = of("linear_bem", problem, tables)
+    assert given.table is not None
+    for distance in (0.02, 0.0237, 0.041):
+        pair = scene([(0.0, 0.0), (0.0, distance)])
+        true = solve(pair, tangential_force=1e-4).balls[0]
+        state = spread(given, pair)(np.array([[0.0, 0.0], [0.0, distance]]))
+        # the table's accuracy, and interpolation between ten distances
+        assert state.tangential[0] == pytest.approx([0.0, true.tangential_force[1]], rel=2e-3, abs=1e-9)
+        assert state.normal[0] == pytest.approx(true.normal_force, rel=1e-3)
+    rows = given.table["additivity"]
+    assert {row["arrangement"] for row in rows} == {"three in a line", "four in a square"}
+    assert all(row["coupled"] < 0.03 < row["bare_sum"] for row in rows)
+    x = np.array([ball.position for ball in problem.balls])
+    state = given.forces(x)
+    full = DirectForces(problem, 1e-2)(x)
+    assert np.max(np.abs(state.tangential - full.tangential)) <= np.max(state.error)
+    assert state.tangential.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
+
+
+def test_point_loads_are_the_models_own(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035)])
+    x = np.array([ball.position for ball in problem.balls])
+    state = spread(foam, problem)(x)
+    balls = solve_point_load(at(problem, x)).balls
+    # both interpolate the single ball's law; this one is the nearer to it
+    assert state.normal == pytest.approx([ball.normal_force for ball in balls], rel=0.015)
+    assert state.tangential == pytest.approx(np.array([ball.tangential_force for ball in balls]), rel=0.03, abs=1e-3)
+    pair = foam.forces
+    assert isinstance(pair, PairForces)
+    for depth in (0.0095, 0.0115):
+        alone = Problem(FOAM, (Ball((0.0, 0.0), RADIUS, "sphere"),), Load("approach", (depth,)))
+        true = solve(alone, tangential_force=1e-3).balls[0].normal_force
+        assert pair.singles[0].force(np.array([depth])) == pytest.approx(true, rel=5e-4)
+
+
+def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.5, 3.0, 6.0))
+    problem = Problem(
+        Layer(1.0, 0.48, 6.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.05,) * 2)
+    )
+    problem = Problem(problem.layer, problem.balls, problem.load, Elastic(1e3, 0.3))
+    calls: list[int] = []
+
+    def dies_after(count: int) -> pair_table.Solve:
+        def run(one: Problem) -> object:
+            if len(calls) >= count:
+                raise KeyboardInterrupt
+            calls.append(one.size)
+            return solve(one, tangential_force=1e-2)
+
+        return run  # type: ignore[return-value]
+
+    table = pair_table.PairTable(problem, "linear_bem", dies_after(12), tmp_path, {})
+    with pytest.raises(KeyboardInterrupt):
+        table.complete()
+    calls.clear()
+    again = pair_table.PairTable(problem, "linear_bem", dies_after(99), tmp_path, {})
+    assert again.missing == 4  # the single ball's ten approaches and two pairs are there
+    again.complete()
+    assert calls == [2, 2, 3, 4]
+    whole = pair_table.PairTable(problem, "linear_bem", dies_after(999), tmp_path / "other", {})
+    whole.complete()
+    x = np.array([[-1.1, 0.0], [1.1, 0.3]])
+    assert again.forces()(x).tangential == pytest.approx(whole.forces()(x).tangential, rel=1e-14)
+    assert len(list(tmp_path.glob("*.json"))) == 1
+
+
+def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
+    depths = np.geomspace(0.1, 1.0, 6)
+    ball = SingleBall(list(depths), list(4.0 / 3.0 * depths**1.5))
+    at_any = np.array([-0.1, 0.0, 1e-3, 0.37, 2.0])
+    assert ball.force(at_any) == pytest.approx(4.0 / 3.0 * np.maximum(at_any, 0.0) ** 1.5, rel=1e-10)
+    assert ball.approach(ball.force(at_any))[2:] == pytest.approx(at_any[2:], rel=1e-10)

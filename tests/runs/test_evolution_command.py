@@ -1,0 +1,225 @@
+"""The command evolve: every scene starts, a killed run goes on to the same result, f sets the clock, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from linear_bem.errors import UnsupportedProblem
+from runs import interrupt
+from runs.evolution import evolving, outcome, pair_table, showing
+from runs.evolution.evolving import evolve_scene
+from runs.scene import Scene, read_scene
+from runs.session import Options
+from tests.launch import ROOT, python
+
+SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
+FOUR = ROOT / "runs" / "scenes" / "experiment_line_of_four_30mm.toml"
+TEXT = """
+[layer]
+thickness = "80 mm"
+young = "57.4 kPa"
+poisson = 0.3
+[balls]
+radius = "10 mm"
+positions = [[0, 0], ["31 mm", "4 mm"], ["11 mm", "35 mm"]]
+shape = "sphere"
+[load]
+approach = "3 mm"
+[reciprocation]
+amplitude = "80 mm"
+cycles = 400
+friction = 20
+perturbation = "0.1 mm"
+seed = 3
+ensemble = 3
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    file = tmp_path / "three.toml"
+    file.write_text(TEXT, encoding="utf-8")
+    return read_scene(file)
+
+
+def sliding(scene: Scene, **changes: Any) -> Scene:
+    assert scene.reciprocation is not None
+    return replace(scene, reciprocation=scene.reciprocation.model_copy(update=changes))
+
+
+def evolved(scene: Scene, out: Path, model: str = "point_load") -> dict[str, Any]:
+    evolve_scene(scene, model, Options(False, out, False), out.parent / "tables")
+    document: dict[str, Any] = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    return document
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the pictures and the comparison with the full model, which take longest."""
+    monkeypatch.setattr(showing, "draw", lambda *given: None)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+
+
+def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
+    file = tmp_path / "three.toml"
+    file.write_text(TEXT, encoding="utf-8")
+    out = tmp_path / "out"
+    done = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "at rest after" in done.stdout
+    assert "3 of 3 members end with 3 contacts in groups of [3]" in done.stdout
+    document = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert document["solved"]["converged"]
+    assert {"scene", "model", "balls", "steps", "path", "events", "ensemble", "rest", "equilibrium"} <= set(document)
+    assert document["equilibrium"]["verdict"] == "stable"
+    assert document["equilibrium"]["distance_from_end"] < 1e-8
+    with open(out / "steps.csv", encoding="utf-8", newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert len(rows) == 3 * len(document["path"])
+    assert float(rows[-1]["position_x"]) == document["path"][-1]["positions"][2][0]
+    for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
+        assert (out / name).stat().st_size > 5_000, name
+    assert (out / "evolution.gif").read_bytes()[:6] == b"GIF89a"
+    again = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out, "--json")
+    assert json.loads(again.stdout) == document
+    assert "complete already" in again.stderr
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("ends", ["on the path", "in the ensemble"])
+def test_a_killed_run_goes_on_to_the_same_result(
+    ends: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = evolved(scene, tmp_path / "whole")
+    left = 25 if ends == "on the path" else 10**6
+    member = evolving.Evolution._member
+
+    def dies() -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+
+    def dies_soon(*given: Any) -> dict[str, Any]:
+        nonlocal left
+        left = 5
+        return member(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(evolving, "SAVED_EVERY", -1.0)
+        patch.setattr(interrupt, "check", dies)
+        patch.setattr(evolving.Evolution, "_member", dies_soon)
+        with pytest.raises(KeyboardInterrupt):
+            evolved(scene, tmp_path / "killed")
+    half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))
+    assert not half["solved"]["converged"]
+    assert 0 < len(half["path"]) <= len(whole["path"])
+    assert len(half["ensemble"]) == (0 if ends == "on the path" else 1)
+    killed = evolved(scene, tmp_path / "killed")
+    for key in ("path", "events", "ensemble", "balls", "rest", "position_error"):
+        assert killed[key] == whole[key], key
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_friction_and_direction_leave_the_path_alone_and_friction_sets_the_clock(scene: Scene, tmp_path: Path) -> None:
+    one = evolved(sliding(scene, ensemble=1), tmp_path / "one")
+    slow = evolved(
+        sliding(scene, ensemble=1, friction=60.0, cycles=1200.0, amplitude=0.08, direction=(0.0, 1.0)),
+        tmp_path / "slow",
+    )
+    assert len(one["path"]) == len(slow["path"])
+    for here, there in zip(one["path"], slow["path"], strict=True):
+        assert there["positions"] == pytest.approx(np.array(here["positions"]), abs=1e-12)
+        assert there["cycle"] == pytest.approx(3.0 * here["cycle"], rel=1e-12)
+    wide = evolved(sliding(scene, ensemble=1, amplitude=0.16), tmp_path / "wide")
+    assert wide["path"][-1]["cycle"] == pytest.approx(0.5 * one["path"][-1]["cycle"], rel=1e-12)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_cycles_seed_and_rest_end_the_path_where_they_say(scene: Scene, tmp_path: Path) -> None:
+    short = evolved(sliding(scene, ensemble=1, cycles=3.0), tmp_path / "short")
+    assert short["path"][-1]["cycle"] == pytest.approx(3.0, rel=1e-12)
+    assert not short["rest"]["at_rest"]
+    other = evolved(sliding(scene, ensemble=1, cycles=3.0, seed=4), tmp_path / "other")
+    moved = np.abs(np.array(short["path"][0]["positions"]) - np.array(other["path"][0]["positions"]))
+    assert 0.0 < np.max(moved) <= 2e-4
+    threshold = short["path"][0]["speed"] * 1.01
+    still = evolved(sliding(scene, ensemble=1, rest=threshold), tmp_path / "still")
+    assert len(still["path"]) == 1
+    assert still["rest"]["at_rest"]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_every_experiment_starts(path: Path, tmp_path: Path) -> None:
+    start = sliding(read_scene(path), ensemble=1, cycles=0.5)
+    document = evolved(start, tmp_path / "out")
+    assert document["path"]
+    assert document["solved"]["converged"]
+
+
+def test_the_experiments_are_the_papers() -> None:
+    names = {path.stem.removeprefix("experiment_") for path in SCENES}
+    thick = {"line_of_four_25mm", "line_of_four_30mm", "line_of_six", "line_of_seven", "nine_20mm", "nine_30mm"}
+    thin = {"pair_16mm", "pair_10mm", "pair_7mm"}
+    assert thick | thin <= names
+    for name in thick:
+        scene = read_scene(ROOT / f"runs/scenes/experiment_{name}.toml")
+        assert scene.problem.layer.thickness == pytest.approx(0.08)
+        assert scene.problem.layer.young == pytest.approx(57.4e3)
+        assert {ball.radius for ball in scene.problem.balls} == {0.01}
+        assert set(scene.problem.load.values) == {0.012}
+    for name in thin:
+        scene = read_scene(ROOT / f"runs/scenes/experiment_{name}.toml")
+        radius = 0.5e-3 * int(name.split("_")[1].removesuffix("mm"))
+        assert scene.problem.layer.thickness == pytest.approx(0.01)
+        assert scene.problem.load.values == pytest.approx((1.5e-3, 1.5e-3))
+        assert np.ptp([ball.position[0] for ball in scene.problem.balls]) == pytest.approx(2.0 * radius)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_direct_forces_ask_the_full_model_at_every_step(
+    tmp_path: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.3, 1.6, 2.2, 3.0, 4.0))
+    short = sliding(scene, ensemble=1, cycles=0.5, forces="direct", tolerance=1e-2)
+    direct = evolved(short, tmp_path / "direct", "linear_bem")
+    pairs = evolved(sliding(short, forces="pairs"), tmp_path / "pairs", "linear_bem")
+    assert direct["pair_table"] is None
+    assert direct["path"][0]["tangential_force"] != pairs["path"][0]["tangential_force"]
+    moved = np.array(direct["path"][-1]["positions"]) - np.array(direct["path"][0]["positions"])
+    apart = np.array(direct["path"][-1]["positions"]) - np.array(pairs["path"][-1]["positions"])
+    # the table's error in T on three balls, over the path
+    assert 0.0 < np.max(np.abs(apart)) < 0.03 * np.max(np.abs(moved))
+
+
+@pytest.mark.parametrize(
+    ("command", "change", "says"),
+    [
+        ("solve", ("", ""), "use `thirdbody evolve"),
+        ("compare", ("", ""), "use `thirdbody evolve"),
+        ("evolve", ("[reciprocation]", "[accuracy]\ntangential_force = 0.01\n[nothing]"), "unknown table"),
+        ("evolve", ("amplitude = \"80 mm\"", "amplitude = 0"), "[reciprocation] amplitude: must be greater than 0"),
+        ("evolve", ("ensemble = 3", "ensemble = 3\nforce = \"pairs\""), 'did you mean "forces"'),
+        ("evolve", ("radius = \"10 mm\"", "radius = [0.01, 0.01, 0.008]"), 'use forces = "direct"'),
+    ],
+)  # fmt: skip
+def test_refusals_name_what_is_wrong(command: str, change: tuple[str, str], says: str, tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(TEXT.replace(*change) if change[0] else TEXT, encoding="utf-8")
+    done = python("-m", "runs.cli", command, file, "--out", tmp_path / "out")
+    assert done.returncode == 2, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_scene_that_does_not_slide_cannot_evolve(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedProblem, match=r"needs \[reciprocation\]"):
+        evolve_scene(read_scene(ROOT / "runs/scenes/separation_16mm.toml"), None, Options(False, tmp_path, False))
