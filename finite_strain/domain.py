@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from finite_strain.extent import Extent, choose_extent
 from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Ball, Problem
@@ -18,6 +19,12 @@ from meshes.box import Box, Zone
 
 LEAST_SHARE = 0.1
 """Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
+USUAL_ACCURACY = 0.02
+"""Relative accuracy of T that a box's extent is chosen for where none is given."""
+FAR_CONTACTS, FAR_NEIGHBOURS = 4.0, 1.5
+"""Contact radii, and distances of the nearest neighbour, beyond which elements grow faster: fields are smooth there."""
+FAR_GROWTH = 2.0
+"""How much faster."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
 
@@ -177,26 +184,33 @@ def expected_indentation(problem: Problem) -> list[tuple[float, float, float]]:
     return answer
 
 
-def box_to_mesh(problem: Problem, reduction: Reduction, resolution: Resolution, smallest_contact: float) -> Box:
-    """Return the box for the reduced scene; ``smallest_contact`` is the contact radius at the first load step [m]."""
+def scene_positions(reduction: Reduction) -> np.ndarray:
+    """Return the positions (n, 2) [m] of all balls of the scene in the model's frame."""
+    return np.array([np.array(i.signs) * np.array(reduction.balls[i.model_ball].position) for i in reduction.images])
+
+
+def box_to_mesh(
+    problem: Problem,
+    reduction: Reduction,
+    resolution: Resolution,
+    smallest_contact: float,
+    extent: Extent | None = None,
+) -> Box:
+    """Return the box for the reduced scene; ``smallest_contact`` is the contact radius at the first load step [m].
+
+    Without an extent, the box reaches as far as an accuracy of `USUAL_ACCURACY` needs.
+    """
     layer = problem.layer
     expected = expected_indentation(problem)
-    deepest = max(a for _, _, a in expected)
-    span = max(
-        [math.dist(p, b.position) for b, n in zip(reduction.balls, reduction.neighbours(), strict=True) for p in n],
-        default=0.0,
-    )
-    margin = max(4.0 * layer.thickness, 6.0 * deepest, 2.0 * max(b.radius for b in problem.balls))
-    depth = 0.0
-    if problem.substrate is not None:
-        softness = layer.contact_modulus / problem.substrate.contact_modulus
-        margin = max(margin, min(1.0, 20.0 * softness) * 8.0 * (span + 2.0 * deepest))
-        depth = max(margin, 2.0 * span)
+    if extent is None:
+        extent = choose_extent(problem, scene_positions(reduction), reduction.planes, expected, USUAL_ACCURACY)
+    margin, depth = extent.margin, extent.depth
     zones = []
     for ball, others in zip(reduction.balls, reduction.neighbours(), strict=True):
         gaps = [max(abs(p[0] - ball.position[0]), abs(p[1] - ball.position[1])) for p in others]
         contact = max(expected[ball.index][2], smallest_contact)
         mirror = min([0.48 * g for g in gaps], default=2.0 * contact)
+        nearest = min((math.dist(p, ball.position) for p in others), default=0.0)
         zones.append(
             Zone(
                 position=ball.position,
@@ -205,6 +219,8 @@ def box_to_mesh(problem: Problem, reduction: Reduction, resolution: Resolution, 
                 radius=1.3 * contact,
                 outer_growth=resolution.outer,
                 mirror=min(mirror, 0.8 * margin),
+                far_radius=max(FAR_CONTACTS * contact, FAR_NEIGHBOURS * nearest),
+                far_growth=FAR_GROWTH * resolution.outer,
             )
         )
     low, high = [], []

@@ -15,9 +15,9 @@ TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_hig
 class Zone:
     """Refinement under one ball: element size ``finest`` at (x, y, 0), growing with distance.
 
-    It grows by ``growth`` per length up to ``radius`` and by ``outer_growth`` beyond. ``mirror`` is
-    the half-width of the square prism about the ball's axis in which the mesh is mirror-symmetric
-    about x = x_ball and y = y_ball (0: none). Lengths in m.
+    It grows by ``growth`` per length up to ``radius``, by ``outer_growth`` beyond, and by ``far_growth``
+    beyond ``far_radius``. ``mirror`` is the half-width of the square prism about the ball's axis in which
+    the mesh is mirror-symmetric about x = x_ball and y = y_ball (0: none). Lengths in m.
     """
 
     position: tuple[float, float]
@@ -26,11 +26,14 @@ class Zone:
     radius: float
     outer_growth: float
     mirror: float
+    far_radius: float = math.inf
+    far_growth: float = 0.0
 
     def size(self, distance: np.ndarray) -> np.ndarray:
         """Return the element size [m] at a distance [m] from the zone's centre."""
         inner = np.minimum(distance, self.radius)
-        return self.finest + self.growth * inner + self.outer_growth * (distance - inner)
+        far = np.maximum(distance - self.far_radius, 0.0)
+        return self.finest + self.growth * inner + self.outer_growth * (distance - inner - far) + self.far_growth * far
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Box:
         zones = tuple(
             Zone(
                 both(zone.position), zone.finest / length, zone.growth, zone.radius / length, zone.outer_growth,
-                zone.mirror / length,
+                zone.mirror / length, zone.far_radius / length, zone.far_growth,
             )
             for zone in self.zones
         )  # fmt: skip

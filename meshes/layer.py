@@ -8,6 +8,7 @@ other quadrants' faces; the other quadrants are then replaced by mirror images o
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -91,8 +92,12 @@ def _set_sizes(box: Box) -> None:
         (x, y), rc = zone.position, zone.radius
         r = f"sqrt((x-({x!r}))^2+(y-({y!r}))^2+z^2)"
         beyond = f"(({r}-{rc!r})+abs({r}-{rc!r}))/2"
+        size = f"{zone.finest!r}+{zone.growth!r}*({r}-{beyond})+{zone.outer_growth!r}*{beyond}"
+        if math.isfinite(zone.far_radius):
+            far = f"(({r}-{zone.far_radius!r})+abs({r}-{zone.far_radius!r}))/2"
+            size += f"+({zone.far_growth - zone.outer_growth!r})*{far}"
         ids.append(field.add("MathEval"))
-        field.setString(ids[-1], "F", f"{zone.finest!r}+{zone.growth!r}*({r}-{beyond})+{zone.outer_growth!r}*{beyond}")
+        field.setString(ids[-1], "F", size)
     smallest = field.add("Min")
     field.setNumbers(smallest, "FieldsList", ids)
     field.setAsBackgroundMesh(smallest)
