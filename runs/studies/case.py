@@ -21,7 +21,8 @@ class Case:
 
     ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
     ``labels`` say what the case is in the study's tables; ``stop_after`` interrupts the run after that many load
-    steps and goes on from what it left on disk.
+    steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
+    has one rank solve it where several are there.
     """
 
     name: str
@@ -31,6 +32,8 @@ class Case:
     constants: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Any] = field(default_factory=dict)
     stop_after: int | None = None
+    budget: Mapping[str, float] = field(default_factory=dict)
+    alone: bool = False
 
     @property
     def parallel(self) -> bool:
@@ -41,7 +44,8 @@ class Case:
         """Return a digest that changes whenever a saved answer to this case is one no more."""
         varied = sorted(self.constants.items())
         code = _element_format() if self.parallel else _linear_code()
-        said = repr((code, self.problem, self.model, self.accuracy, varied, self.stop_after))
+        budget = sorted(self.budget.items())
+        said = repr((code, self.problem, self.model, self.accuracy, varied, self.stop_after, budget, self.alone))
         return hashlib.sha256(said.encode()).hexdigest()[:20]
 
 

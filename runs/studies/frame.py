@@ -36,6 +36,8 @@ class Study:
     present: Callable[[Found, Path, bool], str]
     publishes: Sequence[str] = field(default_factory=tuple)
     """Files of the output folder that belong on the study's page."""
+    answers: Sequence[str] = (DONE,)
+    """States of a case that answer the study's question."""
 
 
 def run(study: Study, options: Options) -> None:
@@ -62,7 +64,7 @@ def _tell_answer(study: Study, folder: StudyFolder, options: Options) -> None:
     found = Found.of(folder, study.cases)
     command = f"thirdbody study {study.name}{' --quick' if options.quick else ''}"
     lines = [study.present(found, folder.path, options.quick), "", made_by(found, command)]
-    missing = found.missing()
+    missing = found.missing(study.answers)
     if missing:
         lines += ["", f"**Not there: {len(missing)} of {len(found.cases)} cases.**", ""]
         lines += [f"- {sentence}" for sentence in missing]
@@ -98,8 +100,15 @@ def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> 
             return
         if folder is not None:
             tell(title)
-        if case.parallel or folder is not None:
-            _Attempt(case, folder, comm if case.parallel else None, saved).run()
+        together = case.parallel and not case.alone
+        if together or folder is not None:
+            _Attempt(case, folder, comm if together else _alone() if case.parallel else None, saved).run()
+
+
+def _alone() -> Any:
+    from mpi4py import MPI  # noqa: PLC0415  (a case of finite elements has loaded it)
+
+    return MPI.COMM_SELF
 
 
 class _Stopped(Exception):
@@ -144,15 +153,19 @@ class _Attempt:
 
     def _solve(self) -> Result:
         case = self.case
-        workspace = ranks.share(self.folder.workspace(case) if self.folder is not None else None)
+        workspace = self.folder.workspace(case) if self.folder is not None else None
+        if self.comm is not None:
+            workspace = self.comm.bcast(workspace, root=0)
         goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
+        more: dict[str, Any] = {"budget": case.budget} if case.budget else {}
         while True:
             progress = Progress(
                 Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
             )
             observer = _Stopper(progress, self.stop_after)
             try:
-                return MODELS[case.model].solve(case.problem, Run(case.accuracy, self.comm, workspace, observer))
+                run = Run(case.accuracy, self.comm, workspace, observer, **more)
+                return MODELS[case.model].solve(case.problem, run)
             except _Stopped:
                 self.stop_after = None
 
@@ -168,7 +181,7 @@ class _Attempt:
             "model": self.case.model,
             "accuracy": self.case.accuracy,
             "labels": dict(self.case.labels),
-            "ranks": ranks.rank_and_size()[1] if self.case.parallel else 1,
+            "ranks": 1 if self.comm is None else self.comm.size,
             "cpu_seconds": cpu,
             "wall_seconds": self.spent[1] + time.monotonic() - self.began[1],
             "steps": self.steps,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,12 +106,12 @@ class Found:
         """Return "done", "running", how the case ended without an answer, or "not run yet"."""
         return str(self.records.get(name, {}).get("state", "not run yet"))
 
-    def missing(self) -> list[str]:
-        """Return one sentence for every case that is not done."""
+    def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
+        """Return one sentence for every case whose state is none of ``answers``."""
         sentences = []
         for case in self.cases:
             state = self.state(case.name)
-            if state == DONE:
+            if state in answers:
                 continue
             reached = len(self.steps(case.name))
             words = [f"{case.name}: {state}"]

@@ -48,7 +48,7 @@ def effects() -> list[Effect]:
         Effect("finite strain", "[finite_strain]", LINEAR, ELEMENTS),
         Effect("substrate (elements)", "[substrate]", ELEMENTS, ELEMENTS | {"substrate": STIFF}),
         Effect("exact sphere (elements)", 'shape = "sphere"', ELEMENTS, _sphere(ELEMENTS)),
-        Effect("mixed form", '[elements] form = "mixed"', ELEMENTS, ELEMENTS | {"elements": {"form": "mixed"}}),
+        Effect("mixed form", '[elements] form = "mixed"', _form("displacement"), _form("mixed")),
         Effect("field output", "[output], all fields", ELEMENTS, ELEMENTS | {"output": {}}),
         Effect(
             "accuracy control (elements)", "[accuracy] to 0.05", ELEMENTS,
@@ -59,6 +59,11 @@ def effects() -> list[Effect]:
 
 def _sphere(scene: Mapping[str, Mapping[str, object]]) -> dict[str, Mapping[str, object]]:
     return {**scene, "balls": {**scene["balls"], "shape": "sphere"}}
+
+
+def _form(form: str) -> dict[str, Mapping[str, object]]:
+    """Return the scene with a form of the elements, at a Poisson's ratio that allows both."""
+    return ELEMENTS | {"layer": {**LAYER, "poisson": 0.48}, "elements": {"form": form}}
 
 
 def toml(scene: Mapping[str, Mapping[str, object]]) -> str:

@@ -8,13 +8,16 @@ from typing import Any
 from runs.studies import Options
 from runs.studies.records import Found
 
+ENDINGS = ("done", "refused", "not converged", "failed")
+"""States that tell how a hard case ended: all but those that wait."""
+
 
 def run(options: Options) -> None:
     """Solve the cases of `matrix.cases`, then write the table and the answer."""
     from runs.studies.frame import Study, run  # noqa: PLC0415
     from runs.studies.stability.matrix import cases  # noqa: PLC0415
 
-    run(Study("stability", cases(options.quick), present), options)
+    run(Study("stability", cases(options.quick), present, answers=ENDINGS), options)
 
 
 def present(found: Found, folder: Path, quick: bool) -> str:

@@ -13,6 +13,8 @@ BALANCE = 0.02
 """Largest relative difference of stored energy and work: the work is summed over load steps along power laws."""
 FORCES = 1e-6
 """Largest relative difference of the forces on the balls and the reaction of the base."""
+RESIDUAL = 1e-3
+"""Largest recomputed residual of a linear answer, over the approach, the peak pressure or the load."""
 
 
 def work(steps: Sequence[Mapping[str, Any]]) -> float:
@@ -81,6 +83,10 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
     if state != DONE:
         return state, reason
     found_faults, passed = _own_checks(steps)
+    residuals = found.records[name].get("solved", {}).get("certificate", {})
+    if "force_balance" not in residuals and residuals:  # recomputed by linear_bem from the pressures it returns
+        text = f"largest recomputed residual {max(residuals.values()):.2g}"
+        (passed if max(residuals.values()) <= RESIDUAL else found_faults).append(text)
     if labels["check"] is not None:
         outcome = compared(found, name, labels["check"])
         words = labels["check"]["words"]
@@ -108,10 +114,23 @@ def _own_checks(steps: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str
     folded = smallest(steps, "smallest_volume_ratio")
     if folded <= 0.0:
         faults.append(f"an element is folded over: smallest J = {folded:.2g}")
+    passed += _routes(steps, faults)
     error, size = _error(steps)
     if size > 0.0 and error > size:
         faults.append("the error of T is larger than T")
     return faults, passed
+
+
+def _routes(steps: Sequence[Mapping[str, Any]], faults: list[str]) -> list[str]:
+    """Return whether a linear answer's two routes to T agree within its error; elements have theirs in the error."""
+    passed: list[str] = []
+    for number, ball in enumerate(steps[-1]["balls"] if steps else []):
+        routes = ball.get("tangential_force_routes", {})
+        if {"mutual", "slope"} <= set(routes):
+            apart = math.dist(routes["mutual"], routes["slope"])
+            text = f"mutual formula against slope integral, ball {number}: {apart:.2g}"
+            (passed if apart <= 1.001 * ball["tangential_force_error"] else faults).append(text)
+    return passed
 
 
 def _error(steps: Sequence[Mapping[str, Any]]) -> tuple[float, float]:

@@ -75,7 +75,8 @@ def hard_cases() -> list[Hard]:
         return {SMALL: Check(with_linear, f"{name}-linear-bem", within)}
 
     return [
-        Hard("usual", "D = 0.1 R on h = 1.16 R, to compare with", usual, (*three, POINT), linear("usual")),
+        Hard("usual", "D = 0.1 R on h = 1.16 R, to compare with", usual, (*three, POINT), {
+            POINT: Check(with_linear, "usual-linear-bem"), **linear("usual")}),
         Hard(
             "one-step", "the whole load in one step", usual, (FINITE,),
             {FINITE: Check("path independence: many steps", "usual-finite-strain", 1e-3)}, one_step,

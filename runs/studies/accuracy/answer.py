@@ -1,0 +1,162 @@
+"""Errors and prices of all cases, the Pareto front, and what to use for an error that can be afforded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.presentation import duration
+from runs.studies.accuracy.matrix import REFERENCES
+from runs.studies.records import DONE, Found
+from runs.studies.tables import markdown, save_csv
+
+WANTED = (0.1, 0.01, 0.001)
+OWN, TRUE = "error within the model", "error against finite strain"
+"""Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
+LADDER = ("model", "accuracy asked", "mesh for an accuracy of", "one rank")
+"""Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
+
+
+def present(found: Found, folder: Path, quick: bool) -> str:
+    """Write accuracy.csv and pareto.svg; return tables and advice as Markdown."""
+    rows = measured(found)
+    if rows:
+        save_csv(folder / "accuracy.csv", rows)
+        draw(rows, folder)
+    lines = ["# What accuracy costs", ""]
+    lines += [
+        "The paper's thin pair with exact spheres (h = 1.16 R, L = 2 R, nu = 0.48), approach "
+        f"{found.cases[0].problem.load.values[0]:g} R. Seconds are processor time of all ranks. An error smaller "
+        "than its reference's own is not known better than that.",
+        "",
+    ]
+    references = [_reference(found, model) for model in ("finite_strain", "small_strain", "linear_bem")]
+    lines += ["## What is measured against", "", *markdown([r for r in references if r is not None]), ""]
+    lines += ["![Error of T against processor time](pareto.svg)", ""]
+    for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
+        lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
+    columns = {
+        "model": "model", "knob": "knob", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
+        "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
+        "seconds": "CPU seconds", "wall": "wall seconds",
+    }  # fmt: skip
+    return "\n".join([*lines, "## Every case", "", *markdown(rows, columns)])
+
+
+def measured(found: Found) -> list[dict[str, Any]]:
+    """Return one row per finished case with its errors; those against a reference that is not there are None."""
+    truth = _force(found, REFERENCES["finite_strain"])
+    rows = []
+    for case in found.cases:
+        if found.state(case.name) != DONE:
+            continue
+        record, force = found.records[case.name], _force(found, case.name)
+        own = _force(found, REFERENCES[case.model])
+        ball = found.steps(case.name)[-1]["balls"][0]
+        rows.append(
+            {
+                "case": case.name,
+                "model": case.model,
+                "knob": case.labels["knob"],
+                "value": case.labels["value"],
+                OWN: None if case.name == REFERENCES[case.model] else _relative(force, own),
+                TRUE: None if case.name == REFERENCES["finite_strain"] else _relative(force, truth),
+                "estimate": ball["tangential_force_error"] / abs(force) if force else None,
+                "steps": len(found.steps(case.name)) if case.parallel else None,
+                "iterations": record["solved"]["iterations"],
+                "unknowns": record["solved"]["unknowns"],
+                "ranks": record["ranks"],
+                # of a fast model its own clock, which leaves out what only the first case of a process waits for
+                "seconds": record["cpu_seconds"] if case.parallel else record["solved"]["seconds"],
+                "wall": record["wall_seconds"] if case.parallel else record["solved"]["seconds"],
+            }
+        )
+    return rows
+
+
+def _force(found: Found, name: str) -> float | None:
+    if found.state(name) != DONE:
+        return None
+    return float(found.steps(name)[-1]["balls"][0]["tangential_force"][0])
+
+
+def _relative(force: float | None, reference: float | None) -> float | None:
+    return None if force is None or not reference else abs(force / reference - 1.0)
+
+
+def _reference(found: Found, model: str) -> dict[str, Any] | None:
+    name = REFERENCES[model]
+    if found.state(name) != DONE:
+        return None
+    ball = found.steps(name)[-1]["balls"][0]
+    force, error = ball["tangential_force"][0], ball["tangential_force_error"]
+    return {"model": model, "T / E1 R²": (force, error), "known to": error / abs(force) if force else None}
+
+
+def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
+    """Return the rows that no other beats in both error and seconds, cheapest first."""
+    known = sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], r[column]))
+    best: list[Mapping[str, Any]] = []
+    for row in known:
+        if not best or row[column] < best[-1][column]:
+            best.append(row)
+    return best
+
+
+def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
+    """Return the cheapest way to every wanted error, of the knobs that a user turns."""
+    answer = []
+    usual = [row for row in rows if row["knob"] in LADDER and row[column] is not None]
+    models = dict.fromkeys(row["model"] for row in usual) if column == OWN else [None]
+    for model in models:
+        for wanted in WANTED:
+            enough = [r for r in usual if r[column] <= wanted and model in (None, r["model"])]
+            best = min(enough, key=lambda row: row["seconds"], default=None)
+            use = (
+                "no case reaches it"
+                if best is None
+                else f"{best['model']}, {best['knob']} {best['value']}".rstrip(", ")
+            )
+            answer.append(
+                {
+                    **({"model": model} if model else {}),
+                    "for": f"{100 * wanted:g} %",
+                    "use": use,
+                    "error reached": None if best is None else best[column],
+                    "it takes": "-" if best is None else duration(best["seconds"]),
+                }
+            )
+    return answer
+
+
+def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
+    """Write pareto.svg and .png: error against seconds within each model, and against the finite-strain answer."""
+    from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure  # noqa: PLC0415
+
+    styles = {
+        "point_load": (PURPLE, "D"),
+        "linear_bem": (BLUE, "s"),
+        "small_strain": (GREEN, "^"),
+        "finite_strain": (ORANGE, "o"),
+    }
+    least = 1e-10  # where a case happens to meet its reference to the last digit
+    with look():
+        figure, axes = panels(5.2, 5.2, height=4.4)
+        for axis, column in zip(axes, (OWN, TRUE), strict=True):
+            for model, (color, marker) in styles.items():
+                for usual, filled in ((True, color), (False, "none")):
+                    chosen = [r for r in rows if r["model"] == model and r[column] is not None]
+                    chosen = [r for r in chosen if (r["knob"] in (*LADDER, "reference")) == usual]
+                    if chosen:
+                        x = [max(r["seconds"], 1e-6) for r in chosen]
+                        y = [max(r[column], least) for r in chosen]
+                        name = model if usual else f"{model}, inner knobs"
+                        axis.plot(x, y, marker, color=color, mfc=filled, ms=6, label=name)
+            best = front(rows, column)
+            x, y = [max(r["seconds"], 1e-6) for r in best], [max(r[column], least) for r in best]
+            axis.plot(x, y, color=GREY, lw=1.0, drawstyle="steps-post", zorder=0, label="Pareto front")
+            axis.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="relative error of T")
+            axis.set_title(column)
+        axes[0].legend(fontsize=8)
+        save_figure(figure, folder, "pareto")

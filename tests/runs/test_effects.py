@@ -1,0 +1,77 @@
+"""What an effect brings in, and that a scene without it runs as if its code did not exist."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from linear_bem.errors import ThirdBodyError
+from runs.scene import read_scene
+from runs.studies.effects import measuring
+from runs.studies.effects.answer import measure, report
+from runs.studies.effects.measuring import Account, largest_difference
+from runs.studies.effects.scenes import LINEAR, effects, toml
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, dict[str, Any]]:
+    chosen = [effect for effect in effects() if effect.name in ("substrate", "finite strain", "mixed form")]
+    return {row["effect"]: row for row in measure(chosen, quick=True)}
+
+
+@pytest.mark.slow
+def test_a_scene_without_an_effect_pays_nothing_for_it(rows: dict[str, dict[str, Any]]) -> None:
+    for row in rows.values():
+        assert row["pays nothing without"], row
+    text = "\n".join(report(list(rows.values()), quick=True))
+    assert "its code did not exist: 3 of 3 effects" in text
+
+
+def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, dict[str, Any]]) -> None:
+    finite = rows["finite strain"]
+    assert {"finite_strain.newton", "meshes.layer"} <= set(finite["modules of its own"].split())
+    assert {"dolfinx", "petsc4py", "gmsh"} <= set(finite["libraries of its own"].split())
+    assert finite["forms without"] == 0
+    assert finite["forms of its own"] >= 3
+    assert finite["unknowns with"] > 10 * finite["unknowns without"]
+    mixed = rows["mixed form"]
+    assert mixed["forms of its own"] > 0
+    assert 1.0 < mixed["unknowns with"] / mixed["unknowns without"] < 1.3  # a pressure per vertex
+    assert rows["substrate"]["modules of its own"] == ""
+
+
+def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> None:
+    measuring.run(LINEAR)
+    with pytest.raises(ThirdBodyError, match=r"without linear_bem\.tangential ended with"):
+        measuring.run(LINEAR, blocked=["linear_bem.tangential"])
+
+
+def test_every_scene_of_the_study_is_a_scene(tmp_path: Any) -> None:
+    for effect in effects():
+        for scene in (effect.without, effect.with_):
+            file = tmp_path / "scene.toml"
+            file.write_text(toml(scene), encoding="utf-8")
+            assert read_scene(file).problem.size == 2
+
+
+def test_results_are_alike_only_where_every_entry_is() -> None:
+    one = {"balls": [{"force": 1.0, "position": [0.0, 1.0]}], "seconds": 1.0, "model": "linear_bem"}
+    assert largest_difference(one, one | {"seconds": 2.0}) == 0.0
+    assert largest_difference(one, {**one, "balls": [{"force": 1.01, "position": [0.0, 1.0]}]}) == pytest.approx(
+        0.0099, rel=0.01
+    )
+    assert largest_difference(one, {**one, "model": "point_load"}) == float("inf")
+    assert largest_difference(one, {**one, "more": 1.0}) == float("inf")
+    assert largest_difference(one, {**one, "balls": [{"force": None, "position": [0.0, 1.0]}]}) == float("inf")
+
+
+def test_what_a_scene_pays_for_is_told_apart() -> None:
+    def account(*modules: str) -> Account:
+        return Account(
+            frozenset(modules), frozenset(), (), 1.0, 1.0, {"solved": {"unknowns": 7}, "balls": [{"a": 1.0}]}
+        )
+
+    assert measuring.own_modules(account("a"), account("a", "c", "b")) == ["b", "c"]
+    assert account().unknowns == 7
+    assert account().columns == {"solved.unknowns", "balls[0].a"}

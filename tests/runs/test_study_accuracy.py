@@ -1,0 +1,93 @@
+"""The accuracy study: knobs that exist, errors against the right reference, the Pareto front, the advice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runs.studies.accuracy.answer import OWN, TRUE, advice, front, measured, present
+from runs.studies.accuracy.matrix import KNOBS, REFERENCES, cases
+from runs.studies.case import varied
+from runs.studies.records import Found
+
+TRUTH = -2e-4
+
+
+def record(force: float, seconds: float, error: float = 1e-6) -> dict[str, Any]:
+    ball = {"tangential_force": [force, 0.0], "tangential_force_error": error}
+    return {
+        "state": "done", "steps": [{"balls": [ball]}], "cpu_seconds": seconds, "wall_seconds": seconds, "ranks": 2,
+        "solved": {"iterations": 3, "unknowns": 100, "seconds": seconds},
+    }  # fmt: skip
+
+
+@pytest.fixture
+def found() -> Found:
+    errors = {
+        "finite-strain-reference": (0.0, 900.0), "finite-strain-mesh-0.2": (0.05, 10.0),
+        "finite-strain-mesh-0.02": (0.004, 100.0), "finite-strain-mesh-0.05": (0.06, 40.0),
+        "linear-bem-reference": (0.08, 0.3), "linear-bem-0.01": (0.081, 0.02), "linear-bem-0.0001": (0.08, 0.1),
+        "point-load": (0.3, 1e-4),
+    }  # fmt: skip
+    return Found(tuple(cases(quick=False)), {name: record(TRUTH * (1 + e), s) for name, (e, s) in errors.items()})
+
+
+def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned() -> None:
+    pytest.importorskip("dolfinx")
+    for place, values in KNOBS.values():
+        for value in values:
+            with varied({place: value}):
+                pass
+    for case in cases(quick=False):
+        with varied(case.constants):
+            pass
+
+
+def test_errors_are_within_the_model_and_against_finite_strain(found: Found) -> None:
+    rows = {row["case"]: row for row in measured(found)}
+    assert len(rows) == 8
+    assert rows["linear-bem-0.01"][TRUE] == pytest.approx(0.081)
+    assert rows["linear-bem-0.01"][OWN] == pytest.approx(1.081 / 1.08 - 1.0)
+    assert rows["linear-bem-reference"][OWN] is None
+    assert rows["finite-strain-reference"][TRUE] is None
+    assert rows["finite-strain-mesh-0.02"][OWN] == rows["finite-strain-mesh-0.02"][TRUE]
+    assert rows["point-load"][OWN] == pytest.approx(1.3 / 1.08 - 1.0)
+    lone = Found(found.cases, {"point-load": found.records["point-load"]})
+    assert measured(lone)[0][TRUE] is None
+
+
+def test_the_front_holds_what_nothing_beats(found: Found) -> None:
+    best = [row["case"] for row in front(measured(found), TRUE)]
+    assert best == [
+        "point-load",
+        "linear-bem-0.01",
+        "linear-bem-0.0001",
+        "finite-strain-mesh-0.2",
+        "finite-strain-mesh-0.02",
+    ]
+
+
+def test_the_cheapest_way_to_each_error_is_advised(found: Found) -> None:
+    told = {row["for"]: row for row in advice(measured(found), TRUE)}
+    assert told["10 %"]["use"] == "linear_bem, accuracy asked 0.01"
+    assert told["1 %"]["use"] == "finite_strain, mesh for an accuracy of 0.02"
+    assert told["0.1 %"]["use"] == "no case reaches it"
+
+
+def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> None:
+    text = present(found, tmp_path, quick=False)
+    assert "finite_strain, mesh for an accuracy of 0.02" in text
+    assert "1 min 40 s" in text
+    assert (tmp_path / "pareto.svg").stat().st_size > 5_000
+    assert "no rows yet" in present(Found(found.cases, {}), tmp_path, quick=False)
+
+
+def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
+    for quick in (True, False):
+        names = [case.name for case in cases(quick)]
+        assert len(set(names)) == len(names)
+        assert {REFERENCES[case.model] for case in cases(quick)} <= set(names)
+        assert {case.model for case in cases(quick)} == set(REFERENCES)
+    assert sum(case.alone for case in cases(quick=False)) == 1

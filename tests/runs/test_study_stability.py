@@ -1,0 +1,149 @@
+"""The stability study: what it asks; that it calls right answers right, wrong ones wrong, refusals by their name."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runs.models import MODELS
+from runs.studies.records import Found
+from runs.studies.stability import ENDINGS, present
+from runs.studies.stability.judging import BALANCE, FORCES, compared, energy_balance, verdict, work
+from runs.studies.stability.matrix import cases, hard_cases
+
+POWER_LAW = 1e-12
+
+
+def ball(depth: float, force: float, pull: float = -1e-3, error: float = 1e-5) -> dict[str, Any]:
+    return {
+        "position": [-1.0, 0.0], "radius": 1.0, "approach": depth, "normal_force": force, "contact_area": depth,
+        "peak_pressure": 1.0, "tangential_force": [pull, 0.0], "tangential_force_error": error,
+        "tangential_force_routes": {},
+    }  # fmt: skip
+
+
+def path(power: float, *depths: float, stored: float = 1.0, **record: Any) -> list[dict[str, Any]]:
+    """Return a load path with Q = D^power whose last stored energy is ``stored`` times the work."""
+    done = depths[-1] ** (power + 1.0) / (power + 1.0)
+    return [
+        {"balls": [ball(d, d**power)], "record": {"force_balance": 1e-9, "strain_energy": stored * done, **record}}
+        for d in depths
+    ]
+
+
+def found(**records: Mapping[str, Any]) -> Found:
+    return Found((), {name: {"state": "done", **record} for name, record in records.items()})
+
+
+def test_work_along_a_power_law_is_exact() -> None:
+    steps = path(1.5, 0.01, 0.03, 0.1)
+    assert work(steps) == pytest.approx(0.1**2.5 / 2.5, rel=POWER_LAW)
+    assert energy_balance(steps) == pytest.approx(0.0, abs=POWER_LAW)
+    assert energy_balance(path(1.5, 0.01, 0.03, 0.1, stored=1.1)) == pytest.approx(1.0 - 1.0 / 1.1)
+    assert math.isnan(energy_balance(path(1.5, 0.05, 0.1)))  # two steps tell no curve
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        ({"stored": 1.0 + 2.0 * BALANCE}, "energy against work"),
+        ({"force_balance": 2.0 * FORCES}, "forces against base"),
+        ({"smallest_volume_ratio": -0.1}, "folded over"),
+    ],
+)
+def test_a_path_out_of_balance_or_folded_over_is_called_wrong(record: dict[str, Any], words: str) -> None:
+    right = found(a={"steps": path(1.5, 0.01, 0.03, 0.1, smallest_volume_ratio=0.7)})
+    assert verdict(right, "a", {"check": None})[0] == "right"
+    wrong = found(a={"steps": path(1.5, 0.01, 0.03, 0.1, **record)})
+    ended, why = verdict(wrong, "a", {"check": None})
+    assert ended == "WRONG"
+    assert words in why
+
+
+def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() -> None:
+    def pair(other: float, **check: Any) -> tuple[str, str]:
+        records = found(
+            a={"steps": [{"balls": [ball(0.1, 0.1, pull=-1e-3)], "record": {}}]},
+            b={"steps": [{"balls": [ball(0.1, 0.1, pull=other)], "record": {}}]},
+        )
+        given = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, **check}
+        return verdict(records, "a", {"check": given})
+
+    assert pair(-1.01e-3)[0] == "right"  # 1 % apart, two error bars of 1 % each
+    assert pair(-1.05e-3)[0] == "WRONG"
+    assert pair(-1.01e-3, within=0.02)[0] == "right"
+    assert pair(-1.01e-3, within=0.001)[0] == "WRONG"
+    assert pair(-1e-6, factor=1e3, within=1e-6)[0] == "right"
+    alone = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]})
+    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0}
+    assert compared(alone, "a", check) is None
+    assert "has no answer" in verdict(alone, "a", {"check": check})[1]
+
+
+def test_refusals_need_a_name_and_failures_keep_theirs() -> None:
+    assert verdict(found(a={"state": "refused", "reason": "too deep"}), "a", {}) == ("named refusal", "too deep")
+    assert verdict(found(a={"state": "refused", "reason": ""}), "a", {})[0] == "WRONG"
+    assert verdict(found(a={"state": "not converged", "reason": "step 3"}), "a", {}) == ("not converged", "step 3")
+    assert verdict(found(), "a", {})[0] == "not run yet"
+
+
+def test_a_linear_answer_is_judged_by_its_routes_and_recomputed_residuals() -> None:
+    def linear(slope: float, residual: float) -> str:
+        state = ball(0.1, 0.1) | {"tangential_force_routes": {"mutual": [-1e-3, 0.0], "slope": [slope, 0.0]}}
+        record = {"steps": [{"balls": [state], "record": {}}], "solved": {"certificate": {"load": residual}}}
+        return verdict(found(a=record), "a", {"check": None})[0]
+
+    assert linear(-1.005e-3, 1e-6) == "right"
+    assert linear(-1.05e-3, 1e-6) == "WRONG"
+    assert linear(-1e-3, 1e-2) == "WRONG"
+
+
+def test_every_case_has_models_that_exist_and_checks_that_are_cases() -> None:
+    names = {case.name for case in cases(quick=False)}
+    assert len(names) == len(cases(quick=False))
+    for hard in hard_cases():
+        assert set(hard.models) <= set(MODELS)
+        assert set(hard.checks) <= set(hard.models)
+        for check in hard.checks.values():
+            assert check.other in names
+    for case in cases(quick=True):
+        check = case.labels["check"]
+        assert check is None or check["other"] in {other.name for other in cases(quick=True)}
+
+
+def test_the_matrix_holds_what_the_question_asks() -> None:
+    hard = {h.name: h.problem for h in hard_cases()}
+    assert {p.layer.poisson for p in hard.values()} >= {0.0, 0.48, 0.4999, 0.5}
+    assert min(p.layer.thickness for p in hard.values()) <= 0.1
+    assert max(p.layer.thickness for p in hard.values() if p.balls[0].radius == 1.0) >= 20.0
+    ratios = {p.substrate.young / p.layer.young for p in hard.values() if p.substrate is not None}
+    assert min(ratios) <= 0.1
+    assert max(ratios) >= 1e7
+    assert any(h.stop_after for h in hard_cases())
+    assert len({ball.radius for ball in hard["unequal"].balls}) == 2
+    scaled, usual = hard["scaled"], hard["usual"]
+    unit = scaled.balls[0].radius ** 2 * scaled.layer.young
+    check = next(h.checks["finite_strain"] for h in hard_cases() if h.name == "scaled")
+    assert check.factor == pytest.approx(unit / (usual.balls[0].radius ** 2 * usual.layer.young))
+
+
+def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
+    chosen = [c for c in cases(quick=False) if c.labels["case"] in ("usual", "deepest")]
+    chosen = [dataclasses.replace(c, labels={**c.labels, "check": None}) for c in chosen]
+    records: dict[str, dict[str, Any]] = {
+        "usual-finite-strain": {"state": "done", "steps": path(1.5, 0.01, 0.03, 0.1, iterations=5, cuts=0)},
+        "deepest-finite-strain": {"state": "refused", "reason": "too deep", "steps": []},
+    }
+    both = Found(tuple(chosen), records)
+    text = present(both, tmp_path, quick=False)
+    assert "1 right" in text
+    assert "1 named refusal" in text
+    assert "4 not run yet" in text
+    assert "| too deep |" in text
+    assert (tmp_path / "stability.csv").exists()
+    assert not [s for s in both.missing(ENDINGS) if s.startswith("deepest-finite")]
