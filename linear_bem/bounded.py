@@ -46,6 +46,7 @@ class _Joined:
         self.ends = np.cumsum([a * b for a, b in self.shapes])
         self.heights = heights
         self.members = [np.array(p.members) for p in patches.patches]
+        self._known: tuple[Array, Array, NDArray[np.intp]] | None = None
         self.area = np.concatenate(
             [np.full(a * b, p.cell**2) for (a, b), p in zip(self.shapes, patches.patches, strict=True)]
         )
@@ -65,14 +66,27 @@ class _Joined:
         )
 
     def envelope(self, approaches: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Return the lowest indenter's depth D - f [m] at each cell, and which ball that is."""
-        depth, owner = [], []
+        """Return the lowest indenter's depth D - f [m] at each cell, and which ball that is.
+
+        Kept while the approaches are; where all move together only the depth changes.
+        """
+        if self._known is not None:
+            at, depth, owner = self._known
+            shift = approaches - at
+            if np.ptp(shift) == 0.0:
+                return depth + shift[0] if shift[0] != 0.0 else depth, owner
+        lowest, owners = [], []
         for f, members in zip(self.heights, self.members, strict=True):
-            each = approaches[members][:, None, None] - f
-            which = np.argmax(each, axis=0)
-            depth.append(np.take_along_axis(each, which[None], 0)[0].ravel())
-            owner.append(members[which].ravel())
-        return np.concatenate(depth), np.concatenate(owner)
+            best, which = approaches[members[0]] - f[0], np.full(f[0].shape, members[0])
+            for height, ball in zip(f[1:], members[1:], strict=True):
+                each = approaches[ball] - height
+                deeper = each > best
+                best[deeper] = each[deeper]
+                which[deeper] = ball
+            lowest.append(best.ravel())
+            owners.append(which.ravel())
+        self._known = approaches.copy(), np.concatenate(lowest), np.concatenate(owners)
+        return self._known[1:]
 
 
 def solve_bounded(
