@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -16,15 +15,13 @@ from linear_bem.grid_contact import GridContacts, grid_levels
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import SmoothSolution
 from linear_bem.problem import Problem
+from linear_bem.resting import rest_height, rested
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.shapes import height
 from linear_bem.smooth_contact import DENSE, Start, first_guess, overlap, solve_smooth
 from linear_bem.solution import SmoothContacts
 from linear_bem.tangential import half_space_pulls
 
 Array = NDArray[np.float64]
-
-Contacts = TypeVar("Contacts", SmoothContacts, GridContacts)
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
@@ -100,8 +97,9 @@ def solve(problem: Problem, tangential_force: float = 1e-4) -> Result:
     """Return the small-strain answer with T to the relative accuracy ``tangential_force``.
 
     The accuracy is relative to the largest T in the problem, or to 1e-4 of the force that a half-space of the layer's
-    material would transmit if that is more (T may pass through zero); where it cannot be reached,
-    ``result.solved.notes`` says what was. Raises `NotConverged` where no certified answer is found.
+    material would transmit if that is more (T may pass through zero); where it cannot be reached, or T is known less
+    exactly relative to itself, ``result.solved.notes`` says what was. Raises `NotConverged` where no certified answer
+    is found.
     """
     return solve_contact(problem, tangential_force).result()
 
@@ -117,6 +115,7 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     begun = time.perf_counter()
     kernel = LayeredKernel.of(problem)
     contacts, error, notes = _refined(problem, kernel, tangential_force)
+    notes = notes or _cancelled(contacts, error, tangential_force)
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
@@ -192,7 +191,7 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
             error, settled = _change(previous, contacts)
             reached = float(np.max(error)) / _size(contacts)
             if reached <= wanted and settled <= _enough(wanted):
-                return _rested(contacts), error, ()
+                return rested(contacts), error, ()
         previous = contacts
     assert previous is not None
     if not np.all(np.isfinite(error)):
@@ -200,8 +199,22 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         error = np.maximum(np.max(np.abs(previous.mutual_force - previous.slope_force), axis=1), _floor(previous))
         reached = float(np.max(error)) / _size(previous)
         note = f"only one grid fits: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
-        return _rested(previous), error, (note,)
-    return _rested(previous), error, (_note("finest grid", wanted, reached, settled),)
+        return rested(previous), error, (note,)
+    return rested(previous), error, (_note("finest grid", wanted, reached, settled),)
+
+
+def _cancelled(contacts: SmoothContacts | GridContacts, error: Array, wanted: float) -> tuple[str, ...]:
+    """Return a note where T is so small that it is not known to the accuracy asked for relative to itself."""
+    largest, known = float(np.max(np.abs(contacts.mutual_force))), float(np.max(error))
+    transmitted = float(np.max(_pulls(contacts)))
+    if transmitted == 0.0 or known <= wanted * largest:
+        # with one loaded ball there is no T to know
+        return ()
+    share = known / largest if largest > 0.0 else math.inf
+    return (
+        f"T is close to zero: it is known to {known:.1e} N, which is {share:.0e} of the largest T ({wanted:.0e} was "
+        f"asked for) and {known / transmitted:.0e} of what a half-space would transmit",
+    )
 
 
 def _steep(problem: Problem, guess: Start) -> bool:
@@ -282,35 +295,8 @@ def smooth_state(
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
     contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, precision)
-    contacts = _rested(contacts)
+    contacts = rested(contacts)
     lifted = [i for i in range(problem.size) if i not in touching]
-    if any(contacts.approaches[i] > _rest_height(contacts, i) + 1e-9 * np.max(np.abs(approaches)) for i in lifted):
+    if any(contacts.approaches[i] > rest_height(contacts, i) + 1e-9 * np.max(np.abs(approaches)) for i in lifted):
         raise NotConverged("linear_bem: a ball taken for lifted touches the surface")
     return contacts
-
-
-def _rested(contacts: Contacts) -> Contacts:
-    """Return the contacts with every ball of zero prescribed force at the height where it just touches."""
-    load = contacts.problem.load
-    resting = [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
-    if not resting:
-        return contacts
-    approaches = contacts.approaches.copy()
-    approaches[resting] = [_rest_height(contacts, i) for i in resting]
-    return replace(contacts, approaches=approaches)
-
-
-def _rest_height(contacts: SmoothContacts | GridContacts, ball: int) -> float:
-    """Return the approach [m] at which an unloaded ball just touches the deformed surface."""
-    f = height(contacts.problem.balls[ball])
-    x0, y0 = contacts.problem.balls[ball].position
-    centre, reach = np.array([x0, y0]), 0.1 * contacts.problem.balls[ball].radius
-    value = np.inf
-    for _ in range(12):
-        grid = np.linspace(-reach, reach, 7)
-        x, y = np.meshgrid(centre[0] + grid, centre[1] + grid)
-        gap = contacts.displacement(x, y) + f(x, y)
-        best = np.unravel_index(int(np.argmin(gap)), gap.shape)
-        value = min(value, float(gap[best]))
-        centre, reach = np.array([x[best], y[best]]), 0.4 * reach
-    return value

@@ -36,6 +36,16 @@ def test_accuracy_asked_is_accuracy_given_and_the_estimate_covers_the_error(name
         assert ball.tangential_force_error <= wanted * np.max(np.abs(exact[name]))
 
 
+def test_next_to_a_change_of_sign_the_error_relative_to_t_itself_is_said():
+    problem = problem_of("close to a change of sign")
+    ball, notes = (result := solve(problem, 1e-4)).balls[0], result.solved.notes
+    assert ball.tangential_force_error > 1e-4 * np.hypot(*ball.tangential_force)
+    assert "close to zero" in notes[0]
+    assert f"{max(b.tangential_force_error for b in result.balls):.1e} N" in notes[0]
+    # as exact as asked relative to itself after all: nothing to say
+    assert not solve(problem, 1e-2).solved.notes
+
+
 def test_more_accuracy_takes_more_unknowns():
     problem = problem_of("heavy")
     assert solve(problem, 1e-6).solved.unknowns > solve(problem, 1e-2).solved.unknowns
