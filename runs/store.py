@@ -23,7 +23,7 @@ PICTURES = "pictures"
 OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "run.log", "tangential_force.png", "tangential_force.svg",
     "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png", "distances.svg", "evolution.gif",
-    "ensemble.png", "ensemble.svg", ".lock",
+    "ensemble.png", "ensemble.svg", "report.html", ".lock",
 )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ def pictures_of(folder: Path) -> list[Path]:
 
 def figure(path: Path, number: int, words: str = "") -> str:
     """Return the picture with its caption; ``number`` keeps the names inside one SVG apart from another's."""
-    words = words or SHOWN.get(path.stem, path.stem.replace("_", " ").capitalize())
+    words = words or said_of(path.stem)
     if path.suffix == ".svg":
         content, ratio = _inline(path.read_text(encoding="utf-8"), f"figure{number}", words)
     else:
@@ -48,6 +48,16 @@ def figure(path: Path, number: int, words: str = "") -> str:
     shape = "picture wide" if ratio >= WIDE else "picture tall"
     inside = tag("div", content, class_=shape, tabindex="0", role="group", aria_label=words)
     return tag("figure", inside + tag("figcaption", escape(words)))
+
+
+def said_of(stem: str) -> str:
+    """Return what a picture shows, by the stem of its file: those that `thirdbody render` names, and all others."""
+    drawn = re.fullmatch(r"(.+)_([a-z]+)_step_(\d+)", stem)
+    if drawn is None:
+        return SHOWN.get(stem, stem.replace("_", " ").capitalize())
+    name, view, step = drawn.groups()
+    field = name.replace("_", " ").capitalize()
+    return f"{field} on the deformed layer under its balls in three dimensions: {view}, load step {int(step)}."
 
 
 def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:

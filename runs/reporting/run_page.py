@@ -44,7 +44,7 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     if routes:
         rows = [{"route": name.replace("_", " "), "Tx [N]": v[0], "Ty [N]": v[1]} for name, v in routes.items()]
         parts.append(section("How T is known", table(rows, "The same force by independent routes")))
-    parts.append(_versions(document["solved"]))
+    parts += [_accuracy(document["solved"]), _versions(document["solved"])]
     return parts
 
 
@@ -78,6 +78,7 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
         _notes(list(notes)),
         section("Finite against small strain", table(shown, f"Ball {ball}; {LEGEND}; S: finite over linear T")),
         section("Balls", _balls(balls, scale)),
+        _accuracy(finite["solved"]),
         _versions(finite["solved"]),
     ]
 
@@ -201,6 +202,26 @@ def _along(force: Sequence[float] | None, balls: Sequence[Mapping[str, Any]], ba
     if force is None or any(c is None for c in force):
         return None
     return attraction(balls, ball, force) / scale.force
+
+
+def _accuracy(solved: Mapping[str, Any]) -> str:
+    """Return what accuracy was asked and reached, and on which meshes; nothing where the model does not tell."""
+    told = solved.get("accuracy") or {}
+    if not told:
+        return ""
+    asked, reached = (f"{100.0 * told[key]:.2g} %" for key in ("asked", "reached"))
+    met = "met" if told.get("met") else "not met"
+    words = paragraph(f"Asked for T: {asked}; reached: {reached} ({met}). It ended there because: {told['stopped']}.")
+    rows = [
+        {
+            "element size": mesh["element_size"],
+            "unknowns": mesh["unknowns"],
+            "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
+            "seconds": mesh["seconds"],
+        }
+        for mesh in told.get("meshes", [])
+    ]
+    return section("Accuracy", words, table(rows, "Meshes used; sizes over the main mesh's") if rows else "")
 
 
 def _versions(solved: Mapping[str, Any]) -> str:

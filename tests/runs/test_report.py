@@ -16,7 +16,9 @@ from typing import Any
 
 import pytest
 
-from runs.reporting.pictures import figure
+from runs.reporting import page_of
+from runs.reporting.folder import read_folder
+from runs.reporting.pictures import figure, said_of
 from runs.store import MARK
 from tests.launch import ROOT, mpirun, python
 
@@ -186,6 +188,40 @@ def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
     assert "url(#figure2-a)" in second
     assert 'class="picture wide"' in first
     assert "shows &quot;x&quot;" in first
+
+
+def test_a_rendered_picture_says_what_it_shows() -> None:
+    assert said_of("von_mises_section_step_0007") == (
+        "Von mises on the deformed layer under its balls in three dimensions: section, load step 7."
+    )
+    assert said_of("surface").startswith("Contact pressure")
+    assert said_of("anything_else") == "Anything else"
+
+
+def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) -> None:
+    state = {
+        "position": [0.0, 0.0], "radius": 1.0, "approach": 0.1, "normal_force": 0.1, "tangential_force": [0.0, 0.0],
+        "tangential_force_error": 0.0, "peak_pressure": 1.0, "contact_area": 0.1,
+    }  # fmt: skip
+    meshes = [{"element_size": 1.4, "unknowns": 9648, "reached": None, "seconds": 5.0}]
+    accuracy = {
+        "asked": 0.02,
+        "reached": 0.031,
+        "met": False,
+        "stopped": "the budget of 60000 unknowns",
+        "meshes": meshes,
+    }
+    solved = {"seconds": 1.0, "ranks": 1, "iterations": 3, "unknowns": 7, "notes": [], "accuracy": accuracy}
+    problem = {"balls": [{"radius": 1.0}], "layer": {"young": 1.0}}
+    (tmp_path / MARK).write_text(
+        json.dumps(
+            {"identity": {"command": "solve", "model": "finite_strain", "problem": problem}, "state": "finished"}
+        )
+    )
+    (tmp_path / "result.json").write_text(json.dumps({"balls": [state], "steps": [], "solved": solved}))
+    text = " ".join(Page(page_of(read_folder(tmp_path))).text)
+    assert "Asked for T: 2 %; reached: 3.1 % (not met). It ended there because: the budget of 60000 unknowns." in text
+    assert "9648" in text
 
 
 @dataclasses.dataclass(frozen=True)
