@@ -54,13 +54,7 @@ def provider(
         return Provider(
             DirectForces(problem, accuracy or DIRECT_ACCURACY), ("the full model is asked at every step",), cheap=False
         )
-    asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
-    settings: dict[str, Any] = {"accuracy": asked}
-    if model.parallel:
-        from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
-
-        settings["elements"] = FORMAT
-    table = PairTable(problem, model.name, lambda one: model.solve(one, Run(asked, comm)), folder, settings)
+    table = table_of(model, problem, accuracy, folder, comm)
     if ranks.is_root() and table.missing:
         tell(f"pair table {table.path}: {table.missing} runs of {model.name} to go")
     table.complete(tell)
@@ -70,6 +64,17 @@ def provider(
         f"{100.0 * worst['coupled']:.2g} % of the largest (bare sum of pair forces: {100.0 * worst['bare_sum']:.2g} %)"
     )
     return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
+
+
+def table_of(model: Model, problem: Problem, accuracy: float | None, folder: Path, comm: Any = None) -> PairTable:
+    """Return the table of pairs that belongs to ``problem``, as far as it is there; nothing is computed."""
+    asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
+    settings: dict[str, Any] = {"accuracy": asked}
+    if model.parallel:
+        from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
+
+        settings["elements"] = FORMAT
+    return PairTable(problem, model.name, lambda one: model.solve(one, Run(asked, comm)), folder, settings)
 
 
 def _point_loads(problem: Problem) -> PairForces:

@@ -18,6 +18,8 @@ WORTH_KEEPING = 0.02
 """Displacement since the last kept moment, over the smallest touching distance, that makes another worth keeping."""
 APART = 1e-3
 """Gap over touching distance at which a pair that touched counts as parted."""
+NEIGHBOURS = 1.2
+"""Starting distance over the smallest one up to which two balls are neighbours."""
 
 
 @dataclass
@@ -85,12 +87,18 @@ def summary(moments: Sequence[Mapping[str, Any]], balls: HardBalls, *, at_rest: 
     contacts = moments[-1]["contacts"]
     touches = [e for e in events(moments, balls) if e["kind"] == "touch"]
     grouped = next((m["sigma"] for m in moments if len(balls.groups(np.array(m["positions"]))) == 1), None)
+    sizes = [sorted((len(g) for g in balls.groups(np.array(m["positions"]))), reverse=True) for m in moments]
+    first = balls.gaps(np.array(moments[0]["positions"])) + balls.distances
+    beside = np.flatnonzero(first <= NEIGHBOURS * np.min(first))
     centred = x - x.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
     return {
         "at_rest": at_rest,
         "sigma_end": moments[-1]["sigma"],
         "sigma_one_group": grouped,
+        "group_sizes": [now for k, now in enumerate(sizes) if k == 0 or now != sizes[k - 1]],
+        "neighbours": len(beside),
+        "neighbours_kept": int(np.sum(balls.gaps(x, beside) <= APART * balls.distances[beside])),
         "first_pairs": [e["pair"] for e in touches[:4]],
         "contacts": len(contacts),
         "groups": sorted((len(g) for g in balls.groups(x)), reverse=True),

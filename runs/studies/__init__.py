@@ -14,6 +14,7 @@ STUDIES = {
     "benchmarks": "seconds and errors against other contact codes; growth with the number of balls",
     "strengthening": "how much stronger finite strain makes the tangential force",
     "accuracy": "what accuracy costs in time",
+    "experiments": "the paper's drifting balls, run by run beside what it reports",
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
 }

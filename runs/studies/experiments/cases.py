@@ -1,0 +1,128 @@
+"""The runs of the study: the source's experiments, and other readings of what it leaves open, in either model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linear_bem.problem import FiniteStrain
+from runs.evolution.evolving import TABLES, Evolution, rows
+from runs.evolution.forces import at
+from runs.evolution.providers import table_of
+from runs.evolution.showing import draw
+from runs.models import MODELS, standing
+from runs.scene import Scene, read_scene
+from runs.session import Options
+
+SCENES = Path(__file__).resolve().parent.parent.parent / "scenes"
+FINITE_ACCURACY = 0.05
+"""Relative accuracy of T in the finite-strain tables; the scenes that make them ask for the same."""
+QUICK_ENSEMBLE = 3
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """An experiment: scene, positions [m] where a reading changes them, and the scene that makes its finite table.
+
+    ``poisson`` and ``perturbation`` [m] replace the scene's; ``essential`` cases run in the quick version too.
+    """
+
+    name: str
+    scene: str
+    finite: str | None
+    positions: Sequence[Place] | None = None
+    poisson: float | None = None
+    perturbation: float | None = None
+    essential: bool = True
+
+    def read(self, quick: bool) -> Scene:
+        """Return the scene with this reading's positions."""
+        scene = read_scene(SCENES / f"experiment_{self.scene}.toml")
+        sliding = scene.reciprocation
+        assert sliding is not None
+        if quick and sliding.ensemble > QUICK_ENSEMBLE:
+            sliding = sliding.model_copy(update={"ensemble": QUICK_ENSEMBLE})
+        if self.perturbation is not None:
+            sliding = sliding.model_copy(update={"perturbation": self.perturbation})
+        problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
+        if self.poisson is not None:
+            problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
+        return dataclasses.replace(scene, problem=problem, reciprocation=sliding)
+
+
+def line(count: int, distance: float, out: int | None = None, aside: float = 0.0) -> list[Place]:
+    """Return positions [m] in a line along x about the origin; ball ``out`` stands ``aside``."""
+    return [((i - 0.5 * (count - 1)) * distance, aside if i == out else 0.0) for i in range(count)]
+
+
+THICK = "line_of_six_finite_strain"
+CASES = (
+    Case("line of four, 25 mm", "line_of_four_25mm", THICK),
+    Case("line of four, 30 mm", "line_of_four_30mm", THICK),
+    Case("line of six, 25 mm", "line_of_six", THICK),
+    Case("line of six, 30 mm", "line_of_six", THICK, line(6, 0.030), essential=False),
+    Case("line of six, 35 mm", "line_of_six", THICK, line(6, 0.035), essential=False),
+    Case("line of six, nu = 0", "line_of_six", None, poisson=0.0, essential=False),
+    Case("line of six, nu = 0.45", "line_of_six", None, poisson=0.45, essential=False),
+    Case("line of seven, middle out", "line_of_seven", THICK),
+    Case("line of seven, third out", "line_of_seven", THICK, line(7, 0.025, 2, 0.030), essential=False),
+    Case("line of seven, 35 mm, middle out", "line_of_seven", THICK, line(7, 0.035, 3, 0.035), essential=False),
+    Case("nine, 20 mm", "nine_20mm", THICK),
+    Case("nine, 30 mm", "nine_30mm", THICK),
+    Case("nine, 20 mm, shaken by 2 mm", "nine_20mm", THICK, perturbation=2e-3, essential=False),
+    Case("nine, 30 mm, shaken by 2 mm", "nine_30mm", THICK, perturbation=2e-3, essential=False),
+    Case("pair, 16 mm balls", "pair_16mm", "pair_16mm_finite_strain"),
+    Case("pair, 10 mm balls", "pair_10mm", "pair_10mm_finite_strain"),
+    Case("pair, 7 mm balls", "pair_7mm", "pair_7mm_finite_strain"),
+)
+
+
+def finite(scene: Scene) -> Scene:
+    """Return ``scene`` with the effect of finite strain, at the accuracy of the finite-strain tables."""
+    problem = dataclasses.replace(scene.problem, finite_strain=FiniteStrain())
+    effects = (*scene.effects, "finite_strain")
+    return dataclasses.replace(scene, problem=problem, effects=effects, tangential_force=FINITE_ACCURACY)
+
+
+def has_table(scene: Scene) -> bool:
+    """Return whether the finite-strain table of ``scene`` is complete."""
+    problem = standing(finite(scene)).problem
+    return table_of(MODELS["finite_strain"], problem, FINITE_ACCURACY, TABLES).missing == 0
+
+
+def evolve(
+    case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool, pictures: bool, compute: bool = True
+) -> dict[str, Any] | None:
+    """Return the finished document of one run; one that is there is not computed again.
+
+    None where it is not there and ``compute`` is false.
+    """
+    chosen = finite(scene) if model == "finite_strain" else scene
+    stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
+    evolution = Evolution(chosen, model, Options(False, folder / stem, fresh))
+    kept = evolution.open()
+    try:
+        document = kept.finished()
+        if document is None and compute:
+            document = evolution.run(kept, evolution.forces())
+            kept.save(document, rows(document))
+            if pictures:
+                draw(kept.path, evolution, document)
+            kept.finish()
+    finally:
+        kept.close()
+    return document
+
+
+def distances(document: Mapping[str, Any], i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return cycles and the distance [m] of balls i and j."""
+    cycle = np.array([m["cycle"] for m in document["path"]])
+    x = np.array([m["positions"] for m in document["path"]])
+    return cycle, np.hypot(*(x[:, j] - x[:, i]).T)

@@ -1,0 +1,191 @@
+"""The study's answer as text, table and figure."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runs.store import replacing
+from runs.studies.experiments.cases import distances
+from runs.studies.experiments.points import NO, OPEN, POINTS, YES, Documents, Finding, Point
+from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+
+MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
+STYLES = {"linear_bem": "-", "finite_strain": "--"}
+
+
+def findings(point: Point, documents: Documents) -> Finding | None:
+    """Return what the runs of one model show, or None where runs are missing."""
+    return point.judge(documents) if all(name in documents for name in point.cases) else None
+
+
+def answer(found: Mapping[str, Documents], missing: Mapping[str, str], command: str, seconds: float) -> str:
+    """Return the answer in Markdown; ``missing`` names the command that makes each absent finite-strain table."""
+    judged = {model: [findings(point, found[model]) for point in POINTS] for model in MODELS}
+    lines = [_sentence(judged), "", "| the source reports | small strain | finite strain | numbers, and why |"]
+    lines.append("|---|---|---|---|")
+    for k, point in enumerate(POINTS):
+        small, large = judged["linear_bem"][k], judged["finite_strain"][k]
+        numbers = [f"{small.numbers}" if small else ""]
+        if large is not None:
+            numbers.append(f"finite strain: {large.numbers}")
+        verdicts = {f.verdict for f in (small, large) if f is not None}
+        if point.reason and (verdicts & {NO, OPEN} or "fitted" in point.reason):
+            numbers.append(point.reason)
+        cells = [f.verdict if f is not None else "no table yet" for f in (small, large)]
+        lines.append(f"| {point.title} | {cells[0]} | {cells[1]} | {'. '.join(n for n in numbers if n)} |")
+    lines += ["", *_errors(found)]
+    if missing:
+        lines += ["", "Finite-strain tables that are not there (each about 14 finite-element runs; resumable):", ""]
+        lines += [f"- {', '.join(names)}: `{one}`" for one, names in _by_command(missing).items()]
+    lines += ["", f"Made by `{command}` in {seconds:.0f} s of processor time (tables of pairs not counted)."]
+    return "\n".join(lines)
+
+
+def _by_command(missing: Mapping[str, str]) -> dict[str, list[str]]:
+    out: dict[str, list[str]] = {}
+    for name, one in missing.items():
+        out.setdefault(one, []).append(name)
+    return out
+
+
+def _sentence(judged: Mapping[str, list[Finding | None]]) -> str:
+    small = [f for f in judged["linear_bem"] if f is not None]
+    counts = {verdict: sum(f.verdict == verdict for f in small) for verdict in (YES, NO, OPEN)}
+    text = (
+        f"Of {len(small)} reports, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
+        f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
+    )
+    both = [
+        (point.title, s.verdict, f.verdict)
+        for point, s, f in zip(POINTS, judged["linear_bem"], judged["finite_strain"], strict=True)
+        if s is not None and f is not None
+    ]
+    if both:
+        other = [title for title, s, f in both if s != f]
+        changed = f"changes the verdict on: {'; '.join(other)}" if other else "changes no verdict"
+        text += f" Finite strain {changed} (of {len(both)} that its tables cover)."
+    return text
+
+
+def _errors(found: Mapping[str, Documents]) -> list[str]:
+    lines = []
+    for model, name in MODELS.items():
+        tables = {}
+        for document in found[model].values():
+            if document["pair_table"] is not None:
+                tables[str(document["pair_table"]["identity"]["radius"])] = document["pair_table"]["additivity"]
+        for radius, rows in tables.items():
+            text = "; ".join(
+                f"{row['arrangement']} {100 * row['coupled']:.2g} % (bare sum of pairs {100 * row['bare_sum']:.2g} %)"
+                for row in rows
+            )
+            lines.append(
+                f"- {name}, R = {1e3 * float(radius):g} mm: T by the pair table against the full model: {text}"
+            )
+        shares = [
+            (row["share"], case, row["at"])
+            for case, document in found[model].items()
+            for row in document["direct_check"] or []
+            if row["share"] is not None
+        ]
+        if shares:
+            share, case, where = max(shares)
+            lines.append(f"- {name}: on the runs' own starts and ends at most {100 * share:.2g} % ({case}, {where})")
+        worst = max(
+            ((d["position_error"], case) for case, d in found[model].items() if d["path"][-1]["sigma"] > 0.0),
+            default=None,
+        )
+        if worst:
+            lines.append(f"- {name}: positions are known to {1e3 * worst[0]:.2g} mm in time steps ({worst[1]})")
+        for case, document in found[model].items():
+            balance = document["equilibrium"]
+            if document["rest"]["at_rest"] and balance is not None and balance["verdict"] != "stable":
+                lines.append(f"- {name}, {case}: the path ends next to an equilibrium that is {balance['verdict']}")
+    stable = [
+        d["equilibrium"]["distance_from_end"]
+        for model in MODELS
+        for d in found[model].values()
+        if d["rest"]["at_rest"] and d["equilibrium"] and d["equilibrium"]["verdict"] == "stable"
+    ]
+    if stable:
+        lines.append(
+            f"- {len(stable)} paths that came to rest end at a stable equilibrium found by Newton's method, "
+            f"{1e3 * max(stable):.1e} mm from it at most"
+        )
+    return lines
+
+
+def write_table(folder: Path, found: Mapping[str, Documents]) -> None:
+    """Write experiments.csv: every ensemble member of every run."""
+    rows = [
+        {
+            "model": model,
+            "case": case,
+            "seed": member["seed"],
+            "at_rest": member["at_rest"],
+            "cycles_end": member["cycles_end"],
+            "cycles_one_group": member["cycles_one_group"],
+            "contacts": member["contacts"],
+            "groups": " ".join(map(str, member["groups"])),
+            "first_pairs": " ".join(f"{i}-{j}" for i, j in member["first_pairs"]),
+            "neighbours_kept": member["neighbours_kept"],
+            "neighbours": member["neighbours"],
+            "narrow_over_wide": member["narrow_over_wide"],
+        }
+        for model in MODELS
+        for case, document in found[model].items()
+        for member in document["ensemble"]
+    ]
+    with replacing(folder / "experiments.csv") as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def draw(folder: Path, found: Mapping[str, Documents]) -> None:
+    """Write experiments.png and .svg: distances over cycles of a line of four and of the three pairs."""
+    with look():
+        figure, (four, pair) = panels(5.0, 5.0, height=3.9)
+        for model in MODELS:
+            document = found[model].get("line of four, 30 mm")
+            if document is not None:
+                for (i, j), color in zip(((0, 1), (1, 2), (2, 3)), (BLUE, ORANGE, GREEN), strict=True):
+                    cycle, distance = distances(document, i, j)
+                    label = f"balls {i} - {j}" if model == "linear_bem" else None
+                    four.plot(cycle, 1e3 * distance, STYLES[model], color=color, label=label)
+            _draw_pairs(pair, found[model], model)
+        four.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 300.0))
+        four.set_title("Line of four balls, 30 mm apart, on foam")
+        four.legend()
+        pair.axhline(50.0, color=GREY, lw=0.8, ls=":")
+        pair.annotate(
+            "16 mm balls in the experiment", (1.0, 50.0), xycoords=("axes fraction", "data"), xytext=(-2, 4),
+            textcoords="offset points", ha="right", fontsize=8, color=GREY,
+        )  # fmt: skip
+        pair.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 200.0), ylim=(0.0, 75.0))
+        pair.set_title("Pairs on thin rubber" + (" (dashed: finite strain)" if found["finite_strain"] else ""))
+        pair.legend(loc="center right", bbox_to_anchor=(1.0, 0.45))
+        save_figure(figure, folder, "experiments")
+
+
+def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:
+    for size, color in ((16, BLUE), (10, ORANGE), (7, PURPLE)):
+        document = documents.get(f"pair, {size} mm balls")
+        if document is None:
+            continue
+        cycle, distance = distances(document, 0, 1)
+        still = document["rest"]["at_rest"]
+        cycle = np.append(cycle, 200.0) if still else cycle
+        distance = np.append(distance, distance[-1]) if still else distance
+        axis.plot(
+            cycle,
+            1e3 * distance,
+            STYLES[model],
+            color=color,
+            label=f"{size} mm balls" if model == "linear_bem" else None,
+        )
