@@ -101,15 +101,22 @@ def distances(a: Nodes, b: Nodes) -> Array:
     return np.hypot(a.x[:, None] - b.x, a.y[:, None] - b.y)
 
 
-def _pair(kernel: LayeredKernel, a: Nodes, b: Nodes) -> Array:
-    r = distances(a, b)
-    return np.asarray((1.0 / r + kernel.smooth(r)) * b.weights)
+def _pairs(kernel: LayeredKernel, nodes: list[Nodes]) -> dict[tuple[int, int], Array]:
+    """Return the kernel between the nodes of every two zones, once for both directions."""
+    out = {}
+    for i, a in enumerate(nodes):
+        for j in range(i):
+            r = distances(a, nodes[j])
+            out[i, j] = 1.0 / r + kernel.smooth(r)
+            out[j, i] = out[i, j].T
+    return out
 
 
 def displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tuple[list[Array], list[list[Array]]]:
     """Return K p at every zone's nodes, and its derivative by every zone's coefficients."""
     total: list[Array] = []
     derivative: list[list[Array]] = []
+    pairs = _pairs(kernel, nodes)
     for i, here in enumerate(nodes):
         w = np.zeros(len(here.x))
         row: list[Array] = []
@@ -121,7 +128,7 @@ def displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tupl
                     potential = potential + smooth @ here.pressure
                     change = change + smooth @ here.variations
             else:
-                block = _pair(kernel, here, there)
+                block = pairs[i, j] * there.weights
                 potential, change = block @ there.pressure, block @ there.variations
             w += potential
             row.append(change)
