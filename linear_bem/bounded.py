@@ -168,7 +168,8 @@ def solve_bounded(
     raise NotConverged(
         f"grid contact: {limit} conjugate-gradient steps left a gap of {worst:.1e} and a penetration of "
         f"{penetration:.1e} of the approach, tolerance {tolerance:.1e}; a film very much stiffer than its base, and "
-        f"thin against the contact, crowds the pressure at the edge: take a smaller load, a thicker film or a lower E1/E2"
+        "thin against the contact, crowds the pressure at the edge: take a smaller load, a thicker film or a lower "
+        "E1/E2"
     )
 
 
