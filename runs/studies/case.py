@@ -7,6 +7,7 @@ import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,9 @@ def _element_format() -> str:
     return f"elements {FORMAT}"
 
 
+@cache
 def _linear_code() -> str:
+    """Return a digest of the linear model's code as this process found it."""
     import linear_bem  # noqa: PLC0415
 
     digest = hashlib.sha256()

@@ -69,9 +69,15 @@ def test_results_are_alike_only_where_every_entry_is() -> None:
 def test_what_a_scene_pays_for_is_told_apart() -> None:
     def account(*modules: str) -> Account:
         return Account(
-            frozenset(modules), frozenset(), (), 1.0, 1.0, {"solved": {"unknowns": 7}, "balls": [{"a": 1.0}]}
+            frozenset(modules),
+            frozenset(),
+            frozenset(),
+            (),
+            1.0,
+            1.0,
+            {"solved": {"unknowns": 7}, "balls": [{"a": 1.0}]},
         )
 
     assert measuring.own_modules(account("a"), account("a", "c", "b")) == ["b", "c"]
     assert account().unknowns == 7
-    assert account().columns == {"solved.unknowns", "balls[0].a"}
+    assert account().columns == {"solved.unknowns", "balls[].a"}

@@ -164,10 +164,11 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
                         y = [max(r[column], least) for r in chosen]
                         name = model if usual else f"{model}, inner knobs"
                         axis.plot(x, y, marker, color=color, mfc=filled, ms=6, label=name)
-            best = front(rows, column)
-            x, y = [max(r["seconds"], 1e-6) for r in best], [max(r[column], least) for r in best]
-            axis.plot(x, y, color=GREY, lw=1.0, drawstyle="steps-post", zorder=0, label="Pareto front")
+            for model, (color, _) in styles.items() if column == OWN else (("", (GREY, "")),):
+                best = front([r for r in rows if model in ("", r["model"])], column)
+                x, y = [max(r["seconds"], 1e-6) for r in best], [max(r[column], least) for r in best]
+                axis.plot(x, y, color=color, lw=1.0, drawstyle="steps-post", zorder=0)
             axis.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="relative error of T")
-            axis.set_title(column)
+            axis.set_title(f"{column} (lines: Pareto front{'s' if column == OWN else ''})")
         axes[0].legend(fontsize=8)
         save_figure(figure, folder, "pareto")

@@ -96,9 +96,11 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         and proof.unknowns == without.unknowns
         and proof.modules == without.modules
         and proof.libraries == without.libraries
+        and proof.compiled == without.compiled
         and difference <= ROUNDOFF
     )
     kinds = len(set(with_.forms) - set(without.forms))
+    expressions = sum("expressions" in name for name in with_.compiled - without.compiled)
     return {
         "effect": effect.name,
         "called for by": effect.adds,
@@ -106,6 +108,7 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "unknowns with": with_.unknowns,
         "forms without": len(set(without.forms)),
         "forms of its own": kinds,
+        "expressions of its own": expressions,
         "modules of its own": " ".join(name for name in names),
         "libraries of its own": " ".join(sorted(with_.libraries - without.libraries)),
         "result entries of its own": _entries(without, with_),
@@ -120,8 +123,7 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
 
 def _entries(without: Account, with_: Account) -> str:
     """Return the names of entries that only the result with the effect has, outside its scene."""
-    names = {name.split("[")[0].split(".")[0] if "[" in name else name for name in with_.columns - without.columns}
-    return " ".join(sorted(name for name in names if not name.startswith("scene")))
+    return " ".join(sorted(n for n in with_.columns - without.columns if not n.startswith("scene")))
 
 
 def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
@@ -130,7 +132,8 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     paying = [row["effect"] for row in rows if not row["pays nothing without"]]
     price = {
         "effect": "effect", "called for by": "called for by", "unknowns without": "unknowns without",
-        "unknowns with": "with", "forms without": "forms without", "forms of its own": "more forms",
+        "unknowns with": "with", "forms without": "forms without", "forms of its own": "forms of its own",
+        "expressions of its own": "expressions",
         "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
     }  # fmt: skip
     own = [
@@ -145,7 +148,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     proof = [
         {
             "effect": row["effect"],
-            "modules taken away": len(row["modules of its own"].split()),
+            "modules taken away": len(row["modules of its own"].split()) or "it owns none",
             "same forms, unknowns, modules, answer": "yes" if row["pays nothing without"] else "NO",
             "largest relative difference": row["difference of T with its code absent"],
         }

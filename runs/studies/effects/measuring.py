@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -14,6 +15,7 @@ from typing import Any
 from linear_bem.errors import ThirdBodyError
 from runs.studies.effects.scenes import toml
 
+PROBE = Path(__file__).with_name("probe.py")
 UNLIKE_BY_NATURE = ("seconds", "versions")
 """Keys of a result that differ from run to run."""
 ROUNDOFF = 1e-9
@@ -26,7 +28,10 @@ class Account:
 
     modules: frozenset[str]
     libraries: frozenset[str]
+    compiled: frozenset[str]
+    """Modules that the form compiler made: one for each form and each expression."""
     forms: tuple[str, ...]
+    """Signatures of the forms, in the order of their compilation."""
     cpu_seconds: float
     memory_bytes: float
     document: Mapping[str, Any]
@@ -38,8 +43,8 @@ class Account:
 
     @property
     def columns(self) -> frozenset[str]:
-        """Names of all entries of the result, with the tables they are in."""
-        return frozenset(name for name, _ in _leaves(self.document))
+        """Names of all entries of the result, with the tables they are in; [] stands for any row."""
+        return frozenset(re.sub(r"\[\d+\]", "[]", name) for name, _ in _leaves(self.document))
 
 
 def run(scene: Mapping[str, Mapping[str, object]], command: str = "solve", blocked: Sequence[str] = ()) -> Account:
@@ -50,16 +55,18 @@ def run(scene: Mapping[str, Mapping[str, object]], command: str = "solve", block
         words = [command, str(folder / "scene.toml"), "--json", "--out", str(folder / "out")]
         if "finite_strain" in scene:
             words.append("--forms")
-        probe = [sys.executable, "-m", "runs.studies.effects.probe", str(folder / "account.json"), ",".join(blocked)]
+        probe = [sys.executable, "-P", str(PROBE), str(folder / "account.json"), ",".join(blocked)]
         done = subprocess.run([*probe, *words], capture_output=True, text=True, check=False)
         if done.returncode != 0:
             without = f" without {', '.join(blocked)}" if blocked else ""
             raise ThirdBodyError(f"{command}{without} ended with {done.returncode}: {done.stderr.strip()[-2000:]}")
         found = json.loads((folder / "account.json").read_text(encoding="utf-8"))
         document = json.loads(done.stdout)
+    compiled = frozenset(name for name in found["libraries"] if name.startswith("libffcx_"))
     return Account(
         frozenset(found["modules"]),
-        frozenset(found["libraries"]),
+        frozenset(found["libraries"]) - compiled,
+        compiled,
         tuple(found["forms"]),
         found["cpu_seconds"],
         found["memory_bytes"],

@@ -1,7 +1,7 @@
 """A child process that runs one command and says what it loaded, compiled, solved and answered.
 
-Modules named on its command line cannot be imported in it, as if their code did not exist. Run as
-``python -m runs.studies.effects.probe ACCOUNT BLOCKED COMMAND...``, with BLOCKED a comma-separated list.
+Modules named on its command line cannot be imported in it, as if their code did not exist. Run as a file, so that
+nothing of the project is loaded before: ``python -P probe.py ACCOUNT BLOCKED COMMAND...``, BLOCKED separated by commas.
 """
 
 from __future__ import annotations
@@ -77,4 +77,5 @@ def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[3]))
     sys.exit(main(Path(sys.argv[1]), sys.argv[2].split(","), sys.argv[3:]))
