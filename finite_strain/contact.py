@@ -221,21 +221,21 @@ class Contact:
             residual += sign * shifted / (2.0 * step)
         self.approach = approach
 
-    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> np.ndarray:
-        """Add the residual's derivative by an in-plane shift of the ball [N/m], return minus that of its force (2,).
-
-        The residual is a local vector (nodes, 3); the returned values are this rank's share at fixed displacement.
-        """
+    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> None:
+        """Add the residual's derivative by an in-plane shift of the ball [N/m] to a local vector (nodes, 3)."""
         step = 1e-6 * self.radius
-        reference, stiffness = self.reference, np.zeros(2)
+        reference = self.reference
         for sign in (1.0, -1.0):
             self.reference = reference - sign * step * np.eye(3)[axis]
             shifted = np.zeros_like(residual)
             self.add_residual(displacement, shifted)
             residual += sign * shifted / (2.0 * step)
-            stiffness -= sign * self.force(displacement)[:2] / (2.0 * step)
         self.reference = reference
-        return stiffness
+
+    def facets_within(self, radii: np.ndarray) -> np.ndarray:
+        """Return how many of this rank's facets have their centre within radii [m] of the ball's axis."""
+        distances = np.linalg.norm(self.reference[..., :2].mean(axis=1), axis=1)
+        return np.searchsorted(np.sort(distances), radii).astype(float)
 
     def pressure_moment(self, displacement: np.ndarray) -> np.ndarray:
         """Return this rank's share of int p and int p (X - X_ball), int p (Y - Y_ball) over the undeformed surface."""

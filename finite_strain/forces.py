@@ -1,18 +1,9 @@
-"""Forces on the balls by two independent routes: a domain integral, and contact traction.
+"""The in-plane forces on the balls by a domain integral.
 
 The domain integral is Eshelby's: with Sigma_kJ = psi delta_kJ - u_i,k P_iJ and a weight q that is 1
 under one ball's contact and 0 under its neighbours', F_k = -int Sigma_kJ q,J dV (plus surface terms
 that vanish where q is constant under the contacts). It is the domain form of the J-integral [Shih
 Moran Nakamura 1986, doi 10.1007/BF00034019] and needs no resolved contact traction.
-
-The integral of the traction is the derivative of the discrete potential by the ball's position on a
-mesh that stays behind. On a mirror-symmetric mesh that potential is even in the offset of the contact
-from the ball's axis, with a curvature k that translation would not have: the mesh pins the contact. A
-small offset X, the first moment of the pressure over the undeformed surface divided by the force,
-therefore adds -k X to the traction integral, a few per cent of T on affordable meshes. Both are
-computed, k from one linear solve, and k X is added back. For k to be the mesh's own the contact must be
-a plain penalty, so the two routes are compared before the first augmentation, where multipliers
-are zero.
 """
 
 from __future__ import annotations
@@ -23,10 +14,8 @@ import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.contact import Contact
 from finite_strain.domain import ModelBall
 from finite_strain.model import Model
-from finite_strain.newton import NewtonSolver
 from meshes.box import Box
 
 
@@ -53,42 +42,10 @@ class ForceMeter:
     def domain(self, contact_radii: list[float]) -> np.ndarray:
         """Return the in-plane force (balls, 2) [N] on whole balls by domain integral; radii [m] place the ramp."""
         balls = self.model.reduction.balls
-        return np.array([self._domain_force(number, ball, contact_radii) for number, ball in enumerate(balls)])
+        return np.array([self.domain_force(number, ball, contact_radii) for number, ball in enumerate(balls)])
 
-    def traction(self, solver: NewtonSolver) -> np.ndarray:
-        """Return T / Q^2 (balls, 2) [1/N] by contact traction, freed from the pinning of the contact by the mesh.
-
-        The model must be in equilibrium with multipliers of zero.
-        """
-        model, answer = self.model, []
-        for contact, ball in zip(model.contacts, model.reduction.balls, strict=True):
-            total = ball.copies * np.array(model.comm.allreduce(contact.force(model.nodal), op=MPI.SUM))
-            moment = np.array(model.comm.allreduce(contact.pressure_moment(model.nodal), op=MPI.SUM))
-            free = [axis for axis in (0, 1) if axis not in ball.fixed_axes]
-            force = np.zeros(2)
-            if moment[0] > 0.0 and free:
-                stiffness = ball.copies * self._pinning(contact, free, solver)
-                force[free] = total[free] + stiffness @ (moment[1:][free] / moment[0])
-                force /= total[2] ** 2
-            answer.append(force)
-        return np.array(answer)
-
-    def _pinning(self, contact: Contact, axes: list[int], solver: NewtonSolver) -> np.ndarray:
-        """Return minus the derivative of a ball's traction force by its position [N/m], along some axes."""
-        model = self.model
-        columns, responses, own = [], [], np.zeros((len(axes), len(axes)))
-        for number, axis in enumerate(axes):
-            column, response = solver.new_vector(), solver.new_vector()
-            own[:, number] = model.shift_derivative(contact, axis, column)[axes]
-            solver.solve_linear(column, response, refactor=number == 0)
-            columns.append(column)
-            responses.append(response)
-        coupled = np.array([[column.dot(response) for response in responses] for column in columns])
-        for vector in (*columns, *responses):
-            vector.destroy()
-        return own - coupled
-
-    def _domain_force(self, number: int, ball: ModelBall, contact_radii: list[float]) -> tuple[float, float]:
+    def domain_force(self, number: int, ball: ModelBall, contact_radii: list[float]) -> tuple[float, float]:
+        """Return the in-plane force (2,) [N] on one whole ball by domain integral."""
         self._weight.x.array[:] = self._ramp(number, contact_radii)
         vertex_weight = self._weight.x.array
         force = [0.0, 0.0]

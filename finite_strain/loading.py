@@ -13,20 +13,21 @@ from finite_strain.domain import LEAST_SHARE
 from finite_strain.fields import Values
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
+from finite_strain.penalty import Penalties
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
-PENALTY = 10.0
-"""Penalty times contact radius over contact modulus: each augmentation then divides the penetration by about this."""
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
-INDENTATION_CHANGE = 4e-3
+INDENTATION_CHANGE = 0.05
 """Relative change of force times approach by an augmentation at which the contact counts as resolved.
 
-The next augmentation would change it by about a tenth of that.
+The next augmentation would change it by about a fortieth of that.
 """
 MAX_AUGMENTATIONS = 3
+STIFFER = 4.0
+"""How much stiffer the penalty is made where no equilibrium is found with multipliers."""
 MAX_FORCE_ITERATIONS = 12
 MAX_CUTS = 8
 SPURIOUS = 0.3
@@ -35,7 +36,11 @@ SPURIOUS = 0.3
 
 @dataclass
 class StepRecord:
-    """What one load step took: fraction of the full load, Newton iterations, augmentations, cut-backs."""
+    """What one load step took: fraction of the full load, Newton iterations, augmentations, cut-backs.
+
+    ``unresolved`` is by how much of its size the force (or the approach) was extrapolated to a rigid contact
+    because no equilibrium was found with multipliers; 0 elsewhere.
+    """
 
     fraction: float
     newton_iterations: int = 0
@@ -43,6 +48,7 @@ class StepRecord:
     force_iterations: int = 0
     cuts: int = 0
     residual: float = math.nan
+    unresolved: float = 0.0
     normal_forces: list[float] = field(default_factory=list)
 
 
@@ -76,6 +82,7 @@ class LoadPath:
         self.solver = solver
         self._attempt, self._before_augmentation = attempt, before_augmentation
         self.balls = model.reduction.balls
+        self.penalties = Penalties(problem, model)
         values = problem.load.values
         self.targets = [values[0] if len(values) == 1 else values[ball.index] for ball in self.balls]
         counts = [sum(image.model_ball == b for image in model.reduction.images) for b in range(len(self.balls))]
@@ -132,12 +139,46 @@ class LoadPath:
             if record.augmentations == 0:
                 self._penalised = self.model.fields.copy()
                 self._before_augmentation()
-            for contact in self.model.contacts:
-                contact.augment(self.model.nodal)
-            record.augmentations += 1
-            moved = np.max(np.abs(self._newton(record) - forces) / np.maximum(forces, 0.1 * forces.max()))
-            if moved > SPURIOUS:
-                raise NotConverged(f"augmentation {record.augmentations} moved a normal force by {100 * moved:.0f} %")
+                softer = forces, self._approaches()
+            if not self._augment(record, forces):
+                self._stiffen(fraction, record, *softer)
+                return
+
+    def _augment(self, record: StepRecord, forces: np.ndarray) -> bool:
+        """Move the multipliers and find equilibrium again; tell if one was found next to the one before."""
+        for contact in self.model.contacts:
+            contact.augment(self.model.nodal)
+        record.augmentations += 1
+        try:
+            moved = np.abs(self._newton(record) - forces) / np.maximum(forces, 0.1 * forces.max())
+        except NotConverged:
+            return False
+        return bool(np.max(moved) <= SPURIOUS)
+
+    def _stiffen(self, fraction: float, record: StepRecord, forces: np.ndarray, approaches: np.ndarray) -> None:
+        """Resolve the contact by a stiffer penalty instead of multipliers, and extrapolate what is not prescribed.
+
+        The penetration, and with it the error of forces and approaches, is inversely proportional to the penalty.
+        """
+        for contact in self.model.contacts:
+            contact.multiplier[:] = 0.0
+            contact.penalty *= STIFFER
+        self.model.fields.restore(self._penalised)
+        self._newton(record)
+        forces = np.array([self._control_force(fraction, record), forces])
+        approaches = np.array([self._approaches(), approaches])
+        shares = []
+        for stiffer, softer in (forces, approaches):
+            change = (stiffer - softer) / (STIFFER - 1.0)
+            shares.append(np.max(np.abs(change) / np.maximum(np.abs(stiffer), 1e-3 * np.abs(stiffer).max())))
+            stiffer[:] += change
+        record.augmentations, record.unresolved = 0, float(max(shares))
+        record.normal_forces = forces[0].tolist()
+        for contact, approach in zip(self.model.contacts, approaches[0], strict=True):
+            contact.approach = float(approach)
+
+    def _approaches(self) -> np.ndarray:
+        return np.array([contact.approach for contact in self.model.contacts])
 
     def _newton(self, record: StepRecord) -> np.ndarray:
         scale = max(self._expected_force(contact.approach, b) for b, contact in enumerate(self.model.contacts))
@@ -200,10 +241,9 @@ class LoadPath:
     def _set_approaches(self, approaches: np.ndarray | list[float]) -> None:
         """Move the balls and fit each penalty to its contact, but for no ball to a mere touch."""
         deepest = max(approaches)
-        for contact, approach in zip(self.model.contacts, approaches, strict=True):
+        for ball, (contact, approach) in enumerate(zip(self.model.contacts, approaches, strict=True)):
             contact.approach = float(approach)
-            radius = self._indentation(max(contact.approach, LEAST_SHARE * deepest), contact.radius).contact_radius
-            contact.penalty = PENALTY * self.problem.layer.contact_modulus / radius
+            contact.penalty = self.penalties.at(ball, max(contact.approach, LEAST_SHARE * deepest))
 
     def _indentation(self, approach: float, radius: float) -> Indentation:
         return indentation_of_layer(self.problem.layer, self.problem.substrate, radius, approach=approach)
@@ -263,5 +303,6 @@ class LoadPath:
             self.model.fields.clear()
             return
         last = self.history[-1]
-        self.model.fields.restore(last.values)
+        # the next try begins without multipliers, and so must its start
+        self.model.fields.restore(last.penalised)
         self._set_approaches(list(last.approaches))

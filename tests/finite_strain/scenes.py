@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +11,14 @@ import pytest
 
 from finite_strain.domain import Resolution, box_to_mesh, reduce_scene
 from finite_strain.planning import RunPlan
-from linear_bem import Ball, Elastic, Layer, Load, Problem
+from linear_bem import Ball, Elastic, Elements, Layer, Load, Problem
 
 if TYPE_CHECKING:
     from finite_strain.forces import ForceMeter
     from finite_strain.loading import LoadPath, StepRecord
     from finite_strain.model import Model
     from finite_strain.newton import NewtonSolver
+    from finite_strain.traction import TractionRoute
 
 PAPER_LOAD = 2.66666e-3
 STIFF_SUBSTRATE = Elastic(1e3, 0.3)
@@ -51,11 +52,17 @@ def pair(
     substrate: Elastic | None = None,
     shape: str = "sphere",
     angle: float = 0.0,
+    poisson: float = 0.48,
 ) -> Problem:
     """Return two equal balls; a number as load is the approach of both [m]."""
     x, y = 0.5 * distance * math.cos(angle), 0.5 * distance * math.sin(angle)
     load = load if isinstance(load, Load) else Load("approach", (load, load))
-    return on_layer(balls_at((-x, -y), (x, y), shape=shape), load, thickness, substrate)
+    return on_layer(balls_at((-x, -y), (x, y), shape=shape), load, thickness, substrate, poisson)
+
+
+def in_form(form: str, problem: Problem) -> Problem:
+    """Return the problem with the form of its elements named."""
+    return replace(problem, elements=Elements(form))
 
 
 def light_pair() -> Problem:
@@ -85,6 +92,7 @@ class Rig:
     model: Model
     solver: NewtonSolver
     meter: ForceMeter
+    traction: TractionRoute
     path: LoadPath
 
     def contact_radii(self) -> list[float]:
@@ -109,13 +117,15 @@ def coarse_rig(plan: RunPlan, folder: Path) -> Rig:
     from finite_strain.loading import LoadPath  # noqa: PLC0415
     from finite_strain.model import Model  # noqa: PLC0415
     from finite_strain.newton import NewtonSolver  # noqa: PLC0415
+    from finite_strain.traction import TractionRoute  # noqa: PLC0415
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
     write_layer_mesh(plan.boxes[1], folder / "mesh.msh")
     kinematics = Small() if plan.model == "small_strain" else Finite()
     model = Model(plan.problem, plan.reduction, kinematics, folder / "mesh.msh", MPI.COMM_SELF)
     solver = NewtonSolver(model)
-    return Rig(plan, model, solver, ForceMeter(model, plan.boxes[1]), LoadPath(plan.problem, model, solver))
+    meter = ForceMeter(model, plan.boxes[1])
+    return Rig(plan, model, solver, meter, TractionRoute(model, meter, solver), LoadPath(plan.problem, model, solver))
 
 
 class Recorder:

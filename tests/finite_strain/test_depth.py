@@ -94,8 +94,9 @@ def test_a_single_ball_starts_as_the_linear_model_and_ends_as_the_finite_strain_
         scene = single(approach, thickness=1.0, poisson=poisson)
         return linear_bem.solve(scene).balls[0].normal_force
 
-    # theory: softer by 0.065 sqrt(D/R), 0.7 % at the first step; and the mesh
-    assert first.normal_force == relatively(linear(first.approach), 0.02)
+    # theory: softer by 0.065 sqrt(D/R), 0.7 % at the first step; and the mesh, 2.2 % too stiff with five elements
+    # per contact radius (the same at small strain)
+    assert first.normal_force == relatively(linear(first.approach), 0.03)
     # the fit holds for incompressible layers (within 1 %): the linear model tells what nu = 0.48 changes
     fit = long_force(0.3, 1.0, problem.layer, 1.0) * linear(0.3) / linear(0.3, 0.5)
     assert last.normal_force == relatively(fit, 0.03)

@@ -15,7 +15,7 @@ USUAL = 0.05
 KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
     "contact quadrature degree": ("finite_strain.contact.QUADRATURE_DEGREE", (4, 6, 14)),
     "augmentation tolerance": ("finite_strain.loading.INDENTATION_CHANGE", (0.5, 0.01, 0.001)),
-    "penalty": ("finite_strain.loading.PENALTY", (10.0, 160.0)),
+    "penalty": ("finite_strain.penalty.PENALTY", (2.0, 32.0)),
     "Newton tolerance": ("finite_strain.loading.RESIDUAL", (1e-4, 1e-6, 1e-11)),
     "growth of load steps": ("finite_strain.schedule.GROWTH", (1.2, 2.5, 1e3)),
     "ratio of the two meshes": ("finite_strain.planning.COARSENING", (1.2, 2.0)),
