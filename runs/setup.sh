@@ -72,7 +72,7 @@ check_system() {
       "Upgrade, or use a container: docker run -it -v '$checkout:/thirdbody' debian:12 bash"
   fi
   if [[ $ID != debian || ($VERSION_ID != 12 && $VERSION_ID != 13) ]]; then
-    system_note="$PRETTY_NAME is not among the systems this was tried on (Debian 12, 13); going on."
+    system_note="$PRETTY_NAME is not among the systems this is proved on (Debian 12, 13; sid now and then); going on."
   fi
 }
 
