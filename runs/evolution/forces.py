@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from linear_bem import ContactSequence
 from linear_bem.problem import Problem
 
 Array = NDArray[np.float64]
@@ -35,18 +36,17 @@ def at(problem: Problem, positions: Array) -> Problem:
 
 
 class DirectForces:
-    """The full linear model at every positions asked for: exact for many balls and any sizes."""
+    """The full linear model at every positions asked for: exact for many balls and any sizes.
+
+    Each state starts from the one before (`linear_bem.ContactSequence`), so that states agree to ``accuracy``, not to
+    the last digit, between runs that came by different ways.
+    """
 
     def __init__(self, problem: Problem, accuracy: float) -> None:
-        self.problem, self.accuracy = problem, accuracy
+        self.problem = problem
+        self._sequence = ContactSequence(accuracy)
 
     def __call__(self, positions: Array) -> State:
-        """Return the state at ``positions``; raises what `linear_bem.solve` raises."""
-        from linear_bem import solve  # noqa: PLC0415
-
-        balls = solve(at(self.problem, positions), tangential_force=self.accuracy).balls
-        return State(
-            np.array([ball.tangential_force for ball in balls]),
-            np.array([ball.normal_force for ball in balls]),
-            np.array([ball.tangential_force_error for ball in balls]),
-        )
+        """Return the state at ``positions``; raises what `linear_bem.ContactSequence` raises."""
+        found = self._sequence.solve(at(self.problem, positions))
+        return State(found.tangential_force, found.normal_forces, found.tangential_force_error)

@@ -18,6 +18,7 @@ from runs.evolution.evolving import evolve_scene
 from runs.scene import Scene, read_scene
 from runs.session import Options
 from tests.launch import ROOT, python
+from tests.test_architecture import HEAVY, LOADED
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
 FOUR = ROOT / "runs" / "scenes" / "experiment_line_of_four_30mm.toml"
@@ -223,3 +224,12 @@ def test_refusals_name_what_is_wrong(command: str, change: tuple[str, str], says
 def test_a_scene_that_does_not_slide_cannot_evolve(tmp_path: Path) -> None:
     with pytest.raises(UnsupportedProblem, match=r"needs \[reciprocation\]"):
         evolve_scene(read_scene(ROOT / "runs/scenes/separation_16mm.toml"), None, Options(False, tmp_path, False))
+
+
+def test_an_evolution_by_the_linear_model_never_loads_dolfinx(tmp_path: Path) -> None:
+    file = tmp_path / "three.toml"
+    file.write_text(TEXT.replace("ensemble = 3", "").replace("cycles = 400", "cycles = 1"), encoding="utf-8")
+    done = python("-c", LOADED, "evolve", file, "--model", "point_load", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.split("LOADED")[1].split())
+    assert not loaded & (HEAVY | {"finite_strain"})

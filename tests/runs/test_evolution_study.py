@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from linear_bem import Load, Result, solve
+from linear_bem.result import Solved, Step
 from runs import studies
 from runs.evolution import evolving, pair_table
+from runs.evolution.forces import at
+from runs.evolution.providers import provider
+from runs.models import MODELS, choose, standing
+from runs.scene import read_scene
 from runs.studies.experiments import cases, points, report
 
 NAMES = {"line of four, 25 mm", "line of four, 30 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls"}
@@ -86,3 +94,50 @@ def test_the_answer_names_verdicts_errors_and_missing_tables(out: Path) -> None:
         rows = list(csv.DictReader(file))
     assert {row["case"] for row in rows} == NAMES
     assert {row["first_pairs"].split()[0] for row in rows if row["case"].startswith("line")} <= {"0-1", "2-3"}
+
+
+def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The elements' place is taken by the linear model with a stronger T: it is the table that is asked here."""
+    asked: list[int] = []
+
+    def stand_in(problem: Any, run: Any) -> Result:
+        asked.append(problem.size)
+        path = []
+        for share in (0.1, 0.2, 0.4, 0.7, 1.0) if problem.size == 1 else (1.0,):
+            values = tuple(share * v for v in problem.load.values)
+            linear = dataclasses.replace(problem, finite_strain=None, load=Load("approach", values))
+            balls = solve(linear, tangential_force=1e-2).balls
+            strong = [
+                dataclasses.replace(b, tangential_force=(1.25 * b.tangential_force[0], 1.25 * b.tangential_force[1]))
+                for b in balls
+            ]
+            path.append(Step(tuple(strong)))
+        return Result("finite_strain", path[-1].balls, Solved(True, 1, 1, 0.0), tuple(path))
+
+    monkeypatch.setitem(MODELS, "finite_strain", dataclasses.replace(MODELS["finite_strain"], solve=stand_in))
+    monkeypatch.setattr(cases, "TABLES", tmp_path)
+    case = next(case for case in cases.CASES if case.name == "pair, 16 mm balls")
+    scene = case.read(quick=True)
+    assert not cases.has_table(scene)
+    written = read_scene(cases.SCENES / f"experiment_{case.finite}.toml")
+    model, problem, _ = choose(standing(written))
+    assert model.name == "finite_strain"
+    provider(model, problem, written.tangential_force, "pairs", tmp_path)
+    assert asked == [1, *[2] * len(pair_table.FEW), 3, 4]
+    # the table that the shipped scene makes is the one that the study looks for
+    assert cases.has_table(scene)
+    given = provider(model, problem, written.tangential_force, "pairs", tmp_path)
+    assert len(asked) == 3 + len(pair_table.FEW)
+    x = np.array([ball.position for ball in problem.balls])
+    linear = solve(dataclasses.replace(problem, finite_strain=None), tangential_force=1e-3).balls[0]
+    state = given.forces(x)
+    assert state.tangential[0, 0] == pytest.approx(1.25 * linear.tangential_force[0], rel=1e-3)
+    # beyond the table it follows the linear decay
+    far = np.array([[0.0, 0.0], [0.07, 0.0]])
+    weak = spread(problem, far)
+    assert given.forces(far).tangential[0, 0] == pytest.approx(1.25 * weak, rel=0.03)
+
+
+def spread(problem: Any, x: Any) -> float:
+    linear = dataclasses.replace(at(problem, x), finite_strain=None)
+    return solve(linear, tangential_force=1e-3).balls[0].tangential_force[0]

@@ -23,6 +23,8 @@ SCENES = Path(__file__).resolve().parent.parent.parent / "scenes"
 FINITE_ACCURACY = 0.05
 """Relative accuracy of T in the finite-strain tables; the scenes that make them ask for the same."""
 QUICK_ENSEMBLE = 3
+DIRECT_TOLERANCE = 1e-5
+"""Of a step, in radii, where T is only known to a hundredth."""
 
 Place = tuple[float, float]
 
@@ -31,7 +33,8 @@ Place = tuple[float, float]
 class Case:
     """An experiment: scene, positions [m] where a reading changes them, and the scene that makes its finite table.
 
-    ``poisson`` and ``perturbation`` [m] replace the scene's; ``essential`` cases run in the quick version too.
+    ``poisson`` and ``perturbation`` [m] replace the scene's; ``direct``: one member, the full model at every step;
+    ``essential`` cases run in the quick version too.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Case:
     positions: Sequence[Place] | None = None
     poisson: float | None = None
     perturbation: float | None = None
+    direct: bool = False
     essential: bool = True
 
     def read(self, quick: bool) -> Scene:
@@ -51,6 +55,8 @@ class Case:
             sliding = sliding.model_copy(update={"ensemble": QUICK_ENSEMBLE})
         if self.perturbation is not None:
             sliding = sliding.model_copy(update={"perturbation": self.perturbation})
+        if self.direct:
+            sliding = sliding.model_copy(update={"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE})
         problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
@@ -78,6 +84,7 @@ CASES = (
     Case("nine, 30 mm", "nine_30mm", THICK),
     Case("nine, 20 mm, shaken by 2 mm", "nine_20mm", THICK, perturbation=2e-3, essential=False),
     Case("nine, 30 mm, shaken by 2 mm", "nine_30mm", THICK, perturbation=2e-3, essential=False),
+    Case("nine, 30 mm, full model", "nine_30mm", None, direct=True, essential=False),
     Case("pair, 16 mm balls", "pair_16mm", "pair_16mm_finite_strain"),
     Case("pair, 10 mm balls", "pair_10mm", "pair_10mm_finite_strain"),
     Case("pair, 7 mm balls", "pair_7mm", "pair_7mm_finite_strain"),

@@ -148,7 +148,9 @@ SHAKEN = ("nine, 20 mm, shaken by 2 mm", "nine, 30 mm, shaken by 2 mm")
 
 
 def _nine_pack(documents: Documents) -> Finding:
-    return _of_all(documents, (*NINES, *SHAKEN), lambda m: bool(m["contacts"] == MOST_CONTACTS[9]))
+    return _of_all(
+        documents, (*NINES, *SHAKEN, "nine, 30 mm, full model"), lambda m: bool(m["contacts"] == MOST_CONTACTS[9])
+    )
 
 
 def _dense_keeps_order(documents: Documents) -> Finding:
