@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +19,17 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
+from finite_strain.bulk import Bulk, elastic_constants, make_bulks, nothing_where_idle
 from finite_strain.contact import Contact, Surface
 from finite_strain.domain import Reduction
-from finite_strain.fields import Fields, idle_dofs
+from finite_strain.fields import Fields
 from finite_strain.indenter import Indenter, LinearisedProfile, ParaboloidInSpace, SphereInSpace
 from finite_strain.kinematics import Finite, Kinematics
-from finite_strain.volumetric import Compressible, Mixed, Volumetric, is_mixed
-from linear_bem.problem import Elastic, Problem
+from finite_strain.volumetric import Volumetric
+from linear_bem.problem import Problem
 from meshes.box import TAGS
 
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
-
-
-@dataclass(frozen=True)
-class Bulk:
-    """A region of the mesh, its elastic constants, and its pressure unknown [m] where it is in mixed form."""
-
-    tag: int
-    solid: Elastic
-    pressure: Any = None
 
 
 def indenter_for(shape: str, radius: float, kinematics: Kinematics) -> Indenter:
@@ -60,22 +51,12 @@ class Model:
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self.linear_space = compat.function_space(self.mesh, 1)
         self._vertex_work = dolfinx.fem.Function(self.linear_space)
-        self.bulks = self._make_bulks(problem)
+        self.bulks = make_bulks(problem, self.mesh, self.cell_tags)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self._length = min(ball.radius for ball in problem.balls)
         self.contacts = self._make_contacts()
         self.bcs = self._make_constraints()
         self._compile()
-
-    def _make_bulks(self, problem: Problem) -> list[Bulk]:
-        """Give each region in mixed form a pressure of its own: pressures jump where two regions meet."""
-        bulks = []
-        for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
-            if solid is not None:
-                mixed = is_mixed(problem, name)
-                pressure = dolfinx.fem.Function(self.linear_space, name=f"{name}_pressure") if mixed else None
-                bulks.append(Bulk(TAGS[name], solid, pressure))
-        return bulks
 
     def _make_contacts(self) -> list[Contact]:
         top = self.facet_tags.find(TAGS["top"])
@@ -102,11 +83,9 @@ class Model:
         self.constrained = np.zeros((index_map.size_local + index_map.num_ghosts, 3), dtype=bool)
         for bc in bcs:
             self.constrained.reshape(-1)[compat.constrained_dofs(bc)] = True
-        self._idle = []
         for bulk in self.bulks:
             if bulk.pressure is not None:
-                self._idle.append(idle_dofs(bulk.pressure, self.cell_tags.find(bulk.tag)))
-                bcs.append(dolfinx.fem.dirichletbc(zero, self._idle[-1], self.linear_space))
+                bcs.append(dolfinx.fem.dirichletbc(zero, bulk.idle, bulk.pressure.function_space))
         return bcs
 
     @property
@@ -115,16 +94,8 @@ class Model:
         return bool(self.fields.pressures)
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
-        """Return mu and the volumetric energy, written with constants so that one compiled form serves every stiffness."""
-        solid = bulk.solid
-        shear = self._constant(solid.shear_modulus)
-        if bulk.pressure is None:
-            return shear, Compressible(self._constant(solid.lame_first))
-        unit = self._constant(solid.shear_modulus / self._length)
-        return shear, Mixed(unit * bulk.pressure, self._constant(1.0 / solid.lame_first))
-
-    def _constant(self, value: float) -> Any:
-        return dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(value))
+        """Return mu and the volumetric energy of a region, as its kinematics takes them."""
+        return elastic_constants(bulk, self.mesh, self._length)
 
     def volume_integral(self, density: Any, degree: int | None = None) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
@@ -140,7 +111,8 @@ class Model:
         return total
 
     def _compile(self) -> None:
-        energy = self.volume_integral(lambda psi, _: psi) + self._nothing_where_idle()
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+        energy = self.volume_integral(lambda psi, _: psi) + nothing_where_idle(self.bulks, self.mesh, measure)
         fields = self.fields.functions
         residuals = [ufl.derivative(energy, f, ufl.TestFunction(f.function_space)) for f in fields]
         tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
@@ -156,18 +128,8 @@ class Model:
             self.matrix = dolfinx.fem.petsc.create_matrix(self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._work = compat.ghosted_vector(self._residual, self.space)
-        self._volume_work = [compat.ghosted_vector(r, self.linear_space) for r in self._volume_residuals]
-
-    def _nothing_where_idle(self) -> Any:
-        """Return zero, written so that a pressure's pinned unknowns outside its region have a place in the matrix."""
-        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        outside = [(bulk, other) for bulk in self.bulks for other in self.bulks if bulk is not other]
-        terms = (
-            self._constant(0.0) * bulk.pressure**2 * measure(other.tag, metadata={"quadrature_degree": 0})
-            for bulk, other in outside
-            if bulk.pressure is not None
-        )
-        return sum(terms, 0)
+        spaces = [pressure.function_space for pressure in self.fields.pressures]
+        self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
     def close(self) -> None:
         """Free the matrix and the work vectors (collective)."""
@@ -217,7 +179,8 @@ class Model:
                     contact.add_residual(self.nodal, form.array.reshape(-1, 3))
 
         self._store_free(self._summed(fill), b)
-        forms = zip(self._volume_residuals, self._volume_work, self._idle, self.fields.ranges[1:], strict=True)
+        idle_dofs = [bulk.idle for bulk in self.bulks if bulk.idle is not None]
+        forms = zip(self._volume_residuals, self._volume_work, idle_dofs, self.fields.ranges[1:], strict=True)
         for form, work, idle, part in forms:
             values = _summed_into(work, lambda work, form=form: dolfinx.fem.petsc.assemble_vector(work, form))  # type: ignore[misc]
             values[idle[idle < len(values)]] = 0.0

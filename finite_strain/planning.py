@@ -8,6 +8,7 @@ from typing import Any
 
 from finite_strain.domain import LEAST_SHARE, Reduction, Resolution, box_to_mesh, expected_indentation, reduce_scene
 from finite_strain.schedule import load_fractions
+from finite_strain.volumetric import describe_forms, form_faults
 from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
@@ -16,7 +17,6 @@ from meshes.box import Box
 MODELS = ("finite_strain", "small_strain")
 COARSENING = 1.4
 """Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
-LARGEST_POISSON = 0.49
 LARGEST_APPROACH = 0.9
 """Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 SOFT_SUBSTRATE = 0.02
@@ -60,6 +60,7 @@ class RunPlan:
         zone = min(box.zones, key=lambda z: z.finest)
         mirrors = ["mirror plane across the line of balls", "mirror plane along the line of balls"]
         return {
+            "forms": describe_forms(self.problem),
             "symmetries": [mirrors[axis] for axis in self.reduction.planes],
             "unknowns": round(unknowns[1]),
             "unknowns_companion": round(unknowns[0]),
@@ -98,12 +99,7 @@ def _check_supported(problem: Problem, model: str) -> None:
     faults = []
     if not math.isfinite(problem.layer.thickness):
         faults.append(f"layer.thickness: {model} meshes the layer and needs a finite one, got inf; use linear_bem")
-    for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
-        if solid is not None and solid.poisson > LARGEST_POISSON:
-            faults.append(
-                f"{name}.poisson: {model} is stable up to {LARGEST_POISSON} (displacements alone lock beyond), "
-                f"got {solid.poisson:g}; use linear_bem or a smaller value"
-            )
+    faults += form_faults(problem, model)
     values = problem.load.values
     if problem.load.kind == "force" and min(values) <= 0.0:
         faults.append(

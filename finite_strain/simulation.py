@@ -27,6 +27,7 @@ from finite_strain.output import FieldWriter
 from finite_strain.planning import RunPlan, plan_run
 from finite_strain.together import on_root, replace_text, working_folder
 from finite_strain.top_surface import gather_surface
+from finite_strain.volumetric import describe_forms, form_notes
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
 
@@ -73,6 +74,7 @@ def simulate(
         observer.started(
             {
                 "model": model,
+                "forms": describe_forms(problem),
                 "unknowns": main.model.unknowns,
                 "ranks": comm.size,
                 "load_steps": len(plan.fractions),
@@ -124,7 +126,7 @@ def _result(plan: RunPlan, asked: float, model: Model, steps: list[Step], comm: 
     last = steps[-1]
     size = max(math.hypot(*ball.tangential_force) for ball in last.balls)
     reached = max(ball.tangential_force_error for ball in last.balls)
-    notes = plan.notes()
+    notes = [*form_notes(plan.problem), *plan.notes()]
     if size > 0.0 and reached > asked * size:
         notes.append(
             f"tangential force known to {100 * reached / size:.2g} % at full load; "

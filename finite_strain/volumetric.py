@@ -14,10 +14,14 @@ from typing import Any, Protocol
 
 from linear_bem.problem import Problem
 
-LARGEST_DISPLACEMENT_POISSON = 0.49
-"""Poisson's ratio up to which displacements alone are taken: beyond, they answer too stiffly (volumetric locking)."""
 LEAST_MIXED_POISSON = 0.45
-"""Poisson's ratio from which on the mixed form may be asked for: below, a pressure is nothing but more unknowns."""
+"""Poisson's ratio from which on the mixed form is taken.
+
+A pressure adds a twentieth to the unknowns, and on one mesh the errors of forces are a half of those of displacements
+alone at 0.45, a third at 0.48 and a fifth at 0.49.
+"""
+LARGEST_DISPLACEMENT_POISSON = 0.49
+"""Poisson's ratio up to which displacements alone can be asked for: beyond, they lock (answer far too stiffly)."""
 
 
 class Volumetric(Protocol):
@@ -63,7 +67,7 @@ def is_mixed(problem: Problem, region: str) -> bool:
     asked = problem.elements.form if problem.elements is not None and region == "layer" else None
     if asked is not None:
         return asked == "mixed"
-    return solid is not None and solid.poisson > LARGEST_DISPLACEMENT_POISSON
+    return solid is not None and solid.poisson >= LEAST_MIXED_POISSON
 
 
 def form_faults(problem: Problem, model: str) -> list[str]:
@@ -81,6 +85,23 @@ def form_faults(problem: Problem, model: str) -> list[str]:
             f'got {nu:g}; use "displacement", or leave the key out'
         ]
     return []
+
+
+def form_notes(problem: Problem) -> list[str]:
+    """Return what the reader must know of the forms taken, one sentence each."""
+    notes = []
+    asked = problem.elements is not None
+    for name, form in describe_forms(problem).items():
+        solid = problem.layer if name == "layer" else problem.substrate
+        assert solid is not None
+        if asked and name == "layer":
+            notes.append(f"{name}: {form} form of the elements, as [elements] asks")
+        elif form == "mixed":
+            notes.append(
+                f"{name}: mixed (displacement and pressure) form of the elements, "
+                f"as its Poisson's ratio {solid.poisson:g} is {LEAST_MIXED_POISSON:g} or more"
+            )
+    return notes
 
 
 def describe_forms(problem: Problem) -> dict[str, str]:

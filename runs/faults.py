@@ -31,6 +31,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "forces": "pairs",
     },
     "accuracy": {"tangential_force": 0.01},
+    "elements": {"form": "mixed"},
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
 }
 """A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""

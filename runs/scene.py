@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from linear_bem.errors import InvalidProblem
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, LoadKind, Problem
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, LoadKind, Problem
 from runs import faults
 from runs.quantities import (
     Direction,
@@ -140,6 +140,12 @@ class ReciprocationTable(Table):
         return texts
 
 
+class ElementsTable(Table):
+    """[elements]: how finite elements write resistance to a change of volume; absent: as Poisson's ratio needs."""
+
+    form: Literal["displacement", "mixed"]
+
+
 class OutputTable(Table):
     """[output]: which fields a finite-element run writes, every so many load steps; absent: all, on every step."""
 
@@ -170,6 +176,7 @@ class Tables(Table):
     finite_strain: FiniteStrainTable | None = None
     reciprocation: ReciprocationTable | None = None
     accuracy: AccuracyTable = AccuracyTable()
+    elements: ElementsTable | None = None
     output: OutputTable | None = None
 
     def problem(self) -> Problem:
@@ -195,6 +202,7 @@ class Tables(Table):
                 Load(kind, _per_ball(values, 1 if kind == "total_force" else size)),
                 Elastic(self.substrate.young, self.substrate.poisson) if self.substrate else None,
                 FiniteStrain(self.finite_strain.law) if self.finite_strain else None,
+                Elements(self.elements.form) if self.elements else None,
             )
         except InvalidProblem as error:
             raise InvalidProblem(*texts, *error.faults) from None

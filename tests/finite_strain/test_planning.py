@@ -12,11 +12,12 @@ import finite_strain
 from finite_strain.domain import Resolution, reduce_scene
 from finite_strain.planning import COARSENING, plan_run
 from finite_strain.schedule import FIRST, GROWTH, LARGEST_STEP, load_fractions
-from linear_bem import Ball, Elastic, Layer, Load, Problem, UnsupportedProblem
+from linear_bem import Ball, Elastic, Elements, Layer, Load, Problem, UnsupportedProblem
 from tests.finite_strain.scenes import STIFF_SUBSTRATE, balls_at, on_layer, pair
 from tests.launch import python
 
 KEYS = {
+    "forms",
     "symmetries",
     "unknowns",
     "unknowns_companion",
@@ -132,12 +133,13 @@ except MissingDependency as error:
 
 def test_everything_that_the_model_lacks_is_named_at_once() -> None:
     balls = balls_at((-1.0, 0.0), (1.0, 0.0))
-    problem = Problem(Layer(1.0, 0.495, math.inf), balls, Load("force", (0.01, 0.0)), Elastic(10.0, 0.5))
+    layer, load = Layer(1.0, 0.495, math.inf), Load("force", (0.01, 0.0))
+    problem = Problem(layer, balls, load, Elastic(10.0, 0.5), elements=Elements("displacement"))
     with pytest.raises(UnsupportedProblem) as caught:
         plan_run(problem, 0.02, "small_strain")
     faults = str(caught.value).splitlines()
     assert [fault.split(":")[0] for fault in faults] == [
-        "layer.thickness", "layer.poisson", "substrate.poisson", "load.force",
+        "layer.thickness", "elements.form", "load.force",
     ]  # fmt: skip
     assert all("small_strain" in fault for fault in faults)
     assert "0.495" in faults[1]

@@ -1,0 +1,310 @@
+"""The mixed form: its derivatives, its stability up to nu = 1/2, and that it and the displacement form meet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+import ufl
+
+from finite_strain import compat
+from finite_strain.domain import Resolution
+from linear_bem import Elastic, Layer, Load, Problem
+from linear_bem.closed_forms import indentation_of_layer, long_force
+from tests.finite_strain.scenes import (
+    SHAPES,
+    STIFF_SUBSTRATE,
+    balls_at,
+    coarse_plan,
+    coarse_rig,
+    in_form,
+    pair,
+    relatively,
+    single,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from finite_strain.model import Model
+    from finite_strain.planning import RunPlan
+    from tests.finite_strain.scenes import Rig
+
+COARSE = Resolution(0.6, 0.6, 0.6)
+CASES = {
+    "finite strain": ("finite_strain", 0.48, STIFF_SUBSTRATE),
+    "finite strain, incompressible": ("finite_strain", 0.5, STIFF_SUBSTRATE),
+    "small strain, incompressible": ("small_strain", 0.5, None),
+    "both regions incompressible": ("finite_strain", 0.5, Elastic(2.0, 0.5)),
+}
+
+
+def coarse_model(problem: Problem, kind: str, folder: Path) -> Model:
+    return coarse_rig(coarse_plan(problem, kind, COARSE, 0.35), folder).model
+
+
+@pytest.fixture(scope="module", params=CASES)
+def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Model:
+    """A quarter of a pair, a thousand unknowns, its ball pressed in and its multipliers not zero."""
+    kind, poisson, substrate = CASES[request.param]
+    problem = pair(0.1, poisson=poisson, substrate=substrate, shape=SHAPES[kind])
+    model = coarse_model(problem, kind, tmp_path_factory.mktemp("mixed"))
+    (contact,) = model.contacts
+    contact.approach, contact.penalty = 0.1, 30.0
+    contact.multiplier = 0.7 * contact.pressure(np.zeros_like(model.nodal)) * (contact.reference[..., 0] > -0.1)
+    return model
+
+
+def direction(model: Model, seed: int, scale: float) -> np.ndarray:
+    """Return a random change of all unknowns in a solver's order, smooth in space, zero where they are held."""
+    random = np.random.default_rng(seed)
+    parts = []
+    held = [model.constrained, *(idle_rows(model, k) for k in range(len(model.fields.pressures)))]
+    for points, count, fixed in zip(model.fields.points, model.fields.owned, held, strict=True):
+        waves = random.uniform(-1.5, 1.5, (4, 3))
+        shape = fixed.shape[1:]
+        values = sum(np.multiply.outer(np.sin(points @ wave), random.uniform(-1.0, 1.0, shape)) for wave in waves)
+        values = np.asarray(values) * np.exp(points[:, 2]).reshape(-1, *(1,) * len(shape))
+        values[fixed] = 0.0
+        parts.append(values[:count].ravel())
+    return scale * np.concatenate(parts)
+
+
+def idle_rows(model: Model, number: int) -> np.ndarray:
+    rows = np.zeros(len(model.fields.pressures[number].x.array), dtype=bool)
+    rows[[bulk.idle for bulk in model.bulks if bulk.idle is not None][number]] = True
+    return rows
+
+
+class At:
+    """Energy, residual and tangent of a model as functions of one array of all its unknowns."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.x, self.b = model.matrix.createVecs()
+
+    def go(self, values: np.ndarray) -> None:
+        self.x.array[:] = values
+        self.model.set_state(self.x)
+
+    def energy(self, values: np.ndarray) -> float:
+        self.go(values)
+        return self.model.energy()
+
+    def residual(self, values: np.ndarray) -> np.ndarray:
+        self.go(values)
+        self.model.residual(self.b)
+        return self.b.array.copy()
+
+    def tangent(self, values: np.ndarray, change: np.ndarray) -> np.ndarray:
+        self.go(values)
+        self.model.tangent()
+        self.x.array[:] = change
+        self.model.matrix.mult(self.x, self.b)
+        return self.b.array.copy()
+
+
+def test_the_residual_is_the_derivative_of_the_potential_by_displacement_and_pressure(model: Model) -> None:
+    at, state, v = At(model), direction(model, 1, 0.01), direction(model, 2, 1.0)
+    slope = float(at.residual(state) @ v)
+    steps = np.array([4e-3, 2e-3, 1e-3, 5e-4])
+    remainders = [abs(at.energy(state + s * v) - at.energy(state) - s * slope) for s in steps]
+    orders = np.diff(np.log(remainders)) / np.diff(np.log(steps))
+    # theory: the potential has a continuous first derivative, so Taylor's remainder is of second order
+    assert orders == pytest.approx(2.0, abs=0.05)
+
+
+def test_the_tangent_is_the_derivative_of_the_residual_and_symmetric(model: Model) -> None:
+    at, state, v, step = At(model), direction(model, 1, 0.01), direction(model, 3, 1.0), 1e-6
+    difference = (at.residual(state + step * v) - at.residual(state - step * v)) / (2.0 * step)
+    product = at.tangent(state, v)
+    for part in model.fields.ranges:  # forces and volume equations each for itself
+        assert np.linalg.norm(product[part] - difference[part]) < 1e-6 * np.linalg.norm(difference[part])
+    assert model.matrix.isSymmetric(1e-10)
+
+
+def test_a_pressure_lives_in_its_own_region_alone(model: Model) -> None:
+    At(model).go(direction(model, 1, 0.01))
+    model.tangent()
+    start = model.fields.ranges[0].stop
+    bottom = model.mesh.geometry.x[:, 2].min()
+    for number, part in enumerate(model.fields.ranges[1:]):
+        idle, depths = idle_rows(model, number), model.fields.points[number + 1][:, 2]
+        inside = depths >= -1.16 - 1e-9 if number == 0 else depths <= -1.16 + 1e-9
+        assert np.array_equal(idle, ~inside)
+        assert np.any(idle) == (bottom < -1.2)
+        for row in np.flatnonzero(idle)[::17]:
+            columns, values = model.matrix.getRow(part.start + row)
+            assert values[columns == part.start + row] == 1.0
+            assert np.count_nonzero(values) == 1
+    assert start == 3 * len(model.nodal)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_scene_in_displacement_form_has_no_trace_of_the_mixed_one(kind: str, tmp_path: Path) -> None:
+    model = coarse_model(pair(0.1, poisson=0.3, substrate=STIFF_SUBSTRATE, shape=SHAPES[kind]), kind, tmp_path)
+    assert model.unknowns == 3 * len(model.nodal)
+    assert model.fields.functions == [model.displacement]
+    form = model.volume_integral(lambda psi, _: psi)
+    assert [c.ufl_shape for c in form.coefficients()] == [(3,)]
+    if kind == "small_strain":
+        u, measure = model.displacement, ufl.Measure("dx", domain=model.mesh, subdomain_data=model.cell_tags)
+        written = 0
+        for tag in (1, 2):
+            strain = ufl.sym(ufl.variable(ufl.grad(u)))
+            shear, lame = (dolfinx.fem.Constant(model.mesh, 1.0) for _ in range(2))
+            density = shear * ufl.inner(strain, strain) + lame / 2 * ufl.tr(strain) ** 2
+            written += density * measure(tag, metadata={"quadrature_degree": 2})
+        assert form.signature() == written.signature()
+
+
+def least_singular_value(model: Model) -> float:
+    """Return the discrete inf-sup constant of displacement and pressure, in the norms of shear energy and p^2 / mu."""
+    model.fields.clear()
+    for contact in model.contacts:
+        contact.approach = -1.0
+    model.tangent()
+    dense = model.matrix.convert("dense").getDenseArray().copy()
+    u, p = model.fields.ranges
+    free = np.flatnonzero(~model.constrained.ravel())
+    coupling = dense[p, u][:, free]
+    schur = coupling @ np.linalg.solve(dense[u, u][np.ix_(free, free)], coupling.T)
+    trial, test = (f(model.linear_space) for f in (ufl.TrialFunction, ufl.TestFunction))
+    mass = dolfinx.fem.petsc.assemble_matrix(compat.compile_form(trial * test * ufl.dx, model.comm))
+    mass.assemble()
+    shear = model.bulks[0].solid.shear_modulus
+    return float(np.sqrt(eigh(schur, shear * mass.convert("dense").getDenseArray(), eigvals_only=True)[0]))
+
+
+def test_the_inf_sup_constant_does_not_shrink_with_the_elements(tmp_path_factory: pytest.TempPathFactory) -> None:
+    constants = []
+    for size in (0.9, 0.6, 0.4):
+        plan = coarse_plan(single(0.1, poisson=0.5), "small_strain", Resolution(size, size, size), 0.5)
+        constants.append(least_singular_value(coarse_rig(plan, tmp_path_factory.mktemp("stable")).model))
+    # theory: bounded below; equal orders or constant pressures on linear displacements lose it with the size
+    assert min(constants) > 0.2
+    assert constants[-1] > 0.8 * constants[0]
+
+
+def pressed(problem: Problem, kind: str, size: float, contact: float, folder: Path) -> Rig:
+    rig = coarse_rig(coarse_plan(problem, kind, Resolution(size, size, size), contact), folder)
+    rig.press()
+    return rig
+
+
+def wide(plan: RunPlan) -> RunPlan:
+    """Return the plan with the sides so far away that closed forms for an endless layer apply."""
+    far = (0.0, max(6.0 * plan.problem.layer.thickness, 5.0 * plan.problem.balls[0].radius))
+    box = replace(plan.boxes[1], x=far, y=far)
+    return replace(plan, boxes=(box, box))
+
+
+@pytest.mark.parametrize(("chi", "poisson"), [(0.3, 0.4999), (0.3, 0.5), (1.0, 0.48), (1.0, 0.4999), (1.0, 0.5)])
+def test_one_ball_meets_the_exact_linear_layer_up_to_incompressible(chi: float, poisson: float, tmp_path: Path) -> None:
+    approach = 0.04
+    problem = single(approach, approach**0.5 / chi, poisson, "paraboloid")
+    exact = indentation_of_layer(problem.layer, None, 1.0, approach=approach)
+    plan = coarse_plan(problem, "small_strain", Resolution(0.12, 0.12, 0.12), exact.contact_radius)
+    rig = coarse_rig(wide(plan), tmp_path)
+    rig.press()
+    # discretisation: eight elements per contact radius
+    assert rig.path.normal_forces()[0] == relatively(exact.normal_force, 0.005)
+
+
+def test_pressures_have_no_checkerboard_and_tend_to_the_incompressible_ones(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    fields, ripples = [], []
+    plan = coarse_plan(single(0.05, 0.5, 0.5), "finite_strain", Resolution(0.3, 0.3, 0.3), 0.25)
+    for poisson in (0.49, 0.4999, 0.5):  # on one mesh
+        rig = coarse_rig(replace(plan, problem=single(0.05, 0.5, poisson)), tmp_path_factory.mktemp("smooth"))
+        rig.press()
+        fields.append(rig.model.fields.pressures[0].x.array * rig.model.bulks[0].solid.shear_modulus)
+        ripples.append(ripple(rig.model))
+    # at 0.49 compression ties pressures to displacements: what they ripple there is the mesh's resolution
+    assert ripples[0] < 0.2
+    assert max(ripples) < 1.1 * ripples[0]
+    size = np.abs(fields[-1]).max()
+    far, near = (np.abs(field - fields[-1]).max() / size for field in fields[:2])
+    # theory: the difference is in proportion to 1/2 - nu, a hundred times smaller; a free mode would grow instead
+    assert near < 0.02 * far
+    assert far < 0.2
+
+
+def ripple(model: Model) -> float:
+    """Return by how much pressures differ from the mean over their neighbours, root mean square over that of pressures.
+
+    One for a checkerboard; of the order of the element size over the contact radius, squared, for a smooth field.
+    """
+    pressure, cells = model.fields.pressures[0].x.array, compat.cell_dofs(model.linear_space)
+    total, count = np.zeros_like(pressure), np.zeros_like(pressure)
+    for k in range(4):
+        others = np.delete(cells, k, axis=1)
+        np.add.at(total, cells[:, k], pressure[others].sum(axis=1))
+        np.add.at(count, cells[:, k], 3.0)
+    return float(np.linalg.norm(pressure - total / count) / np.linalg.norm(pressure) / 2.0)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_both_forms_meet_where_both_are_fit(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    answers: dict[str, list[float]] = {"displacement": [], "mixed": []}
+    for form, values in answers.items():
+        for size in (0.4, 0.25):
+            problem = in_form(form, single(0.05, 1.0, 0.46, SHAPES[kind]))
+            rig = pressed(problem, kind, size, 0.2, tmp_path_factory.mktemp("both"))
+            values.append(rig.path.normal_forces()[0])
+    coarse, fine = (abs(answers["displacement"][k] / answers["mixed"][k] - 1.0) for k in (0, 1))
+    # discretisation: the displacement form's error, which shrinks with the elements
+    assert fine < 0.01
+    assert fine < 0.75 * coarse
+
+
+@pytest.mark.parametrize("thickness", [1.0, 2.0])
+def test_a_ball_pressed_deep_meets_the_published_incompressible_law(
+    thickness: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    problem = single(0.5, thickness, 0.5)
+    plan = coarse_plan(problem, "finite_strain", Resolution(0.25, 0.25, 0.2), 0.5)
+    rig = coarse_rig(wide(plan), tmp_path_factory.mktemp("deep"))
+    for record in rig.path.steps([0.1, 0.2, 0.4, 0.55, 0.7]):
+        if record.fraction >= 0.4:  # where the elements resolve the contact
+            expected = long_force(record.fraction * 0.5, 1.0, problem.layer, thickness)
+            # theory: the fit's own 0.6 %, and discretisation
+            assert record.normal_forces[0] == relatively(expected, 0.01)
+
+
+def test_the_base_bears_what_the_balls_press_when_incompressible(tmp_path: Path) -> None:
+    rig = pressed(single(0.1, 1.0, 0.5), "finite_strain", 0.5, 0.3, tmp_path)
+    assert 4.0 * rig.model.base_reaction() == relatively(rig.path.normal_forces()[0], 1e-8)
+
+
+def test_an_incompressible_layer_keeps_its_volume(tmp_path: Path) -> None:
+    rig = pressed(single(0.1, 1.0, 0.5), "finite_strain", 0.5, 0.3, tmp_path)
+    model = rig.model
+    F = ufl.Identity(3) + ufl.grad(model.displacement)
+    measure = ufl.dx(metadata={"quadrature_degree": 4})
+    change, size = (
+        dolfinx.fem.assemble_scalar(compat.compile_form(value * measure, model.comm))
+        for value in (ufl.det(F) - 1, abs(ufl.tr(ufl.grad(model.displacement))))
+    )
+    # solver: the constant pressure's own equation is closed to the residual's norm
+    assert abs(change) < 1e-8 * size
+
+
+def test_one_length_unit_or_another_gives_the_same_answer(tmp_path_factory: pytest.TempPathFactory) -> None:
+    answers = []
+    for metre, pascal in ((1.0, 1.0), (2.0**-8, 2.0**21)):
+        load = Load("approach", (0.1 * metre,))
+        problem = Problem(Layer(pascal, 0.5, metre), balls_at((0.0, 0.0), radius=metre), load)
+        plan = coarse_plan(problem, "finite_strain", COARSE, 0.3 * metre)
+        (record,) = coarse_rig(plan, tmp_path_factory.mktemp("units")).press()
+        answers.append((record.normal_forces[0] / (pascal * metre**2), record.newton_iterations))
+    assert answers[1][0] == relatively(answers[0][0], 1e-8)  # solver, on equal meshes: powers of two scale exactly
+    assert abs(answers[1][1] - answers[0][1]) <= 2

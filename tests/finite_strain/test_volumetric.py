@@ -1,0 +1,80 @@
+"""Which form the elements take, and what is refused: answered without DOLFINx."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+import finite_strain
+from finite_strain.planning import plan_run
+from finite_strain.volumetric import Compressible, Mixed, describe_forms, form_notes, is_mixed
+from linear_bem import Elastic, InvalidProblem, Layer, Problem, UnsupportedProblem
+from tests.finite_strain.scenes import STIFF_SUBSTRATE, in_form, pair, relatively
+
+
+def of(poisson: float, substrate: Elastic | None = None) -> Problem:
+    return pair(0.1, poisson=poisson, substrate=substrate)
+
+
+@pytest.mark.parametrize(
+    ("poisson", "form"),
+    [(nu, "displacement") for nu in (0.0, 0.3, 0.449)] + [(nu, "mixed") for nu in (0.45, 0.48, 0.4999, 0.5)],
+)
+def test_the_form_follows_from_poissons_ratio(poisson: float, form: str) -> None:
+    assert finite_strain.plan(of(poisson))["forms"] == {"layer": form}
+
+
+def test_layer_and_substrate_choose_each_for_itself() -> None:
+    assert describe_forms(of(0.5, STIFF_SUBSTRATE)) == {"layer": "mixed", "substrate": "displacement"}
+    assert describe_forms(of(0.3, Elastic(10.0, 0.5))) == {"layer": "displacement", "substrate": "mixed"}
+
+
+@pytest.mark.parametrize("poisson", [0.45, 0.47, 0.49])
+def test_a_scene_may_name_the_form_where_both_are_fit(poisson: float) -> None:
+    for form in ("displacement", "mixed"):
+        asked = in_form(form, of(poisson, STIFF_SUBSTRATE))
+        assert finite_strain.plan(asked)["forms"] == {"layer": form, "substrate": "displacement"}
+        assert form_notes(asked) == [f"layer: {form} form of the elements, as [elements] asks"]
+
+
+def test_the_choice_is_told_where_it_is_not_the_plain_one() -> None:
+    assert form_notes(of(0.3, STIFF_SUBSTRATE)) == []
+    (note,) = form_notes(of(0.4999, STIFF_SUBSTRATE))
+    assert note.startswith("layer: mixed")
+    assert "0.4999" in note
+
+
+@pytest.mark.parametrize(
+    ("form", "poisson", "remedy"),
+    [
+        ("displacement", 0.4901, "mixed"),
+        ("displacement", 0.5, "mixed"),
+        ("mixed", 0.449, "displacement"),
+        ("mixed", 0.0, "displacement"),
+    ],
+)
+def test_a_form_that_does_not_fit_is_refused_with_its_remedy(form: str, poisson: float, remedy: str) -> None:
+    with pytest.raises(UnsupportedProblem, match=rf'elements\.form: .*got {poisson:g}; use "{remedy}"'):
+        plan_run(in_form(form, of(poisson)), 0.02, "finite_strain")
+
+
+def test_an_unknown_form_is_refused() -> None:
+    with pytest.raises(InvalidProblem, match=r'elements\.form: must be "displacement" or "mixed", got "both"'):
+        in_form("both", of(0.48))
+
+
+def test_the_mixed_energy_is_stationary_at_the_pressure_of_the_other_and_equal_there() -> None:
+    lame, j = 3.1, -0.04
+    at = [Mixed(lame * j + step, 1.0 / lame)(j) for step in (-1e-6, 0.0, 1e-6)]
+    assert at[1] == relatively(Compressible(lame)(j), 1e-14)  # roundoff
+    assert max(at[0], at[2]) < at[1]  # a maximum in the pressure: equilibrium is a saddle point
+    assert at[2] - at[0] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_no_lame_constant_is_needed_where_it_is_infinite() -> None:
+    layer = Layer(1.0, 0.5, 1.0)
+    assert math.isinf(layer.lame_first)
+    assert Mixed(2.0, 1.0 / layer.lame_first)(0.1) == 0.2
+    assert is_mixed(replace(of(0.3), layer=layer), "layer")
