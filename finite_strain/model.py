@@ -196,20 +196,14 @@ class Model:
 
         self._store_free(self._summed(fill), b)
 
-    def shift_derivative(self, contact: Contact, axis: int, b: PETSc.Vec) -> np.ndarray:
-        """Assemble the residual's derivative by an in-plane shift of a ball [N/m] into b.
-
-        Returns minus the derivative (2,) of the ball's traction force at fixed displacement, summed over ranks.
-        """
-        stiffness = np.zeros(2)
+    def shift_derivative(self, contact: Contact, axis: int, b: PETSc.Vec) -> None:
+        """Assemble the residual's derivative by an in-plane shift of a ball [N/m] into b."""
 
         def fill(work: PETSc.Vec) -> None:
-            nonlocal stiffness
             with work.localForm() as form:
-                stiffness = contact.shift_derivative(self.nodal, axis, form.array.reshape(-1, 3))
+                contact.shift_derivative(self.nodal, axis, form.array.reshape(-1, 3))
 
         self._store_free(self._summed(fill), b)
-        return np.array(self.comm.allreduce(stiffness, op=MPI.SUM))
 
     def base_reaction(self) -> float:
         """Return the normal force [N] that the bottom returns to the simulated part."""
