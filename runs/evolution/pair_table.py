@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -27,7 +28,8 @@ from runs.plain import plain, to_json
 from runs.store import replacing
 
 Array = NDArray[np.float64]
-Solve = Callable[[Problem], Result]
+Solve = Callable[[Problem, Path | None], Result]
+"""Problem, and the folder where a run that takes minutes keeps what it needs to go on after a kill."""
 
 FORMAT = 1
 """Changes whenever older tables must not be used any more."""
@@ -117,14 +119,25 @@ class PairTable:
         balls = tuple(replace(self.ball, position=place) for place in places)
         return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
 
+    def _solved(self, places: tuple[tuple[float, float], ...], approach: float) -> Result:
+        """Return the model's answer; its workspace, there for a run of minutes, is gone once it is complete."""
+        problem = self._placed(places, approach)
+        if not self.by_path:
+            return self.solve(problem, None)
+        workspace = self.path.with_suffix(".unfinished")
+        result = self.solve(problem, workspace)
+        if ranks.is_root():
+            shutil.rmtree(workspace, ignore_errors=True)
+        return result
+
     def _single(self) -> dict[str, Any]:
         begun = time.perf_counter()
         if self.by_path:  # one run gives the whole load path
-            steps = self.solve(self._placed(((0.0, 0.0),), DEPTHS[-1] * self.approach)).steps
+            steps = self._solved(((0.0, 0.0),), DEPTHS[-1] * self.approach).steps
             states = [(step.balls[0].approach, step.balls[0].normal_force) for step in steps]
         else:
             states = [
-                (d * self.approach, self.solve(self._placed(((0.0, 0.0),), d * self.approach)).balls[0].normal_force)
+                (d * self.approach, self._solved(((0.0, 0.0),), d * self.approach).balls[0].normal_force)
                 for d in DEPTHS
             ]
         states = sorted(s for s in states if s[1] > 0.0)
@@ -135,7 +148,7 @@ class PairTable:
 
     def _pair(self, distance: float) -> dict[str, Any]:
         begun = time.perf_counter()
-        balls = self.solve(self._placed(((-0.5 * distance, 0.0), (0.5 * distance, 0.0)), self.approach)).balls
+        balls = self._solved(((-0.5 * distance, 0.0), (0.5 * distance, 0.0)), self.approach).balls
         return {
             "distance": distance,
             "normal_force": 0.5 * (balls[0].normal_force + balls[1].normal_force),
@@ -146,8 +159,9 @@ class PairTable:
 
     def _additivity(self, name: str, places: tuple[tuple[float, float], ...]) -> dict[str, Any]:
         begun = time.perf_counter()
-        problem = self._placed(tuple((x * self.touch, y * self.touch) for x, y in places), self.approach)
-        balls = self.solve(problem).balls
+        scaled = tuple((x * self.touch, y * self.touch) for x, y in places)
+        problem = self._placed(scaled, self.approach)
+        balls = self._solved(scaled, self.approach).balls
         positions = np.array([ball.position for ball in balls])
         true = np.array([ball.tangential_force for ball in balls])
         largest = float(np.max(np.hypot(*true.T)))

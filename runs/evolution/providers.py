@@ -9,6 +9,7 @@ from typing import Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
+from linear_bem.result import Result
 from runs import ranks
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
@@ -74,7 +75,11 @@ def table_of(model: Model, problem: Problem, accuracy: float | None, folder: Pat
         from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
 
         settings["elements"] = FORMAT
-    return PairTable(problem, model.name, lambda one: model.solve(one, Run(asked, comm)), folder, settings)
+
+    def solve(one: Problem, workspace: Path | None) -> Result:
+        return model.solve(one, Run(asked, comm, workspace))
+
+    return PairTable(problem, model.name, solve, folder, settings)
 
 
 def _point_loads(problem: Problem) -> PairForces:

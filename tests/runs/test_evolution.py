@@ -306,7 +306,7 @@ def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest
     calls: list[int] = []
 
     def dies_after(count: int) -> pair_table.Solve:
-        def run(one: Problem) -> object:
+        def run(one: Problem, workspace: Path | None) -> object:
             if len(calls) >= count:
                 raise KeyboardInterrupt
             calls.append(one.size)
