@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 from runs.reporting.markup import tag
+from runs.store import PICTURES
 
 SHOWN = {
     "tangential_force": "Tangential force over the load; where both models ran, how much finite strain strengthens it.",
@@ -33,31 +34,32 @@ def pictures_of(folder: Path) -> list[Path]:
     vectors = {path.with_suffix("") for path in found if path.suffix == ".svg"}
     once = [path for path in found if path.suffix == ".svg" or path.with_suffix("") not in vectors]
     order = list(SHOWN)
-    return sorted(once, key=lambda path: order.index(path.stem) if path.stem in order else len(order))
+    return sorted(once, key=lambda p: (order.index(p.stem) if p.stem in order else len(order), p.suffix == ".gif"))
 
 
 def figure(path: Path, number: int, words: str = "") -> str:
     """Return the picture with its caption; ``number`` keeps the names inside one SVG apart from another's."""
-    words = words or said_of(path.stem)
+    words = words or said_of(path)
     if path.suffix == ".svg":
         content, ratio = _inline(path.read_text(encoding="utf-8"), f"figure{number}", words)
     else:
         data = path.read_bytes()
         source = f"data:{KINDS[path.suffix]};base64,{base64.b64encode(data).decode()}"
-        content, ratio = f'<img src="{source}" alt="{escape(words)}">', _png_ratio(data)
+        content, ratio = f'<img src="{source}" alt="{escape(words)}">', _ratio(data)
     shape = "picture wide" if ratio >= WIDE else "picture tall"
     inside = tag("div", content, class_=shape, tabindex="0", role="group", aria_label=words)
     return tag("figure", inside + tag("figcaption", escape(words)))
 
 
-def said_of(stem: str) -> str:
-    """Return what a picture shows, by the stem of its file: those that `thirdbody render` names, and all others."""
-    drawn = re.fullmatch(r"(.+)_([a-z]+)_step_(\d+)", stem)
-    if drawn is None:
-        return SHOWN.get(stem, stem.replace("_", " ").capitalize())
+def said_of(path: Path) -> str:
+    """Return what a picture shows, by the name of its file: those that `thirdbody render` draws, and all others."""
+    drawn = re.fullmatch(r"(.+)_([a-z]+?)(?:_step_(\d+))?", path.stem)
+    if drawn is None or path.parent.name != PICTURES:
+        return SHOWN.get(path.stem, path.stem.replace("_", " ").capitalize())
     name, view, step = drawn.groups()
-    field = name.replace("_", " ").capitalize()
-    return f"{field} on the deformed layer under its balls in three dimensions: {view}, load step {int(step)}."
+    field = name.replace("_", " ").replace("von mises", "von Mises stress")
+    when = f"load step {int(step)}" if step else "along the load path (animation)"
+    return f"{field[0].upper()}{field[1:]} in the deformed layer under its balls: {view}, {when}."
 
 
 def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:
@@ -75,8 +77,12 @@ def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:
     return f'{head} role="img" aria-label="{escape(words)}">{rest.strip()}', size[2] / size[3]
 
 
-def _png_ratio(data: bytes) -> float:
-    if data[:4] != b"\x89PNG":
+def _ratio(data: bytes) -> float:
+    """Return width over height of a PNG or a GIF; 1 for any other."""
+    if data[:4] == b"\x89PNG":
+        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+    elif data[:3] == b"GIF":
+        width, height = (int.from_bytes(data[at : at + 2], "little") for at in (6, 8))
+    else:
         return 1.0
-    width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
     return width / height

@@ -11,6 +11,9 @@ from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
 from runs.tables import LEGEND, ROUNDOFF, leading_ball
 
+SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
+"""Parts of a document that have sections of their own, or belong to the figures."""
+MOST_ROWS = 100
 STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approach"))
 
 
@@ -28,7 +31,7 @@ def content(folder: Folder) -> list[str]:
     if folder.command == "compare":
         return _comparison(folder, document)
     if document.get("balls") and "tangential_force" in document["balls"][0]:
-        return _solution(folder, document)
+        return [*_solution(folder, document), *_tables(document)]
     return _anything(document)
 
 
@@ -92,19 +95,25 @@ def _anything(document: Mapping[str, Any]) -> list[str]:
     }
     parts = [facts({k: v for k, v in single.items() if len(v) < 40})]
     parts += [paragraph(v, class_="answer") for v in single.values() if len(v) >= 40]
-    for key, value in document.items():
-        rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
-        flat = [_flat(row) for row in rows if isinstance(row, dict)]
-        flat = [row for row in flat if row]
-        if flat and key not in ("scene", "solved"):
-            limited = f" (the first 200 of {len(flat)})" if len(flat) > 200 else ""
-            title = key.replace("_", " ").capitalize()
-            parts.append(section(title, table(flat[:200], title + limited)))
+    parts += _tables(document)
     solved = document.get("solved") or {}
     if solved:
         parts.insert(1, facts(_account(solved)))
         parts.append(_notes(solved.get("notes", [])))
         parts.append(_versions(solved))
+    return parts
+
+
+def _tables(document: Mapping[str, Any]) -> list[str]:
+    """Return what a document holds beside scene, balls and load steps: its lists of rows as tables."""
+    parts = []
+    for key, value in document.items():
+        rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
+        flat = [flat for row in rows if isinstance(row, dict) and (flat := _flat(row))]
+        if flat and key not in SHOWN_ELSEWHERE:
+            title = key.replace("_", " ").capitalize()
+            limited = f" (the first {MOST_ROWS} of {len(flat)})" if len(flat) > MOST_ROWS else ""
+            parts.append(section(title, table(flat[:MOST_ROWS], title + limited)))
     return parts
 
 

@@ -17,9 +17,10 @@ STUDIES = {
     "experiments": "the paper's drifting balls, run by run beside what it reports",
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
+    "verification": "the finite-strain model against closed forms, published results and itself",
 }
 """Name and question of every study; ``runs.studies.NAME.run`` answers it."""
-ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability"})
+ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability", "verification"})
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
-from runs.models import MODELS
+from linear_bem.result import Result
+from runs.models import MODELS, Run
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,10 @@ class Case:
     def parallel(self) -> bool:
         """Whether all ranks solve it together."""
         return MODELS[self.model].parallel
+
+    def solve(self, run: Run) -> Result:
+        """Return the answer (collective where it is `parallel`); a study may have cases that find theirs otherwise."""
+        return MODELS[self.model].solve(self.problem, run)
 
     def key(self) -> str:
         """Return a digest that changes whenever a saved answer to this case is one no more."""

@@ -17,7 +17,7 @@ from typing import Any
 from linear_bem.errors import MissingDependency, NotConverged, OutputUnusable, ThirdBodyError
 from linear_bem.result import Result, Step
 from runs import interrupt, ranks
-from runs.models import MODELS, Run
+from runs.models import Run
 from runs.presentation import Scale
 from runs.progress import Progress, tell
 from runs.session import path_so_far
@@ -165,7 +165,7 @@ class _Attempt:
             observer = _Stopper(progress, self.stop_after)
             try:
                 run = Run(case.accuracy, self.comm, workspace, observer, **more)
-                return MODELS[case.model].solve(case.problem, run)
+                return case.solve(run)
             except _Stopped:
                 self.stop_after = None
 

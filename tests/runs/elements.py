@@ -27,7 +27,9 @@ from linear_bem.result import Result, Solved, Step
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 
 
-def plan(problem: Problem, tangential_force: float = 0.01, model: str = "finite_strain") -> dict[str, Any]:
+def plan(
+    problem: Problem, tangential_force: float = 0.01, model: str = "finite_strain", **_budget: float
+) -> dict[str, Any]:
     if problem.load.kind != "approach":
         raise UnsupportedProblem(f"{model}: load.{problem.load.kind}: the stand-in knows load.approach")
     return {
@@ -44,6 +46,7 @@ def solve(
     comm: Any = None,
     folder: Path | None = None,
     observer: Any = None,
+    **_budget: float,
 ) -> Result:
     assert comm is not None
     assert folder is not None

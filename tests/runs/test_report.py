@@ -191,11 +191,12 @@ def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
 
 
 def test_a_rendered_picture_says_what_it_shows() -> None:
-    assert said_of("von_mises_section_step_0007") == (
-        "Von mises on the deformed layer under its balls in three dimensions: section, load step 7."
-    )
-    assert said_of("surface").startswith("Contact pressure")
-    assert said_of("anything_else") == "Anything else"
+    drawn = Path("run/pictures/von_mises_cut_step_0007.png")
+    assert said_of(drawn) == "Von Mises stress in the deformed layer under its balls: cut, load step 7."
+    moving = Path("run/pictures/contact_pressure_surface.gif")
+    assert said_of(moving).startswith("Contact pressure in the deformed layer under its balls: surface, along the load")
+    assert said_of(Path("run/surface.png")).startswith("Contact pressure on the layer's surface")
+    assert said_of(Path("run/anything_else.png")) == "Anything else"
 
 
 def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def records(out: Path) -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("n", [2])
 def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(n: int, tmp_path: Path) -> None:
     first = study(tmp_path / "out", "--shard", "1/2", n=n)
     assert first.returncode == 0, first.stderr
@@ -66,7 +66,7 @@ def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(tmp_path: Path)
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("n", [2])
 def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(n: int, tmp_path: Path) -> None:
     done = study(tmp_path / "out", n=n, env={"ELEMENTS": "stop"})
     assert done.returncode == 0, done.stderr

@@ -16,7 +16,7 @@ from runs.studies.strengthening.ratios import cancelled, factors, on_one_mesh, s
 from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
-DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5)
+DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
 
@@ -164,7 +164,7 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:
                     "small strain, paraboloid": changes["T_paraboloid"],
                 }
             )
-        elif case.labels["group"] in ("headline", "distance", "poisson"):
+        elif case.labels["group"] in ("headline", "deeper", "distance", "poisson"):
             read = {f"S_Q at {depth:g} R": at_depth(path, depth) for depth in DEPTHS}
             shown.append({"h / R": case.labels["h"], "L / R": case.labels["L"], "nu": case.labels["nu"], **read})
     shown.sort(key=lambda row: (row["h / R"], row["L / R"], row["nu"]))
