@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from finite_strain.catalogue import FieldChoice
+from finite_strain.refinement import Budget
 from linear_bem.errors import MissingDependency
 from linear_bem.problem import Problem
 from linear_bem.result import Result
@@ -33,6 +34,8 @@ def solve(
     folder: Path | str | None = None,
     observer: Any = None,
     fields: FieldChoice | None = None,
+    seconds: float | None = None,
+    unknowns: float | None = None,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -44,7 +47,8 @@ def solve(
         "finite_strain" is hyperelastic with contact in the deformed configuration; "small_strain" is the
         same code with linear elasticity and linearised contact.
     tangential_force
-        Relative accuracy of T that the mesh is sized for; the result's own error tells what was reached.
+        Relative accuracy of T at full load: meshes are refined until the result's own error meets it, or until
+        the next one would pass the budget. ``solved.accuracy`` tells what was reached and why it ended there.
     comm
         MPI communicator; by default all ranks of the run.
     folder
@@ -53,6 +57,9 @@ def solve(
         Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
     fields
         Which fields are written into the folder and on which steps; by default all on every step.
+    seconds, unknowns
+        The budget: wall time of the run, and unknowns of its finest mesh; by default no bound on the time, and
+        60 000 unknowns or 2.5 times those of the first mesh, whichever is more.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -69,14 +76,21 @@ def solve(
     from finite_strain.simulation import simulate  # noqa: PLC0415  (imports DOLFINx)
 
     where = None if folder is None else Path(folder)
-    return simulate(problem, model, tangential_force, comm, where, observer, fields)
+    return simulate(problem, model, tangential_force, comm, where, observer, fields, Budget(seconds, unknowns))
 
 
-def plan(problem: Problem, tangential_force: float = DEFAULT_ACCURACY, model: str = "finite_strain") -> dict[str, Any]:
+def plan(
+    problem: Problem,
+    tangential_force: float = DEFAULT_ACCURACY,
+    model: str = "finite_strain",
+    *,
+    seconds: float | None = None,
+    unknowns: float | None = None,
+) -> dict[str, Any]:
     """Return what `solve` would simulate and what it would cost, without DOLFINx; see `finite_strain.planning`."""
     from finite_strain.planning import plan_run  # noqa: PLC0415
 
-    return plan_run(problem, tangential_force, model).describe()
+    return plan_run(problem, tangential_force, model, Budget(seconds, unknowns)).describe()
 
 
 __all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "plan", "solve"]

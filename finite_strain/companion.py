@@ -1,54 +1,49 @@
-"""The coarser mesh that runs ahead along the same load path: its difference from the main mesh is the mesh error."""
+"""The meshes that ran before along the same load path: their differences from the present one are the mesh error."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from finite_strain.planning import COARSENING
 from linear_bem.errors import OutputUnusable
 
-FORCE_RATIO_ORDER = 4.0
-"""Order of convergence of T / Q^2 in the element size that its extrapolation assumes; 3.5 to 5 are observed."""
-CAUTIOUS_ORDER = 2.0
-"""The order that the error of T / Q^2 is estimated with."""
-INDENTATION_ORDER = 3.0
-"""The same for Q at given approach and D at given force, which feel the contact's edge; 2.7 to 3.2 are observed."""
-
-
-def gain(order: float) -> float:
-    """Return what the difference of the two meshes must be multiplied with to remove the finer one's error."""
-    return 1.0 / (COARSENING**order - 1.0)
-
-
-def extrapolated(fine: np.ndarray, coarse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return forces or approaches extrapolated from both meshes, and their errors; none changes its sign."""
-    change = gain(INDENTATION_ORDER) * (fine - coarse)
-    return np.where(fine * (fine + change) > 0.0, fine + change, fine), np.abs(change)
+NAME = "companion.json"
 
 
 @dataclass(frozen=True)
 class CoarseState:
-    """What the companion mesh answers at a load fraction: T / Q^2 (balls, 2) [1/N], Q [N] and D [m] (balls,)."""
+    """What a coarser mesh answers at a load fraction: T / Q^2 (balls, 2) [1/N], Q [N] and D [m] (balls,)."""
 
     per_squared_force: np.ndarray
     normal_forces: np.ndarray
     approaches: np.ndarray
 
 
-class Companion:
-    """The answers of the companion mesh along the load path."""
+@dataclass
+class MeshRecord:
+    """What one mesh of the sequence answered and cost.
 
-    def __init__(self, rows: list[dict[str, Any]]) -> None:
-        self.rows = rows
+    ``size`` is its element size over the main mesh's; ``rows`` hold T / Q^2 [1/N], Q [N] and D [m] of the
+    model's balls at each load fraction; ``steps`` the answers, where a coarser mesh allows any; ``reached``
+    the largest error of T at full load over ``scale`` [N].
+    """
+
+    size: float
+    unknowns: int = 0
+    seconds: float = 0.0
+    finished: bool = False
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    reached: float = math.nan
+    scale: float = math.nan
 
     def at(self, fraction: float) -> CoarseState:
-        """Return the companion's answer at a load fraction, interpolated in its logarithm between load steps."""
+        """Return the mesh's answer at a load fraction, interpolated in its logarithm between load steps."""
         x = np.log([row["fraction"] for row in self.rows])
         at = math.log(fraction)
 
@@ -63,11 +58,16 @@ class Companion:
         return CoarseState(*(interpolated(name) for name in ("per_squared_force", "normal_forces", "approaches")))
 
 
-def saved_rows(path: Path, key: str) -> list[dict[str, Any]]:
-    """Return the load steps that an earlier run of the same key left in a file."""
+def text_of(key: str, records: list[MeshRecord]) -> str:
+    """Return the text of the file that holds every mesh of a run."""
+    return json.dumps({"key": key, "meshes": [asdict(record) for record in records]})
+
+
+def saved_records(path: Path, key: str) -> list[MeshRecord]:
+    """Return the meshes that an earlier run of the same key left in a file."""
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
-        return saved["rows"] if saved["key"] == key else []
+        return [MeshRecord(**record) for record in saved["meshes"]] if saved["key"] == key else []
     except FileNotFoundError:
         return []
     except (OSError, ValueError, TypeError, KeyError) as error:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from finite_strain.companion import CAUTIOUS_ORDER, FORCE_RATIO_ORDER, Companion, extrapolated, gain
+from finite_strain.distortion import smallest_volume_ratio
 from finite_strain.forces import ForceMeter
 from finite_strain.kinematics import Finite, Kinematics, Small
 from finite_strain.loading import LoadPath, StepRecord
@@ -18,20 +19,24 @@ from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
 from finite_strain.planning import RunPlan
 from finite_strain.together import on_root
-from linear_bem.result import BallResult, Step
+from finite_strain.traction import TractionRoute
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
 
 
 class MeshRun:
-    """A model on one mesh with its load path and force meter."""
+    """A model on one mesh with its load path and force meter; ``write`` meshes its box into the file."""
 
-    def __init__(self, plan: RunPlan, box: Box, mesh_file: Path, comm: MPI.Comm, observer: Any, name: str) -> None:
+    def __init__(
+        self, plan: RunPlan, box: Box, mesh_file: Path, comm: MPI.Comm, observer: Any, name: str,
+        write: Callable[[Box, Path], Any] = write_layer_mesh,
+    ) -> None:  # fmt: skip
         self.plan, self.comm, self.name = plan, comm, name
-        on_root(comm, lambda: write_layer_mesh(box, mesh_file))
+        on_root(comm, lambda: write(box, mesh_file))
         self.model = Model(plan.problem, plan.reduction, kinematics_of(plan), mesh_file, comm)
         self.solver = NewtonSolver(self.model, lambda i, r: observer.newton({"iteration": i, "residual": r}))
         self.meter = ForceMeter(self.model, box)
+        self.traction = TractionRoute(self.model, self.meter, self.solver)
         self.path = LoadPath(
             plan.problem, self.model, self.solver,
             lambda fraction, cuts: observer.attempt({"mesh": name, "fraction": fraction, "cuts": cuts}),
@@ -48,8 +53,9 @@ class MeshRun:
     def _compare_routes(self) -> None:
         """Note by how much traction and domain integral differ, as T / Q^2, before the first augmentation."""
         forces = self.path.normal_forces()
-        domain = self._domain_per_squared_force(forces, self.contact_states())
-        self._route_difference = self.meter.traction(self.solver) - domain
+        states = self.contact_states()
+        traction = self.traction.per_squared_force(_radii(states))
+        self._route_difference = traction - self._domain_per_squared_force(forces, states)
 
     def contact_states(self) -> list[dict[str, float]]:
         """Return penetration, peak pressure, contact area of every model ball, whole balls (collective)."""
@@ -57,6 +63,9 @@ class MeshRun:
         for contact, ball in zip(self.model.contacts, self.plan.reduction.balls, strict=True):
             state = contact.extremes(self.model.nodal, self.comm)
             state["contact_area"] *= ball.copies
+            # single quadrature points rattle about the pressure; its projection to the vertices does not
+            smooth = self.model.project(contact, contact.true_pressure(self.model.nodal))
+            state["peak_pressure"] = self.comm.allreduce(float(smooth.max(initial=0.0)), op=MPI.MAX)
             states.append(state)
         return states
 
@@ -65,65 +74,28 @@ class MeshRun:
         return self._domain_per_squared_force(np.array(self.path.history[-1].forces), states)
 
     def _domain_per_squared_force(self, forces: np.ndarray, states: list[dict[str, float]]) -> np.ndarray:
-        radii = [math.sqrt(state["contact_area"] / math.pi) for state in states]
         squared = forces[:, None] ** 2
-        return np.divide(self.meter.domain(radii), squared, out=np.zeros((len(forces), 2)), where=squared > 0.0)
+        domain = self.meter.domain(_radii(states))
+        return np.divide(domain, squared, out=np.zeros((len(forces), 2)), where=squared > 0.0)
 
-    def answer(self, record: StepRecord, earlier: list[Step], companion: Companion) -> Step:
-        """Return the finished step with forces, routes and errors for every ball of the scene (collective).
+    def row(self, record: StepRecord, states: list[dict[str, float]]) -> dict[str, Any]:
+        """Return what this mesh answers at a finished step, as finer meshes compare themselves with it (collective)."""
+        return {
+            "fraction": record.fraction,
+            "per_squared_force": self.per_squared_force(states).tolist(),
+            "route_difference": self._route_difference.tolist(),
+            "normal_forces": list(record.normal_forces),
+            "approaches": list(self.path.history[-1].approaches),
+        }
 
-        The mesh error is that of a lower order than the extrapolation's, and the largest (of T / Q^2) on the
-        load path so far: where the difference of the two meshes changes its sign it is small by chance.
-        """
-        states = self.contact_states()
-        raw = self.per_squared_force(states)
-        coarse = companion.at(record.fraction)
-        difference = raw - coarse.per_squared_force
-        ratio = raw + gain(FORCE_RATIO_ORDER) * difference
-        forces, force_error = extrapolated(np.array(record.normal_forces), coarse.normal_forces)
-        approaches, approach_error = extrapolated(np.array(self.path.history[-1].approaches), coarse.approaches)
-        squared = forces**2
-        size = np.abs(ratio).max(axis=1) * squared
-        mesh_error = gain(CAUTIOUS_ORDER) * np.abs(difference).max(axis=1)
-        mesh_error = np.max([mesh_error, *(step.record["mesh_error"] for step in earlier)], axis=0)
-        routes = np.abs(self._route_difference).max(axis=1)
-        error_at_force = squared * (mesh_error + routes) + self.solver.tolerance
-        error = error_at_force + 2.0 * size * np.divide(
-            force_error, forces, out=np.zeros_like(forces), where=forces > 0
-        )
-        balls = []
+    def details(self, record: StepRecord, states: list[dict[str, float]]) -> dict[str, Any]:
+        """Return the solver's account of a finished step (collective)."""
         reduction = self.plan.reduction
-        for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
-            b = image.model_ball
-
-            def turned(values: np.ndarray, index: int = index, b: int = b) -> tuple[float, float]:
-                x, y = squared[b] * values[b]
-                return reduction.to_scene(index, (float(x), float(y)))
-
-            balls.append(
-                BallResult(
-                    position=ball.position,
-                    radius=ball.radius,
-                    approach=float(approaches[b]),
-                    normal_force=float(forces[b]),
-                    tangential_force=turned(ratio),
-                    tangential_force_error=float(error[b]),
-                    peak_pressure=states[b]["peak_pressure"],
-                    contact_area=states[b]["contact_area"],
-                    tangential_force_routes={
-                        "domain": turned(ratio),
-                        "traction": turned(ratio + self._route_difference),
-                        "domain_main_mesh": turned(raw),
-                        "domain_companion_mesh": turned(coarse.per_squared_force),
-                    },
-                )
-            )
-        now = time.monotonic()
-        whole = 2 ** len(reduction.planes)
+        now, began = time.monotonic(), self._began
+        self._began = now
         reaction = self.model.base_reaction()
         pressed = sum(f / ball.copies for f, ball in zip(record.normal_forces, reduction.balls, strict=True))
-        details = {
-            "step": len(earlier) + 1,
+        return {
             "fraction": record.fraction,
             "iterations": record.newton_iterations,
             "augmentations": record.augmentations,
@@ -133,15 +105,10 @@ class MeshRun:
             "penetration": max(s["penetration"] for s in states),
             "open_gap": max(s["open_gap"] for s in states),
             "force_balance": abs(pressed - reaction) / pressed,
-            "strain_energy": whole * self.model.strain_energy(),
-            "mesh_error": mesh_error.tolist(),
-            "normal_force_error": [float(force_error[i.model_ball]) for i in reduction.images],
-            "approach_error": [float(approach_error[i.model_ball]) for i in reduction.images],
-            "tangential_force_error_at_force": [float(error_at_force[i.model_ball]) for i in reduction.images],
-            "seconds": now - self._began,
+            "smallest_volume_ratio": smallest_volume_ratio(self.model.space, self.model.nodal, self.model.comm),
+            "strain_energy": 2 ** len(reduction.planes) * self.model.strain_energy(),
+            "seconds": now - began,
         }
-        self._began = now
-        return Step(tuple(balls), details)
 
 
 def kinematics_of(plan: RunPlan) -> Kinematics:
@@ -150,3 +117,7 @@ def kinematics_of(plan: RunPlan) -> Kinematics:
         return Small()
     effect = plan.problem.finite_strain
     return Finite() if effect is None else Finite(effect.law)
+
+
+def _radii(states: list[dict[str, float]]) -> list[float]:
+    return [math.sqrt(state["contact_area"] / math.pi) for state in states]

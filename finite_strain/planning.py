@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
-from finite_strain.domain import LEAST_SHARE, Reduction, Resolution, box_to_mesh, expected_indentation, reduce_scene
+from finite_strain.domain import (
+    LEAST_SHARE,
+    USUAL_ACCURACY,
+    Reduction,
+    Resolution,
+    box_to_mesh,
+    expected_indentation,
+    reduce_scene,
+    scene_positions,
+)
+from finite_strain.extent import Extent, choose_extent
+from finite_strain.far_field import FarField
+from finite_strain.refinement import Budget
 from finite_strain.schedule import load_fractions
 from finite_strain.volumetric import describe_forms, form_faults
 from linear_bem.closed_forms import indentation_of_layer
@@ -19,8 +32,8 @@ COARSENING = 1.4
 """Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
 LARGEST_APPROACH = 0.9
 """Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
-SOFT_SUBSTRATE = 0.02
-"""Layer over substrate modulus beyond which the substrate's far field is felt in T."""
+COARSEST = 1.5
+"""Ratio of element sizes to those of the accuracy asked for up to which a budget may coarsen the first meshes."""
 _UNKNOWNS_PER_TETRAHEDRON = 3.8
 _NEWTON_ITERATIONS_PER_STEP = 13
 
@@ -34,19 +47,25 @@ class RunPlan:
     reduction: Reduction
     fractions: tuple[float, ...]
     boxes: tuple[Box, Box]
+    accuracy: float = USUAL_ACCURACY
+    budget: Budget = field(default_factory=Budget)
+    resolution: Resolution | None = None
+    smallest_contact: float = 0.0
+    extent: Extent | None = None
 
-    def notes(self) -> list[str]:
-        """Return what the reader must know about the model, beside its numbers."""
-        problem, box = self.problem, self.boxes[1]
-        if problem.substrate is None:
-            return []
-        softness = problem.layer.contact_modulus / problem.substrate.contact_modulus
-        if softness < SOFT_SUBSTRATE:
-            return []
-        return [
-            f"the substrate is only {1.0 / softness:.3g} times as stiff as the layer, and the model ends "
-            f"{box.substrate:.3g} m below the layer and at its sides: what lies beyond is not in the error of T"
-        ]
+    def box(self, size: float) -> Box:
+        """Return the box with elements of ``size`` times the main mesh's."""
+        if size == 1.0:
+            return self.boxes[1]
+        assert self.resolution is not None
+        resolution = self.resolution.coarser(size)
+        return box_to_mesh(self.problem, self.reduction, resolution, self.smallest_contact, self.extent)
+
+    def far_field(self) -> FarField:
+        """Return what the model's end does to every ball of the scene, in the model's frame."""
+        box, reduction = self.boxes[1], self.reduction
+        sides = [(-high if axis in reduction.planes else low, high) for axis, (low, high) in enumerate((box.x, box.y))]
+        return FarField(self.problem, box.substrate, scene_positions(reduction), (sides[0], sides[1]))
 
     def unknowns(self) -> list[float]:
         """Estimate the unknowns of both meshes (within about 40 %)."""
@@ -56,7 +75,7 @@ class RunPlan:
         """Return the plan in words and numbers: SI units, seconds for two ranks."""
         unknowns = self.unknowns()
         iteration = [0.45 * (n / 28e3) ** 1.4 for n in unknowns]  # measured on two ranks with MUMPS
-        box = self.boxes[1]
+        box, most = self.boxes[1], self.budget.most_unknowns(unknowns[1])
         zone = min(box.zones, key=lambda z: z.finest)
         mirrors = ["mirror plane across the line of balls", "mirror plane along the line of balls"]
         return {
@@ -64,15 +83,25 @@ class RunPlan:
             "symmetries": [mirrors[axis] for axis in self.reduction.planes],
             "unknowns": round(unknowns[1]),
             "unknowns_companion": round(unknowns[0]),
+            "meshes": [
+                f"companion, about {unknowns[0]:.0f} unknowns: its difference from the next is the mesh error",
+                f"main, about {unknowns[1]:.0f} unknowns",
+                f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked",
+            ],
             "memory_bytes": 4e8 + 0.36e9 * (unknowns[1] / 49e3) ** 1.35,
             "seconds": 10.0 + len(self.fractions) * (_NEWTON_ITERATIONS_PER_STEP + 3) * sum(iteration),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "element_sizes": {"finest": zone.finest, "coarsest": box.coarsest},
             "load_steps": len(self.fractions),
+            "accuracy": {
+                "asked": self.accuracy,
+                "unknowns_at_most": most,
+                "seconds_at_most": self.budget.seconds,
+            },
         }
 
 
-def plan_run(problem: Problem, tangential_force: float, model: str) -> RunPlan:
+def plan_run(problem: Problem, tangential_force: float, model: str, budget: Budget | None = None) -> RunPlan:
     """Return the plan of a run; raises `UnsupportedProblem`, naming the key, for what the model lacks."""
     _check_supported(problem, model)
     reduction = reduce_scene(problem)
@@ -88,9 +117,36 @@ def plan_run(problem: Problem, tangential_force: float, model: str) -> RunPlan:
         for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)
         if approach > 0.0
     )
-    fine = Resolution.for_accuracy(tangential_force)
-    boxes = tuple(box_to_mesh(problem, reduction, r, smallest) for r in (fine.coarser(COARSENING), fine))
-    return RunPlan(problem, model, reduction, tuple(fractions), (boxes[0], boxes[1]))
+    extent = choose_extent(problem, scene_positions(reduction), reduction.planes, expected, tangential_force)
+    budget = budget or Budget()
+
+    def boxes(resolution: Resolution) -> tuple[Box, Box]:
+        coarse, fine = (
+            box_to_mesh(problem, reduction, r, smallest, extent) for r in (resolution.coarser(COARSENING), resolution)
+        )
+        return coarse, fine
+
+    resolution = _within(budget, Resolution.for_accuracy(tangential_force), boxes)
+    return RunPlan(
+        problem, model, reduction, tuple(fractions), boxes(resolution),
+        tangential_force, budget, resolution, smallest, extent,
+    )  # fmt: skip
+
+
+def _within(budget: Budget, resolution: Resolution, boxes: Callable[[Resolution], tuple[Box, Box]]) -> Resolution:
+    """Return the resolution, made coarser where its main mesh would pass a stated budget of unknowns."""
+    if budget.unknowns is None:
+        return resolution
+    size = 1.0
+    while size <= COARSEST:
+        wanted = _UNKNOWNS_PER_TETRAHEDRON * boxes(resolution.coarser(size))[1].estimated_tetrahedra()
+        if wanted <= budget.unknowns:
+            return resolution.coarser(size) if size > 1.0 else resolution
+        size *= 1.05
+    raise UnsupportedProblem(
+        f"accuracy.unknowns: the coarsest mesh that tells T has about {wanted:.2g} unknowns, "
+        f"got {budget.unknowns:g}; raise it, or accuracy.tangential_force"
+    )
 
 
 def _check_supported(problem: Problem, model: str) -> None:

@@ -1,35 +1,37 @@
-"""One run: companion mesh, main mesh, every load step answered, written and handed on.
-
-T / Q^2 is the domain integral's, extrapolated from the two meshes, and so is Q where the approach is
-prescribed (D where the force is). The error of T adds up the mesh error, estimated more cautiously than the
-extrapolation, and what the traction route differs by.
-"""
+"""One run: companion mesh, main mesh and finer ones, every load step answered, written and handed on."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from finite_strain import FORMAT, compat
+from finite_strain.answer import Answer
 from finite_strain.catalogue import FieldChoice
 from finite_strain.checkpoint import read_checkpoint, write_checkpoint
-from finite_strain.companion import Companion, saved_rows
+from finite_strain.companion import NAME, MeshRecord, saved_records, text_of
+from finite_strain.extent import scale_of_force
 from finite_strain.mesh_run import MeshRun
-from finite_strain.model import Model
 from finite_strain.output import FieldWriter
-from finite_strain.planning import RunPlan, plan_run
+from finite_strain.planning import COARSENING, RunPlan, plan_run
+from finite_strain.refinement import Budget, Decision, account, decide, first_ratio
 from finite_strain.together import on_root, replace_text, working_folder
 from finite_strain.top_surface import gather_surface
 from finite_strain.volumetric import describe_forms, form_notes
+from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
+
+NAMES = ("companion", "main", "finer")
+"""What the meshes are called that run first, second, and after."""
+NEAR_ZERO = "a tenth of the half-space's mutual force"
 
 
 class Silence:
@@ -56,96 +58,159 @@ def simulate(
     folder: Path | None,
     observer: Any,
     fields: FieldChoice | None = None,
+    budget: Budget | None = None,
 ) -> Result:
     """Run a problem; see `finite_strain.solve`."""
-    began = time.monotonic()
     comm = MPI.COMM_WORLD if comm is None else comm
-    observer = observer or Silence()
-    plan = plan_run(problem, tangential_force, model)
-    key = hashlib.sha256(repr((FORMAT, problem, model, tangential_force)).encode()).hexdigest()
+    plan = plan_run(problem, tangential_force, model, budget)
     with working_folder(folder, comm) as where:
-        companion = _companion(plan, where, key, comm, observer)
-        main = MeshRun(plan, plan.boxes[1], where / "mesh.msh", comm, observer, "main")
-        writer = FieldWriter(main.model, where, fields) if folder is not None else None
-        history, steps = read_checkpoint(where, main.model, key)
-        main.path.resume(history)
-        if writer is not None:
-            writer.forget_after(len(steps))
-        observer.started(
-            {
-                "model": model,
-                "forms": describe_forms(problem),
-                "unknowns": main.model.unknowns,
-                "ranks": comm.size,
-                "load_steps": len(plan.fractions),
-                "symmetry_planes": len(plan.reduction.planes),
-                "resumed_steps": len(steps),
-                "versions": compat.versions(),
-            }
-        )
-        for record in main.path.steps(list(plan.fractions)):
-            step = main.answer(record, steps, companion)
-            if writer is not None:
-                taken = writer.write(len(steps) + 1, record.fraction)
-                step = replace(step, record={**step.record, "seconds_output": taken})
-            steps.append(step)
-            if writer is not None:
-                write_checkpoint(where, main.model, main.path.history, steps, key)
-            observer.step_done(step, gather_surface(main.model))
-    result = _result(plan, tangential_force, main.model, steps, comm, time.monotonic() - began)
-    main.close()
-    return result
+        return MeshSequence(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
-def _companion(plan: RunPlan, folder: Path, key: str, comm: MPI.Comm, observer: Any) -> Companion:
-    """Run the coarser mesh along the load path, or read what an earlier run of it left in the folder."""
-    path = folder / "companion.json"
-    rows = on_root(comm, lambda: saved_rows(path, key))
-    reached = rows[-1]["fraction"] if rows else 0.0
-    if reached < 1.0:
-        rows = []
-        run = MeshRun(plan, plan.boxes[0], folder / "companion.msh", comm, observer, "companion")
-        for record in run.path.steps(list(plan.fractions)):
-            values = run.per_squared_force(run.contact_states())
-            rows.append(
+class MeshSequence:
+    """Companion mesh, main mesh, and as many finer ones as accuracy and budget ask for, all along one load path.
+
+    Every finished step of every mesh is on disk before the next begins: what a killed run computed is not
+    computed again.
+    """
+
+    def __init__(
+        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Any, fields: FieldChoice | None, keep: bool
+    ) -> None:
+        self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
+        self.fields, self.keep = fields, keep
+        self.began = time.monotonic()
+        parts = (FORMAT, plan.problem, plan.model, plan.accuracy, plan.budget)
+        self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
+        self.records: list[MeshRecord] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
+        self.earlier_seconds = sum(record.seconds for record in self.records)
+
+    def run(self) -> Result:
+        """Run mesh after mesh until the accuracy is met or the budget is spent (collective)."""
+        if not self.records:
+            self.records.append(MeshRecord(COARSENING))
+        if not self.records[0].finished:
+            self._press(0)
+        if len(self.records) == 1:
+            ratio = self.comm.bcast(first_ratio(COARSENING, self.records[0], self.plan.budget), root=0)
+            self.records.append(MeshRecord(COARSENING / ratio))
+        while True:
+            number = len(self.records) - 1
+            try:
+                steps = self._press(number)
+            except NotConverged as error:
+                if number < 2:
+                    raise
+                # the coarser mesh's answer stands: it is whole, and its error bar is its own
+                steps = [Step.from_dict(step) for step in self.records[number - 1].steps]
+                return self._result(steps, number - 1, f"the next mesh did not converge: {error}")
+            decision = self._decide(number, steps)
+            if decision.size is None:
+                return self._result(steps, number, decision.why)
+            self.records[number].steps = [step.to_dict() for step in steps]
+            self.records.append(MeshRecord(decision.size))
+            self._save()
+
+    def _decide(self, number: int, steps: list[Step]) -> Decision:
+        last, record = steps[-1], self.records[number]
+        forces = np.array([ball.normal_force for ball in last.balls])
+        largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
+        record.scale = max(largest, scale_of_force(self.plan.problem, forces))
+        error = max(ball.tangential_force_error for ball in last.balls)
+        record.reached = error / record.scale if record.scale > 0.0 else 0.0
+        far = max(last.record["far_field_error"]) / record.scale if record.scale > 0.0 else 0.0
+        # every rank must decide alike, whatever its clock says
+        return self.comm.bcast(decide(self.plan.accuracy, self.records, self.plan.budget, far), root=0)
+
+    def _press(self, number: int) -> list[Step]:
+        """Drive one mesh along the load path, from where an earlier run left it; return its answers (collective)."""
+        record, comm, folder = self.records[number], self.comm, self.folder
+        name = NAMES[min(number, 2)]
+        mesh_file = folder / ("companion.msh" if number == 0 else "mesh.msh" if number == 1 else f"mesh_{number}.msh")
+        run = MeshRun(self.plan, self.plan.box(record.size), mesh_file, comm, self.observer, name)
+        try:
+            return self._along(run, record, number)
+        finally:
+            run.close()
+
+    def _along(self, run: MeshRun, record: MeshRecord, number: int) -> list[Step]:
+        key, began, spent = f"{self.key}, mesh {number}", time.monotonic(), record.seconds
+        record.unknowns = run.model.unknowns
+        history, steps = read_checkpoint(self.folder, run.model, key)
+        reached = history[-1].fraction if history else 0.0
+        record.rows = [row for row in record.rows if row["fraction"] <= reached]
+        run.path.resume(history)
+        answer = writer = None
+        if number > 0:
+            answer = Answer(self.plan, self.plan.far_field(), self.records[:number], record.size)
+            if self.keep:
+                writer = FieldWriter(run.model, self.folder, self.fields)
+                writer.forget_after(len(steps))
+            self.observer.started(
                 {
-                    "fraction": record.fraction,
-                    "per_squared_force": values.tolist(),
-                    "normal_forces": record.normal_forces,
-                    "approaches": run.path.history[-1].approaches,
-                    "iterations": record.newton_iterations,
+                    "model": self.plan.model,
+                    "mesh": run.name,
+                    "forms": describe_forms(self.plan.problem),
+                    "unknowns": record.unknowns,
+                    "ranks": self.comm.size,
+                    "load_steps": len(self.plan.fractions),
+                    "symmetry_planes": len(self.plan.reduction.planes),
+                    "resumed_steps": len(steps),
+                    "versions": compat.versions(),
                 }
             )
-            text = json.dumps({"key": key, "unknowns": run.model.unknowns, "rows": rows})
-            on_root(comm, lambda text=text: replace_text(path, text))  # type: ignore[misc]
-        run.close()
-    return Companion(rows)
+        for done in run.path.steps(list(self.plan.fractions)):
+            states = run.contact_states()
+            row = run.row(done, states)
+            record.rows.append(row)
+            if answer is not None:
+                details = {"mesh": number, **run.details(done, states)}
+                step = answer.step(row, states, details, steps, run.solver.tolerance)
+                if writer is not None:
+                    taken = writer.write(len(steps) + 1, done.fraction)
+                    step = replace(step, record={**step.record, "seconds_output": taken})
+                steps.append(step)
+            record.seconds = spent + time.monotonic() - began
+            record.finished = done.fraction >= self.plan.fractions[-1]
+            if self.keep:
+                self._save()
+                write_checkpoint(self.folder, run.model, run.path.history, steps, key)
+            if answer is not None:
+                self.observer.step_done(steps[-1], gather_surface(run.model))
+        return steps
 
+    def _save(self) -> None:
+        if self.keep:
+            on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
 
-def _result(plan: RunPlan, asked: float, model: Model, steps: list[Step], comm: MPI.Comm, seconds: float) -> Result:
-    last = steps[-1]
-    size = max(math.hypot(*ball.tangential_force) for ball in last.balls)
-    reached = max(ball.tangential_force_error for ball in last.balls)
-    notes = [*form_notes(plan.problem), *plan.notes()]
-    if size > 0.0 and reached > asked * size:
-        notes.append(
-            f"tangential force known to {100 * reached / size:.2g} % at full load; "
-            f"{100 * asked:.2g} % was asked for: ask for less than that to get a finer mesh"
+    def _result(self, steps: list[Step], number: int, why: str) -> Result:
+        plan, record = self.plan, self.records[number]
+        # a force of another kind is a bound to compare with only where T itself is smaller
+        near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
+        reference = NEAR_ZERO if near_zero else "the largest tangential force"
+        said = account(plan.accuracy, self.records, number, plan.budget, why, reference)
+        notes = list(form_notes(plan.problem))
+        if near_zero and record.scale > 0.0:
+            notes.append(f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N")
+        if not said["met"]:
+            notes.append(
+                f"tangential force known to {100 * record.reached:.2g} % at full load; "
+                f"{100 * plan.accuracy:.2g} % was asked for: {why}"
+            )
+        certificate = ("penetration", "force_balance", "residual")
+        return Result(
+            model=plan.model,
+            balls=steps[-1].balls,
+            steps=tuple(steps),
+            solved=Solved(
+                converged=True,
+                iterations=sum(step.record["iterations"] for step in steps),
+                unknowns=record.unknowns,
+                seconds=self.earlier_seconds + time.monotonic() - self.began,
+                ranks=self.comm.size,
+                versions=compat.versions(),
+                notes=tuple(notes),
+                certificate={name: max(step.record[name] for step in steps) for name in certificate},
+                accuracy=said,
+            ),
         )
-    return Result(
-        model=plan.model,
-        balls=last.balls,
-        steps=tuple(steps),
-        solved=Solved(
-            converged=True,
-            iterations=sum(step.record["iterations"] for step in steps),
-            unknowns=model.unknowns,
-            seconds=seconds,
-            ranks=comm.size,
-            versions=compat.versions(),
-            notes=tuple(notes),
-            certificate={
-                name: max(step.record[name] for step in steps) for name in ("penetration", "force_balance", "residual")
-            },
-        ),
-    )

@@ -85,7 +85,8 @@ class Solved:
     """How the answer was reached: iterations, size, wall time [s], ranks and library versions.
 
     ``notes`` are plain sentences the reader must see (accuracy not reached, ...); ``certificate``
-    holds recomputed residuals of the returned state.
+    holds recomputed residuals of the returned state. ``accuracy``, where a model refines, tells what was
+    asked and reached, the meshes used and why it stopped.
     """
 
     converged: bool
@@ -96,9 +97,11 @@ class Solved:
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     certificate: Mapping[str, float] = field(default_factory=dict)
+    accuracy: Mapping[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of this account."""
+        told = {"accuracy": dict(self.accuracy)} if self.accuracy else {}
         return {
             "converged": self.converged,
             "iterations": self.iterations,
@@ -108,6 +111,7 @@ class Solved:
             "versions": dict(self.versions),
             "notes": list(self.notes),
             "certificate": dict(self.certificate),
+            **told,
         }
 
 

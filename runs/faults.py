@@ -30,7 +30,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "rest": 1e-6,
         "forces": "pairs",
     },
-    "accuracy": {"tangential_force": 0.01},
+    "accuracy": {"tangential_force": 0.01, "seconds": 600, "unknowns": 1e5},
     "elements": {"form": "mixed"},
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,13 +37,17 @@ class ModelName(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Run:
-    """What a model is given beside the problem: accuracy, MPI communicator, folder, observer, fields to be written."""
+    """What a model is given beside the problem.
+
+    Accuracy, MPI communicator, folder, observer, fields to be written, and the budget of a refinement.
+    """
 
     tangential_force: float | None = None
     comm: Any = None
     folder: Path | None = None
     observer: Any = None
     output: OutputTable | None = None
+    budget: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Model:
     called_for_by: frozenset[str] = frozenset()
     leaves_out: frozenset[str] = frozenset()
     parallel: bool = False
-    plan: Callable[[Problem, float | None], dict[str, Any]] | None = field(default=None)
+    plan: Callable[[Problem, float | None, Mapping[str, float]], dict[str, Any]] | None = field(default=None)
 
 
 def _accuracy(value: float | None) -> dict[str, float]:
@@ -80,7 +84,7 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
     def solve(problem: Problem, run: Run) -> Result:
         import finite_strain  # noqa: PLC0415
 
-        options: dict[str, Any] = _accuracy(run.tangential_force)
+        options: dict[str, Any] = {**_accuracy(run.tangential_force), **run.budget}
         if run.output is not None:
             chosen = {} if run.output.fields is None else {"names": run.output.fields}
             options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
@@ -91,11 +95,11 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
     return solve
 
 
-def _elements_plan(kinematics: str) -> Callable[[Problem, float | None], dict[str, Any]]:
-    def plan(problem: Problem, accuracy: float | None) -> dict[str, Any]:
+def _elements_plan(kinematics: str) -> Callable[[Problem, float | None, Mapping[str, float]], dict[str, Any]]:
+    def plan(problem: Problem, accuracy: float | None, budget: Mapping[str, float]) -> dict[str, Any]:
         import finite_strain  # noqa: PLC0415
 
-        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy))
+        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget)
 
     return plan
 

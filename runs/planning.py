@@ -24,6 +24,8 @@ NAMES = {
     "unknowns_companion": "unknowns of the companion mesh, whose difference tells the error",
     "domain": "domain [m]",
     "element_sizes": "element sizes [m]",
+    "meshes": "meshes, each along the whole load path",
+    "accuracy": "refined until T is known within the share asked, or the next mesh would pass the budget",
 }
 ROUGH = 1e-2
 """Relative accuracy of the linear solution that a plan looks ahead with."""
@@ -58,7 +60,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
-        details = model.plan(problem, scene.tangential_force)
+        details = model.plan(problem, scene.tangential_force, scene.budget)
     else:
         details = {
             "symmetries": [],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -160,9 +160,19 @@ class OutputTable(Table):
 
 
 class AccuracyTable(Table):
-    """[accuracy]: relative accuracy asked of the tangential force; absent: each model's own default."""
+    """[accuracy]: relative accuracy asked of the tangential force, and what a model that refines may spend on it.
+
+    ``seconds`` of wall time for the whole run, ``unknowns`` of the finest mesh; absent: each model's own default.
+    """
 
     tangential_force: Number | None = None
+    seconds: Number | None = None
+    unknowns: Number | None = None
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """What is stated of the budget."""
+        return {k: v for k in ("seconds", "unknowns") if (v := getattr(self, k)) is not None}
 
 
 class Tables(Table):
@@ -190,6 +200,11 @@ class Tables(Table):
         accuracy = self.accuracy.tangential_force
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+        texts += [
+            f"accuracy.{key}: must be greater than 0, got {value:g}"
+            for key, value in self.accuracy.budget.items()
+            if not value > 0.0
+        ]
         if self.output is not None:
             texts += self.output.faults()
         kind, values = self.load.given
@@ -224,6 +239,7 @@ class Scene:
     tangential_force: float | None
     reciprocation: ReciprocationTable | None = None
     output: OutputTable | None = None
+    budget: dict[str, float] = field(default_factory=dict)
 
 
 def _per_ball(value: OneOrMany, size: int) -> tuple[float, ...]:
@@ -250,7 +266,9 @@ def read_scene(path: Path) -> Scene:
         name for name in ("substrate", "finite_strain", "reciprocation") if getattr(tables, name) is not None
     )
     title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
-    return Scene(path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output)
+    return Scene(
+        path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output, tables.accuracy.budget
+    )
 
 
 def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:

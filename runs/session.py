@@ -44,11 +44,16 @@ class Session:
         self.scale = Scale.of(self.problem)
         self.plan: dict[str, Any] = {}
         if self.model.plan is not None:  # names what the model lacks, cheaply
-            self.plan = self.model.plan(self.problem, scene.tangential_force)
+            self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget)
         if self.problem.elements is not None and not self.model.parallel:
             self.notes = (*self.notes, f"[elements] left out: {self.model.name} has no finite elements")
         if scene.output is not None and not self.model.parallel:
             self.notes = (*self.notes, f"[output] left out: {self.model.name} has no fields inside the layer to write")
+        if scene.budget and not self.model.parallel:
+            self.notes = (
+                *self.notes,
+                f"[accuracy] {', '.join(scene.budget)}: no bound, as {self.model.name} does not mesh",
+            )
         self.idle = not self.model.parallel and not ranks.is_root()
         self.folder: RunFolder | None = None
         self.finished: dict[str, Any] | None = None
@@ -73,6 +78,8 @@ class Session:
         }
         if self.scene.output is not None and self.model.parallel:
             identity["output"] = self.scene.output.model_dump()
+        if self.scene.budget and self.model.parallel:
+            identity["budget"] = self.scene.budget
         path = self.options.out or self._default_folder()
         self.folder = RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
         finished = self.folder.finished()
@@ -100,7 +107,7 @@ class Session:
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
             tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
-        run = Run(self.scene.tangential_force, self.comm, fields, progress, self.scene.output)
+        run = Run(self.scene.tangential_force, self.comm, fields, progress, self.scene.output, self.scene.budget)
         return self.model.solve(self.problem, run)
 
     def with_notes(self, document: dict[str, Any]) -> dict[str, Any]:
@@ -128,13 +135,21 @@ def _world_if_there() -> Any:
 
 
 def path_so_far(saved: Sequence[Mapping[str, Any]], step: Step) -> list[dict[str, Any]]:
-    """Return the saved steps that come before ``step``, then ``step``: a repeated step replaces the old one."""
+    """Return the saved steps, with ``step`` in the place of the old one there and of what follows on its mesh.
+
+    What a coarser mesh answered deeper down stays until a finer one gets there.
+    """
 
     def depth(data: Mapping[str, Any]) -> float:
-        return max(float(ball["approach"]) for ball in data["balls"])
+        return float(data["record"].get("fraction") or max(float(ball["approach"]) for ball in data["balls"]))
+
+    def mesh(data: Mapping[str, Any]) -> int:
+        return int(data["record"].get("mesh", 0))
 
     new = step.to_dict()
-    return [*(dict(old) for old in saved if depth(old) < depth(new) * (1.0 - 1e-9)), new]
+    before = [dict(old) for old in saved if depth(old) < depth(new) * (1.0 - 1e-9)]
+    coarser = [dict(old) for old in saved if depth(old) > depth(new) * (1.0 + 1e-9) and mesh(old) < mesh(new)]
+    return [*before, new, *coarser]
 
 
 def unfinished(model: Model, steps: Sequence[Mapping[str, Any]]) -> Result:

@@ -1,0 +1,135 @@
+"""The answer at a load step: mesh and distance taken off what the finest mesh says, and what may be left of both.
+
+T / Q^2 is the domain integral's, extrapolated from the meshes, and so is Q where the approach is
+prescribed (D where the force is). What the model's end does to first order is then taken off. The error of
+T at given force is the root of the sum of squares of two estimates of what T / Q^2 may be off by, since
+either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
+the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
+so far, whichever is more. To it come what is left of the far field, and where the approach is prescribed
+the error of Q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from finite_strain.companion import MeshRecord
+from finite_strain.extent import STIFFENING
+from finite_strain.extrapolation import force_ratio, indentation
+from finite_strain.far_field import REMAINS, SHIFT_REMAINS, FarField
+from finite_strain.planning import RunPlan
+from linear_bem.result import BallResult, Step
+
+
+@dataclass(frozen=True)
+class _Distance:
+    """What the model's end adds to T / Q^2 (balls, 2), by the factor of Q and the addend to D it takes off."""
+
+    ratio: np.ndarray
+    force_factor: np.ndarray
+    approach: np.ndarray
+
+
+class Answer:
+    """Turns what the meshes of a run say into answers for the balls of its scene."""
+
+    def __init__(self, plan: RunPlan, far: FarField, coarser: list[MeshRecord], size: float) -> None:
+        self.plan, self.far = plan, far
+        self.coarser = coarser[::-1][:2]
+        """The one or two coarser meshes, finest first."""
+        self.sizes = [size, *(record.size for record in self.coarser)]
+
+    def step(
+        self, row: dict[str, Any], states: list[dict[str, float]], details: dict[str, Any],
+        earlier: list[Step], tolerance: float,
+    ) -> Step:  # fmt: skip
+        """Return the finished step; ``row``, ``states`` and ``details`` are the finest mesh's, ``earlier`` its steps.
+
+        ``tolerance`` [N] is what the solver leaves open of every force.
+        """
+        others = [record.at(row["fraction"]) for record in self.coarser]
+        raw, routes = np.array(row["per_squared_force"]), np.array(row["route_difference"])
+        mesh = force_ratio([raw, *(state.per_squared_force for state in others)], self.sizes)
+        ratio = self.sizes[1] / self.sizes[0]
+        forces, force_error = indentation(np.array(row["normal_forces"]), others[0].normal_forces, ratio)
+        approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
+        away = self._distance(forces, approaches)
+        forces, approaches = forces * away.force_factor, approaches - away.approach
+        squared, value = forces**2, mesh.value - away.ratio
+        size = np.abs(value).max(axis=1) * squared
+        mesh_error = np.max([mesh.error.max(axis=1), *(s.record["mesh_error"] for s in earlier)], axis=0)
+        difference = np.abs(routes).max(axis=1)
+        past = [np.array(s.record["route_difference"]) for s in earlier]
+        route_error = np.maximum(difference, np.median([*past, difference], axis=0))
+        far_error = squared * REMAINS * np.abs(away.ratio).max(axis=1)
+        at_force = squared * np.hypot(mesh_error, route_error) + far_error + tolerance
+        through_force = 2.0 * size * _share(force_error, forces)
+        shift = 2.0 * size * SHIFT_REMAINS * np.abs(1.0 - 1.0 / away.force_factor)
+        error = np.hypot(at_force, through_force) + shift
+        record = {
+            "step": len(earlier) + 1,
+            **details,
+            "mesh_error": mesh_error.tolist(),
+            "mesh_order": [[None if np.isnan(o) else float(o) for o in orders] for orders in mesh.order],
+            "route_difference": difference.tolist(),
+            "normal_force_error": self._per_ball(force_error),
+            "approach_error": self._per_ball(approach_error),
+            "far_field_error": self._per_ball(far_error + shift),
+            "far_field_correction": self._per_ball(squared * np.abs(away.ratio).max(axis=1)),
+            "tangential_force_error_at_force": self._per_ball(at_force),
+        }
+        named = {
+            "domain": value,
+            "traction": value + routes,
+            "domain_main_mesh": raw,
+            "domain_companion_mesh": others[0].per_squared_force,
+        }
+        reduction, balls = self.plan.reduction, []
+        for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
+            b = image.model_ball
+            turned = {
+                name: reduction.to_scene(index, (float(squared[b] * v[b, 0]), float(squared[b] * v[b, 1])))
+                for name, v in named.items()
+            }
+            balls.append(
+                BallResult(
+                    position=ball.position,
+                    radius=ball.radius,
+                    approach=float(approaches[b]),
+                    normal_force=float(forces[b]),
+                    tangential_force=turned["domain"],
+                    tangential_force_error=float(error[b]),
+                    peak_pressure=states[b]["peak_pressure"],
+                    contact_area=states[b]["contact_area"],
+                    tangential_force_routes=turned,
+                )
+            )
+        return Step(tuple(balls), record)
+
+    def _per_ball(self, values: np.ndarray) -> list[float]:
+        return [float(values[image.model_ball]) for image in self.plan.reduction.images]
+
+    def _distance(self, forces: np.ndarray, approaches: np.ndarray) -> _Distance:
+        """Return the first-order effect of the model's end on its balls, for their forces [N] and approaches [m]."""
+        reduction, kind = self.plan.reduction, self.plan.problem.load.kind
+        everywhere = np.array([forces[image.model_ball] for image in reduction.images])
+        own = [ball.index for ball in reduction.balls]
+        excess = self.far.tangential_forces(everywhere)[own]
+        for b, ball in enumerate(reduction.balls):
+            excess[b, list(ball.fixed_axes)] = 0.0
+        moved = self.far.approaches(everywhere)[own]
+        ratio = np.divide(excess, forces[:, None] ** 2, out=np.zeros_like(excess), where=forces[:, None] > 0.0)
+        if kind == "approach":  # the unbounded layer yields more (or less) to the same force: Q follows D
+            deeper = np.where(approaches > 0.0, 1.0 + _share(moved, approaches), 1.0)
+            return _Distance(ratio, np.maximum(deeper, 0.0) ** STIFFENING, np.zeros_like(approaches))
+        if kind == "total_force":
+            moved = np.full_like(moved, np.average(moved, weights=forces))
+        return _Distance(ratio, np.ones_like(forces), moved)
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """Return part over whole, zero where the whole is not positive."""
+    return np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0.0)
