@@ -261,8 +261,8 @@ POINTS = (
     Point("nine balls end in the closest packing from either distance", NINES, _nine_pack, ""),
     Point(
         "the denser start keeps more of its order", NINES, _dense_keeps_order,
-        "it depends on how far the balls are from their lattice, which the source does not say: without much of that the "
-        "lattice of 30 mm shrinks to the touching one before it shears",
+        "it depends on how far the balls are from their lattice, which the source does not say: without much of it "
+        "the lattice of 30 mm shrinks to the touching one before it shears",
     ),
     Point(
         "convergence is faster along the main motion, and the group gets a tip that way", NINES, _direction,
