@@ -32,7 +32,7 @@ if [[ $(.venv/bin/python -c 'import numpy; print(numpy.__version__)') == 1.* ]];
 else
   summary+=("mypy not run: it goes by the annotations of numpy 1, which Debian 12 has")
 fi
-workers=$(nproc)
+workers=$(env -u OMP_NUM_THREADS nproc) # which takes that variable for the number of cores
 # In the order of their names, the finite elements' long files come first: the last files to end are short ones.
 check pytest .venv/bin/python -m pytest -n $((workers < 4 ? workers : 4)) --dist loadfile --no-loadscope-reorder --durations 15 "$@"
 printf 'tests: %s\n' "${summary[@]}"
