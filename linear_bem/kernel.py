@@ -43,10 +43,14 @@ def _panels(edges: Array, order: int) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def far_rule() -> tuple[Array, Array]:
-    """Return u_j and weights with J0(u_j) and the cut-off in them: int f(u) J0(u) du for f smooth in log u."""
+    """Return u_j and weights with J0(u_j) and the cut-off in them: int f(u) J0(u) du for f smooth in log u.
+
+    Exact for constants (int J0 = 1), so that the layer's 1/r and the substrate's cancel far away to roundoff.
+    """
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 141.0, 4.0)])
     u, w = _panels(edges, 12)
-    return u, w * j0(u) * 0.5 * erfc((u - 80.0) / 9.0)
+    w = w * j0(u) * 0.5 * erfc((u - 80.0) / 9.0)
+    return u, w / np.sum(w)
 
 
 @lru_cache(maxsize=1)

@@ -230,9 +230,9 @@ def _note(limit: str, wanted: float, reached: float, settled: float) -> str:
     )
 
 
-def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0) -> Array:
+def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0, fading: float = math.inf) -> Array:
     positions = np.array([ball.position for ball in contacts.problem.balls], dtype=float)
-    return half_space_pulls(contacts.kernel, positions, contacts.normal_forces, softest)
+    return half_space_pulls(contacts.kernel, positions, contacts.normal_forces, softest, fading)
 
 
 def _size(contacts: SmoothContacts | GridContacts) -> float:
@@ -248,9 +248,10 @@ def _size(contacts: SmoothContacts | GridContacts) -> float:
 
 def _floor(contacts: SmoothContacts | GridContacts) -> Array:
     """Return what the kernel's table and the solver's tolerance leave of T's error [N] on every ball."""
-    thickness = contacts.kernel.thickness
+    thickness, contrast = contacts.kernel.thickness, 1.0 + contacts.kernel.far_ratio
     softest = thickness if np.isfinite(thickness) else 0.0
-    return np.asarray(1e-9 * (1.0 + contacts.kernel.far_ratio) * _pulls(contacts, softest))
+    # the table's error fades where the layer's 1/r and the substrate's cancel
+    return np.asarray(1e-9 * contrast * _pulls(contacts, softest, 100.0 * contrast * thickness))
 
 
 def _routes_error(contacts: SmoothContacts) -> Array:

@@ -34,15 +34,18 @@ def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: flo
     return np.array([interaction.force(i) for i in range(len(nodes))])
 
 
-def half_space_pulls(kernel: LayeredKernel, positions: Array, forces: Array, softest: float = 0.0) -> Array:
+def half_space_pulls(
+    kernel: LayeredKernel, positions: Array, forces: Array, softest: float = 0.0, fading: float = np.inf
+) -> Array:
     """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
 
     It is what point loads on a half-space of the layer's material would give without cancellation: the force that
-    a layer's T, which changes sign, is small against.
+    a layer's T, which changes sign, is small against. Beyond ``fading`` [m] a pull counts for fading/r of itself.
     """
     r = np.hypot(positions[:, None, 0] - positions[:, 0], positions[:, None, 1] - positions[:, 1])
     np.fill_diagonal(r, np.inf)
-    return np.asarray(forces * ((kernel.singular / (r + softest) ** 2) @ forces))
+    share = np.ones_like(r) if np.isinf(fading) else np.minimum(1.0, fading / r)
+    return np.asarray(forces * ((kernel.singular / (r + softest) ** 2 * share) @ forces))
 
 
 def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:
