@@ -1,0 +1,87 @@
+"""The scenes of the paper's two experiments at full approach, solved with nothing tuned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from runs.presentation import Scale, attraction
+from runs.studies.case import Case
+from runs.studies.records import Found
+from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
+from runs.studies.verification.part import Part, cases_of, pair
+
+NAME = "experiments"
+SCENES = Path(__file__).parents[2] / "scenes"
+DIAMETERS = (7, 10, 16)
+"""Diameters [mm] of the balls on 10 mm of rubber, pressed in by 1.5 mm [the paper, section 2.2]."""
+ACCURACY = 0.1
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return both experiments' scenes; the quick version has none, as the full approach is the question."""
+    if quick:
+        return []
+    from runs.scene import read_scene  # noqa: PLC0415  (needs pydantic)
+
+    found = []
+    for diameter in DIAMETERS:
+        problem = read_scene(SCENES / f"separation_{diameter}mm.toml").problem
+        words = f"thin: {diameter} mm balls on 10 mm, D = 1.5 mm"
+        found.append(_case(f"thin-{diameter}mm", words, problem))
+    for poisson in (0.3, 0.48):
+        # balls of 10 mm 25 mm apart pressed 12 mm into 80 mm of foam [the paper, section 2.1]
+        problem = pair(1.2, 8.0, distance=2.5, poisson=poisson, substrate=None)
+        found.append(_case(f"thick-nu{poisson:g}", f"thick: h = 8 R, L = 2.5 R, D = 1.2 R, nu = {poisson:g}", problem))
+    return found
+
+
+def _case(name: str, words: str, problem: Any) -> Case:
+    labels = {"part": NAME, "words": words, "check": None}
+    return Case(f"{NAME}-{name}", problem, "finite_strain", ACCURACY, labels=labels)
+
+
+def rows(found: Found) -> list[dict[str, Any]]:
+    """Return one row per scene: how far it came, what it took, and its answer."""
+    return [_row(found, case) for case in cases_of(found, NAME)]
+
+
+def _row(found: Found, case: Case) -> dict[str, Any]:
+    steps, record = found.steps(case.name), found.records.get(case.name, {})
+    ended, why = verdict(found, case.name, case.labels)
+    row: dict[str, Any] = {"scene": case.labels["words"], "ended": ended, "why": why, "holds": None}
+    if found.state(case.name) != "not run yet":
+        row["holds"] = ended == "right"
+    if steps:
+        scale, ball = Scale.of(case.problem), steps[-1]["balls"][0]
+        size = attraction(steps[-1]["balls"], 0, ball["tangential_force"])
+        row |= {
+            "D": ball["approach"] / scale.radius,
+            "Q": ball["normal_force"] / scale.force,
+            "T": (size / scale.force, ball["tangential_force_error"] / scale.force),
+            "T/Q": size / ball["normal_force"],
+            "steps": len(steps),
+            "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps),
+            "iterations": sum(step["record"].get("iterations", 0) for step in steps),
+            "J": smallest(steps, "smallest_volume_ratio"),
+            "penetration": largest(steps, "penetration") / scale.radius,
+            "balance": energy_balance(steps),
+            "unknowns": record.get("solved", {}).get("unknowns"),
+            "cpu": record.get("cpu_seconds", 0.0) / 60.0,
+        }
+    return row
+
+
+PART = Part(
+    NAME,
+    "The paper's experiments at full approach",
+    "Nothing is tuned: the scenes as they are shipped. T > 0 attracts. Lengths over R, forces over E1 R²; J is the "
+    "smallest volume ratio of any element, the balance that of stored energy and work (summed over load steps).",
+    cases,
+    rows,
+    {
+        "scene": "scene", "ended": "ended", "D": "D / R", "Q": "Q", "T": "T", "T/Q": "T / Q", "steps": "steps",
+        "cuts": "cut-backs", "iterations": "iterations", "J": "J", "penetration": "penetration", "balance": "balance",
+        "cpu": "CPU minutes", "why": "checks",
+    },
+)  # fmt: skip

@@ -1,0 +1,136 @@
+"""Hard cases: each ends in an answer that its check confirms, or in a refusal or a stop that names step and reason.
+
+Cases of the study ``stability`` are taken from there; the ones that it lacks are added.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from runs.studies.case import Case
+from runs.studies.records import Found
+from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
+from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, STEPS, Check, Hard, hard_cases
+from runs.studies.verification.part import COARSE, Part, as_seen_by, cases_of, pair
+
+NAME = "hard"
+ACCURACY = 0.1
+TAKEN = (
+    "usual",
+    "coarse",
+    "incompressible",
+    "nearly-incompressible",
+    "equal-substrate",
+    "very-deep",
+    "deepest",
+    "lifted",
+)
+"""Cases of the study ``stability`` that belong here; where two are checked against each other, the reference first."""
+LONG_STEP = {f"{STEPS}.FIRST": 0.125, f"{STEPS}.LARGEST_STEP": 0.65}
+"""Ten times the usual ones."""
+
+
+def chosen() -> list[Hard]:
+    """Return every hard case of this study."""
+    linear = "linear_bem, another model of the same problem"
+    known = {hard.name: hard for hard in hard_cases()}
+    found = [known[name] for name in TAKEN]
+    small = [hard for hard in found if hard.checks.get(SMALL)]
+    found = [
+        dataclasses.replace(
+            hard,
+            models=tuple(m for m in hard.models if m in (FINITE, SMALL, LINEAR) and (m == FINITE or hard in small)),
+        )
+        for hard in found
+    ]
+    return [
+        *found,
+        Hard(
+            "thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, 0.2), (LINEAR, SMALL, FINITE),
+            {SMALL: Check(linear, "hard-thin-layer-linear-bem")},
+        ),
+        Hard("touching-deep", "L = 2 R, D = 1 R in h = 1.16 R: 0.86 of its thickness", pair(1.0), (FINITE,)),
+        Hard(
+            "resting", "one ball pressed in by 0.2 R, its neighbour only rests", pair((0.2, 0.0)),
+            (LINEAR, SMALL, FINITE),
+            {SMALL: Check(linear, "hard-resting-linear-bem")},
+        ),
+        Hard("usual-steps", "D = 0.125 R in the usual steps", pair(0.125), (FINITE,)),
+        Hard(
+            "tenfold-step", "the same with a first step ten times as long", pair(0.125), (FINITE,),
+            {FINITE: Check("the usual steps", "hard-usual-steps-finite-strain", 1e-3)}, LONG_STEP,
+        ),
+    ]  # fmt: skip
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return every case and model; the quick version has a refusal and a resting ball."""
+    hards = chosen()
+    if quick:
+        light = {"resting": pair((0.015, 0.0))}
+        hards = [
+            dataclasses.replace(hard, problem=light.get(hard.name, hard.problem), models=(FINITE,), checks={})
+            for hard in hards
+            if hard.name in ("deepest", "resting")
+        ]
+    return [_case(hard, model, quick) for hard in hards for model in hard.models]
+
+
+def _case(hard: Hard, model: str, quick: bool) -> Case:
+    check = hard.checks.get(model)
+    if check is not None and not check.other.startswith(NAME):
+        check = dataclasses.replace(check, other=f"{NAME}-{check.other}")
+    labels = {
+        "part": NAME,
+        "case": hard.name,
+        "words": hard.words,
+        "check": dataclasses.asdict(check) if check is not None else None,
+    }
+    accuracy = 1e-4 if model == LINEAR else COARSE if quick else hard.accuracy or ACCURACY
+    constants = hard.constants if model != LINEAR else {}
+    name = f"{NAME}-{hard.name}-{model.replace('_', '-')}"
+    return Case(name, as_seen_by(model, hard.problem), model, accuracy, constants, labels)
+
+
+def rows(found: Found) -> list[dict[str, Any]]:
+    """Return one row per case and model; a stop or a refusal with its reason holds, a wrong number does not."""
+    return [_row(found, case) for case in cases_of(found, NAME)]
+
+
+def _row(found: Found, case: Case) -> dict[str, Any]:
+    steps, state = found.steps(case.name), found.state(case.name)
+    ended, why = verdict(found, case.name, case.labels)
+    row: dict[str, Any] = {"case": case.labels["words"], "model": case.model, "ended": ended, "why": why}
+    # a stop is honest if it says where: the last good state is the last row of the case's steps
+    told = {"right": True, "named refusal": True, "not converged": bool(why)}
+    row["holds"] = None if state in ("not run yet", "running") else told.get(ended, False)
+    if steps:
+        balls = steps[-1]["balls"]
+        ball = max(balls, key=lambda ball: abs(ball["tangential_force"][0]))
+        row |= {
+            "D": ball["approach"] if ball is balls[0] else balls[0]["approach"],
+            "T": (ball["tangential_force"][0], ball["tangential_force_error"]),
+            "steps": len(steps) if case.parallel else None,
+            "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps) if case.parallel else None,
+            "J": smallest(steps, "smallest_volume_ratio"),
+            "penetration": largest(steps, "penetration"),
+            "balance": energy_balance(steps),
+            "cpu": found.records[case.name].get("cpu_seconds"),
+        }
+    return row
+
+
+PART = Part(
+    NAME,
+    "Hard cases",
+    "Each is checked by energy against work (2 %), force balance (1e-6), elements not folded over, and where a "
+    "second route exists by another case. R = 1, E1 = 1. More of them, and more models, are in the study "
+    "`stability`.",
+    cases,
+    rows,
+    {
+        "case": "case", "model": "model", "ended": "ended", "D": "D / R", "T": "T", "steps": "steps",
+        "cuts": "cut-backs", "J": "J", "penetration": "penetration", "cpu": "CPU seconds", "why": "checks, or reason",
+    },
+)  # fmt: skip

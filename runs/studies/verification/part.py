@@ -1,0 +1,55 @@
+"""A part of the study: its cases, and the table that they make, each row with its own verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from runs.studies.case import Case
+from runs.studies.records import Found
+
+THIN, POISSON, STIFF = 1.16, 0.48, Elastic(1e3, 0.3)
+"""The paper's separation case: thickness over R, Poisson's ratio, substrate."""
+PAPER_LOAD = 2.66666e-3
+COARSE = 0.2
+"""Accuracy asked of T in the quick version: the coarsest meshes that there are."""
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Part:
+    """One question: ``cases`` of the quick or the full version, and ``rows`` of what was found.
+
+    A row's "holds" is True, False, or None where nothing is claimed; ``columns`` are the ones shown.
+    """
+
+    name: str
+    title: str
+    text: str
+    cases: Callable[[bool], list[Case]]
+    rows: Callable[[Found], list[dict[str, Any]]]
+    columns: Mapping[str, str]
+
+
+def cases_of(found: Found, part: str) -> list[Case]:
+    """Return the cases of one part."""
+    return [case for case in found.cases if case.labels["part"] == part]
+
+
+def pair(
+    approach: float | Sequence[float], thickness: float = THIN, *, distance: float = 2.0, poisson: float = POISSON,
+    substrate: Elastic | None = STIFF, shape: str = "sphere",
+) -> Problem:  # fmt: skip
+    """Return two balls ``distance`` R apart; R = 1, E1 = 1; one number presses both in."""
+    depths = (approach, approach) if isinstance(approach, int | float) else tuple(approach)
+    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
+    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", depths), substrate, FiniteStrain())
+
+
+def as_seen_by(model: str, problem: Problem) -> Problem:
+    """Return the problem without the effect that a small-strain model lacks."""
+    if model == "finite_strain":
+        return problem
+    return Problem(problem.layer, problem.balls, problem.load, problem.substrate)

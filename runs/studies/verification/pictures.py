@@ -1,0 +1,100 @@
+"""The study's figure: one ball, T as the load goes to 0, convergence with the mesh, and the routes to T."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.studies.verification.part import Row
+
+COLORS = (BLUE, ORANGE, GREEN, PURPLE)
+Tables = Mapping[str, Sequence[Row]]
+
+
+def draw(tables: Tables, folder: Path) -> None:
+    """Write verification.svg and .png; a panel without rows says so."""
+    with look():
+        figure, axes = panels(4.0, 4.0, 4.0, 4.0, height=3.9)
+        _one_ball(axes[0], tables["one-ball"])
+        _small_load(axes[1], tables["small-load"])
+        _convergence(axes[2], tables["convergence"])
+        _routes(axes[3], tables["routes"])
+        for axis in axes:
+            if axis.has_data():
+                handles = axis.get_legend_handles_labels()[0]
+                if handles:
+                    axis.legend(fontsize=8)
+            else:
+                axis.text(0.5, 0.5, "not there yet", ha="center", transform=axis.transAxes, color=GREY)
+        save_figure(figure, folder, "verification")
+
+
+def _one_ball(axis: Any, rows: Sequence[Row]) -> None:
+    finite = [row for row in rows if row["model"] == "finite_strain"]
+    styles = {"Long 2011": ("-", ""), "axisymmetric elements": ("", "x"), "Zhang 2014, half-space": ("--", "")}
+    for color, h in zip(COLORS, sorted({row["h"] for row in finite}), strict=False):
+        mine = [row for row in finite if row["h"] == h]
+        points = {row["D"]: row["ratio"] for row in mine}
+        values, errors = zip(*points.values(), strict=True)
+        axis.errorbar(list(points), values, errors, fmt="o", ms=4, color=color, capsize=2, label=f"h = {h:g} R")
+        for name, (line, marker) in styles.items():
+            known = [(row["D"], row["expected"]) for row in mine if row["reference"] == name]
+            if known:
+                label = name if h == max(r["h"] for r in finite if r["reference"] == name) else None
+                axis.plot(*zip(*known, strict=True), ls=line, marker=marker, color=color, lw=1.2, label=label)
+    axis.set(xlabel="D / R", ylabel="Q / Q Hertz")
+    axis.set_title("one sphere, finite strain, nu = 0.5")
+
+
+def _small_load(axis: Any, rows: Sequence[Row]) -> None:
+    places = list(dict.fromkeys((row["h"], row["L"]) for row in rows))
+    for shift, color, model in ((-0.12, BLUE, "small_strain"), (0.12, ORANGE, "finite_strain")):
+        mine = [row for row in rows if row["model"] == model]
+        x = [places.index((row["h"], row["L"])) + shift for row in mine]
+        if mine:
+            values, errors = zip(*(row["ratio"] for row in mine), strict=True)
+            axis.errorbar(x, values, errors, fmt="o", ms=4, color=color, capsize=2, label=model)
+    if rows:
+        axis.axhspan(0.99, 1.01, color="0.9", zorder=0)
+        axis.set_xticks(range(len(places)), [f"{h:g}\n{distance:g}" for h, distance in places])
+        axis.set_ylim(*_limits([row["ratio"] for row in rows]))
+    axis.set(xlabel="h / R (above), L / R (below)", ylabel="T / T linear")
+    axis.set_title("load to 0 (band: 1 %)")
+
+
+def _limits(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    low = min(0.98, *(value - error for value, error in pairs))
+    high = max(1.02, *(value + error for value, error in pairs))
+    return max(low - 0.005, 0.8), min(high + 0.012, 1.2)
+
+
+def _convergence(axis: Any, rows: Sequence[Row]) -> None:
+    for number, row in enumerate(r for r in rows if math.isfinite(r["order"])):
+        gaps = [abs(row["coarse"] - row["middle"]), abs(row["middle"] - row["fine"])]
+        short = f"{row['quantity']}, {row['model'].split('_')[0]}, D = {row['D']:g} R"
+        gaps = [gap / abs(row["fine"]) for gap in gaps]
+        axis.plot([1.4, 1.0], gaps, "o-" if row["quantity"] == "Q" else "s--", color=COLORS[number // 2 % 4], ms=4,
+                  lw=1.2, label=f"{short}: {row['order']:.1f}")  # fmt: skip
+    if axis.has_data():
+        axis.set(xscale="log", yscale="log", xlim=(0.9, 1.55))
+        axis.set_xticks([1.0, 1.4], ["fine", "coarse"])
+        axis.minorticks_off()
+        low, high = axis.get_ylim()
+        axis.set_ylim(low, high * 12.0)  # room for the legend
+    axis.set(xlabel="pair of meshes, ratio 1.4", ylabel="relative change")
+    axis.set_title("observed orders")
+
+
+def _routes(axis: Any, rows: Sequence[Row]) -> None:
+    if rows:
+        x = [row["D"] for row in rows]
+        bar = [100.0 * row["bar"] for row in rows]
+        axis.fill_between(x, [-b for b in bar], bar, color="0.88", label="error bar", zorder=0)
+        axis.plot(x, [100.0 * row["traction off"] for row in rows], "s-", color=BLUE, ms=4, lw=1.2, label="traction")
+        axis.plot(x, [100.0 * row["energy off"] for row in rows], "^-", color=ORANGE, ms=4, lw=1.2, label="energy")
+        axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
+    axis.set(xlabel="D / R", ylabel="off the domain integral [%]")
+    axis.set_title("routes to T, thin pair")

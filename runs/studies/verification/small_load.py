@@ -1,0 +1,106 @@
+"""T of the elements against the linear model: small strain at the paper's load, finite strain as the load goes to 0."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from finite_strain.extent import scale_of_force
+from linear_bem.problem import Load
+from runs.linear_states import LinearStates
+from runs.presentation import attraction
+from runs.studies.case import Case
+from runs.studies.records import DONE, Found
+from runs.studies.verification.one_ball import extrapolation_weights
+from runs.studies.verification.part import COARSE, PAPER_LOAD, THIN, Part, as_seen_by, cases_of, pair
+
+NAME = "small-load"
+THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
+ACCURACY = 0.02
+LIGHT = 0.004
+"""Approach over R of the larger of two loads; the smaller is a third of it."""
+TWO_LOADS = {"finite_strain.schedule.FIRST": 0.0015, "finite_strain.schedule.GROWTH": 3.0}
+WANTED = 0.01
+"""Departure that is wanted, over |T| or, where T is near its zero, over a tenth of the half-space's mutual force."""
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return both kinematics for every thickness and distance; the quick version has one case of each."""
+    places = [(h, distance) for h in THICKNESSES for distance in DISTANCES]
+    return [
+        case
+        for h, distance in ([(THIN, 2.0)] if quick else places)
+        for case in (_paper_load(h, distance, quick), _two_loads(h, distance, quick))
+    ]
+
+
+def _paper_load(h: float, distance: float, quick: bool) -> Case:
+    problem = as_seen_by("small_strain", pair(1.0, h, distance=distance, shape="paraboloid"))
+    problem = dataclasses.replace(problem, load=Load("force", (PAPER_LOAD,) * 2))
+    return _case("small_strain", problem, h, distance, quick, {})
+
+
+def _two_loads(h: float, distance: float, quick: bool) -> Case:
+    return _case("finite_strain", pair(LIGHT, h, distance=distance), h, distance, quick, TWO_LOADS)
+
+
+def _case(model: str, problem: Any, h: float, distance: float, quick: bool, constants: Mapping[str, float]) -> Case:
+    name = f"{NAME}-{model.replace('_', '-')}-h{h:g}-L{distance:g}"
+    labels = {"part": NAME, "h": h, "L": distance}
+    return Case(name, problem, model, COARSE if quick else ACCURACY, constants, labels)
+
+
+def rows(found: Found) -> list[dict[str, Any]]:
+    """Return one row per case that is done."""
+    return [_row(case, found.steps(case.name)) for case in cases_of(found, NAME) if found.state(case.name) == DONE]
+
+
+def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    if case.model == "small_strain":
+        steps = steps[-1:]
+    linear = LinearStates(case.problem, None, {}).at_force(steps)["steps"]
+    ratios, bars = np.array([_ratio(step, other) for step, other in zip(steps, linear, strict=True)]).T
+    depths = np.array([step["balls"][0]["approach"] for step in steps])
+    value, bar = float(ratios[-1]), float(bars[-1])
+    if len(steps) > 1:
+        # one mesh's error is the same at both loads, so the larger bar stands and what both differ by is weighted
+        weights = extrapolation_weights(depths[[0, -1]] ** 0.5)
+        value, bar = float(weights @ ratios[[0, -1]]), float(max(bars[0], bars[-1]))
+    ball = linear[-1]["balls"][0]
+    size = attraction(linear[-1]["balls"], 0, ball["tangential_force"])
+    scale = scale_of_force(case.problem, np.full(2, ball["normal_force"]))
+    share = abs(size) / max(abs(size), scale)
+    return {
+        "model": case.model, "h": case.labels["h"], "L": case.labels["L"],
+        "D": " and ".join(f"{d:.3g}" for d in depths[[0, -1]]) if len(steps) > 1 else f"{depths[0]:.3g}",
+        "T/Q": size / ball["normal_force"], "ratio": (value, bar), "off": 100.0 * (value - 1.0), "bar": 100.0 * bar,
+        "of scale": 100.0 * (value - 1.0) * share, "in bar": "yes" if abs(value - 1.0) <= bar else "no",
+        "holds": bool(abs(value - 1.0) * share <= WANTED),
+    }  # fmt: skip
+
+
+def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, float]:
+    """Return T over the linear T at the same force, and its bar."""
+    ball, other = step["balls"][0], linear["balls"][0]
+    size = attraction(linear["balls"], 0, other["tangential_force"])
+    error = step["record"]["tangential_force_error_at_force"][0] + other["tangential_force_error"]
+    return attraction(step["balls"], 0, ball["tangential_force"]) / size, error / abs(size)
+
+
+PART = Part(
+    NAME,
+    "T against the linear model as the load goes to 0",
+    "Pair on nu = 0.48, substrate 1000 times as stiff. Small strain: paraboloid at the paper's load Q' = "
+    f"{PAPER_LOAD:g}. Finite strain: sphere at two small loads, its ratio to the linear T at the same forces "
+    "extrapolated to no load with sqrt(D/R). 1 % is wanted, over |T| or over a tenth of the half-space's mutual "
+    "force, whichever is larger (T has a zero in h).",
+    cases,
+    rows,
+    {
+        "model": "model", "h": "h / R", "L": "L / R", "D": "D / R", "T/Q": "linear T / Q", "ratio": "T / T linear",
+        "off": "off [%]", "of scale": "off, of the larger [%]", "bar": "own bar [%]", "in bar": "within its bar",
+    },
+)  # fmt: skip

@@ -1,0 +1,71 @@
+"""What T within 5, 2 and 1 % costs in time: the thin pair, on one rank and on all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from runs.presentation import attraction
+from runs.studies.case import Case
+from runs.studies.records import DONE, Found
+from runs.studies.verification.part import COARSE, Part, cases_of, pair
+
+NAME = "timing"
+DEPTHS, ASKED = (0.1, 0.3), (0.05, 0.02, 0.01)
+UNKNOWNS = 150e3
+"""Budget: enough for 1 %, and what a machine of 8 GB holds."""
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return every depth and accuracy, on all ranks first."""
+    places = [(0.0125, COARSE)] if quick else [(depth, asked) for depth in DEPTHS for asked in ASKED]
+    return [
+        Case(
+            f"{NAME}-D{depth:g}-{100 * asked:g}-{'one-rank' if alone else 'all-ranks'}",
+            pair(depth), "finite_strain", asked, labels={"part": NAME, "depth": depth, "asked": asked}, budget={"unknowns": UNKNOWNS}, alone=alone,
+        )
+        for alone in ((False,) if quick else (False, True))
+        for depth, asked in places
+    ]  # fmt: skip
+
+
+def rows(found: Found) -> list[dict[str, Any]]:
+    """Return one row per case: asked, reached, its difference from the best answer at the same depth, and the time."""
+    table = []
+    mine = [case for case in cases_of(found, NAME) if found.state(case.name) == DONE]
+    for case in mine:
+        alike = [other for other in mine if other.labels["depth"] == case.labels["depth"]]
+        best = min(alike, key=lambda other: found.records[other.name]["solved"]["accuracy"]["reached"])
+        record = found.records[case.name]
+        accuracy, value, other = record["solved"]["accuracy"], _force(found, case), _force(found, best)
+        off = abs(value[0] / other[0] - 1.0)
+        table.append(
+            {
+                "D": case.labels["depth"], "asked": 100.0 * case.labels["asked"],
+                "reached": 100.0 * accuracy["reached"], "off": None if case is best else 100.0 * off,
+                "ranks": record["ranks"], "meshes": len(accuracy["meshes"]), "unknowns": record["solved"]["unknowns"], "wall": record["wall_seconds"], "cpu": record["cpu_seconds"],
+                "stopped": accuracy["stopped"],
+                "holds": bool(accuracy["met"]) and off * abs(other[0]) <= value[1] + other[1],
+            }
+        )  # fmt: skip
+    return table
+
+
+def _force(found: Found, case: Case) -> tuple[float, float]:
+    balls = found.steps(case.name)[-1]["balls"]
+    return attraction(balls, 0, balls[0]["tangential_force"]), float(balls[0]["tangential_force_error"])
+
+
+PART = Part(
+    NAME,
+    "Time to an accuracy of T",
+    "Thin pair (h = 1.16 R, L = 2 R, nu = 0.48), from the first mesh to the last. Wall seconds are those of the "
+    "machine that it ran on, busy or not; processor seconds are of all ranks. The target is 1 % at D = 0.1 R "
+    "within 2 minutes on 2 ranks.",
+    cases,
+    rows,
+    {
+        "D": "D / R", "asked": "asked [%]", "reached": "reached [%]", "off": "off the best [%]", "ranks": "ranks",
+        "meshes": "meshes", "unknowns": "unknowns", "wall": "wall seconds", "cpu": "CPU seconds",
+        "stopped": "ended because",
+    },
+)  # fmt: skip
