@@ -108,6 +108,18 @@ def test_a_fit_finds_the_coefficients_and_says_how_sure_they_are() -> None:
     assert fitting.initial_slope(exact[:2], "sqrt(D/R)", THIN) is None
 
 
+def test_the_simplest_fit_through_all_error_bars_is_taken() -> None:
+    def curve(error: float) -> list[tuple[float, float, float]]:
+        return [(x, 1.0 + 0.1 * x + x**2 + 3.0 * x**4, error) for x in np.linspace(0.1, 0.7, 12)]
+
+    rough, sharp = (fitting.simplest(curve(error), "sqrt(D/R)") for error in (0.2, 1e-6))
+    assert rough is not None
+    assert sharp is not None
+    assert len(rough.coefficients) == 2
+    assert sharp.coefficients == pytest.approx((0.1, 1.0, 0.0, 3.0), abs=1e-6)
+    assert fitting.simplest(curve(0.1)[:2], "sqrt(D/R)") is None
+
+
 def test_the_measure_that_makes_curves_one_is_found() -> None:
     def curve(h: float) -> list[dict[str, Any]]:
         return rows(*((d, 1.0 + 0.9 * d / h, 0.01) for d in (0.02, 0.05, 0.1, 0.2, 0.4)))
@@ -122,6 +134,7 @@ def test_curves_are_read_between_their_points_and_not_beyond() -> None:
     assert fitting.at_depth(path, 0.09) == pytest.approx((1.2, 0.03))
     assert fitting.at_depth(path, 0.04) == pytest.approx((1.1, 0.03))
     assert fitting.at_depth(path, 0.2) is None
+    assert fitting.at_depth(path, 0.16**1.5, measure="Q") == pytest.approx((1.3, 0.03))
 
 
 def test_the_load_of_a_sign_change_is_interpolated() -> None:

@@ -101,17 +101,18 @@ def _ladder(rows: Mapping[str, Rows]) -> list[str]:
         plain = rows.get(f"paraboloid-{side}-L2-nu0.48", [])
         for depth in DEPTHS:
             bulk = at_depth(path, depth)
-            if bulk is None:
+            shape = at_depth(path, depth, "geometry")
+            load = at_depth(path, depth, "Q")
+            if bulk is None or shape is None or load is None:
                 continue
-            near = min(path, key=lambda row: abs(row["D"] - depth))
-            total = (bulk[0] * (near["geometry"] or 1.0), bulk[1] * (near["geometry"] or 1.0))
+            total = (bulk[0] * shape[0], bulk[1] * shape[0])
             shown.append(
                 {
                     "layer": side,
                     "D / R": depth,
                     "paraboloid, small strain": 1.0,
-                    "sphere, small strain": near["geometry"],
-                    "paraboloid, finite strain": at_depth(plain, depth),
+                    "sphere, small strain": shape[0],
+                    "paraboloid, finite strain": at_depth(plain, load[0], measure="Q"),
                     "sphere, finite strain": total,
                     "of it the bulk (S_Q)": bulk,
                 }
@@ -199,4 +200,4 @@ def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit
 
 def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
     path = rows.get(f"headline-{side}-L2-nu0.48", [])
-    return fitting.fit(fitting.points(path, "sqrt(D/R)", h), "sqrt(D/R)", 3) if len(path) > 3 else None
+    return fitting.simplest(fitting.points(path, "sqrt(D/R)", h), "sqrt(D/R)")

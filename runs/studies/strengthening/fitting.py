@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 Row = Mapping[str, Any]
+DEGREES = (2, 3, 4, 5)
 SMALL_LOAD = 0.07
 """Approach over R up to which the slope at zero load is drawn from."""
 VARIABLES: dict[str, Callable[[Row, float], float]] = {
@@ -68,6 +69,18 @@ def fit(points: Sequence[tuple[float, float, float]], variable: str, degree: int
     return Fit(variable, tuple(float(c) for c in coefficients), errors, float(x.min()), float(x.max()), misfit)
 
 
+def simplest(points: Sequence[tuple[float, float, float]], variable: str) -> Fit | None:
+    """Return the fit of the lowest degree, from the second, that passes through all error bars; else of the highest."""
+    best = None
+    for degree in DEGREES:
+        if len(points) <= degree:
+            break
+        best = fit(points, variable, degree)
+        if best is not None and all(abs(best(x) - s) <= error for x, s, error in points):
+            break
+    return best
+
+
 def points(
     rows: Sequence[Row], variable: str, thickness: float, factor: str = "S_Q"
 ) -> list[tuple[float, float, float]]:
@@ -87,15 +100,22 @@ def collapse(curves: Mapping[str, tuple[Sequence[Row], float]], factor: str = "S
     found = []
     for variable in VARIABLES:
         together = [point for rows, h in curves.values() for point in points(rows, variable, h, factor)]
-        common = fit(together, variable, 3)
+        common = simplest(together, variable)
         if common is not None:
             found.append(common)
     return sorted(found, key=lambda f: f.misfit)
 
 
-def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q") -> tuple[float, float] | None:
-    """Return factor and error at an approach over R, interpolated in its square root; None outside the rows."""
-    known = [(math.sqrt(row["D"]), row[factor], row[f"{factor}_error"]) for row in rows if row[factor] is not None]
+def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q", measure: str = "D") -> tuple[float, float] | None:
+    """Return factor and error at an approach (or at a force Q), interpolated in its root; None outside the rows.
+
+    A factor without an error of its own (``geometry``) has none.
+    """
+    known = [
+        (math.sqrt(row[measure]), row[factor], row.get(f"{factor}_error", 0.0))
+        for row in rows
+        if row[factor] is not None
+    ]
     at = math.sqrt(depth)
     for (x0, s0, e0), (x1, s1, e1) in pairwise(known):
         if x0 <= at * (1 + 1e-9) and at <= x1 * (1 + 1e-9):
