@@ -115,7 +115,8 @@ class Evolution:
 
     def _member(self, record: Record, number: int) -> dict[str, Any]:
         at_rest = outcome.rest(record.moments)["at_rest"]
-        found = summary(record.moments, self.balls, at_rest=at_rest)
+        nominal = np.array([ball.position for ball in self.problem.balls])
+        found = summary(record.moments, self.balls, nominal, at_rest=at_rest)
         grouped = found.pop("sigma_one_group")
         return {
             "seed": self.sliding.seed + number,
@@ -182,7 +183,7 @@ class Evolution:
         found: dict[str, Any] = {
             "rest": outcome.rest(moments),
             "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance, self.sliding.rest),
-            "equilibrium": outcome.equilibrium(forces, balls, end) if given.cheap or moments[-1]["resting"] else None,
+            "equilibrium": outcome.equilibrium(forces, balls, end) if given.cheap else None,
             "pair_equilibria": outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None,
             "momentum": _momentum(moments),
             "pair_table": given.table,

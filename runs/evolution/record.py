@@ -81,14 +81,17 @@ def events(moments: Sequence[Mapping[str, Any]], balls: HardBalls) -> list[dict[
     return out
 
 
-def summary(moments: Sequence[Mapping[str, Any]], balls: HardBalls, *, at_rest: bool) -> dict[str, Any]:
-    """Return the end of a path in a few numbers, for comparing members of an ensemble."""
+def summary(moments: Sequence[Mapping[str, Any]], balls: HardBalls, nominal: Array, *, at_rest: bool) -> dict[str, Any]:
+    """Return the end of a path in a few numbers, for comparing members of an ensemble.
+
+    Neighbours are those of the ``nominal`` positions (balls, 2) [m], before any perturbation.
+    """
     x = np.array(moments[-1]["positions"])
     contacts = moments[-1]["contacts"]
     touches = [e for e in events(moments, balls) if e["kind"] == "touch"]
     grouped = next((m["sigma"] for m in moments if len(balls.groups(np.array(m["positions"]))) == 1), None)
     sizes = [sorted((len(g) for g in balls.groups(np.array(m["positions"]))), reverse=True) for m in moments]
-    first = balls.gaps(np.array(moments[0]["positions"])) + balls.distances
+    first = balls.gaps(nominal) + balls.distances
     beside = np.flatnonzero(first <= NEIGHBOURS * np.min(first))
     centred = x - x.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
