@@ -264,8 +264,8 @@ POINTS = (
     Point("nine balls end in the closest packing from either distance", NINES, _nine_pack, ""),
     Point(
         "the denser start keeps more of its order", NINES, _dense_keeps_order,
-        "the lattice of 30 mm shrinks to the touching one before it shears; the source suspects random factors on the way, "
-        "which the model has at the start alone",
+        "the lattice of 30 mm shrinks to the touching one before it shears; the source suspects random factors on the "
+        "way, which the model has at the start alone",
     ),
     Point(
         "convergence is faster along the main motion, and the group gets a tip that way", NINES, _direction,
