@@ -185,6 +185,8 @@ class LoadPath:
         done = self.solver.solve(RESIDUAL * scale)
         record.newton_iterations += done.iterations
         record.residual = done.residual
+        if not math.isfinite(self.model.energy()):  # the residual alone does not see it
+            raise NotConverged("the equilibrium found has elements turned inside out")
         forces = self.normal_forces()
         if not np.max(forces) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
