@@ -29,6 +29,8 @@ TAKEN = (
 """Cases of the study ``stability`` that belong here; where two are checked against each other, the reference first."""
 LONG_STEP = {f"{STEPS}.FIRST": 0.125, f"{STEPS}.LARGEST_STEP": 0.65}
 """Ten times the usual ones."""
+LARGER_THAN_T = "the error of T is larger than T"
+"""What the judge says of a T that is zero within its error."""
 
 
 def chosen() -> list[Hard]:
@@ -65,15 +67,8 @@ def chosen() -> list[Hard]:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every case and model; the quick version has a refusal and a resting ball."""
-    hards = chosen()
-    if quick:
-        light = {"resting": pair((0.015, 0.0))}
-        hards = [
-            dataclasses.replace(hard, problem=light.get(hard.name, hard.problem), models=(FINITE,), checks={})
-            for hard in hards
-            if hard.name in ("deepest", "resting")
-        ]
+    """Return every case and model; the quick version has the refusal alone."""
+    hards = [hard for hard in chosen() if not quick or hard.name == "deepest"]
     return [_case(hard, model, quick) for hard in hards for model in hard.models]
 
 
@@ -98,9 +93,22 @@ def rows(found: Found) -> list[dict[str, Any]]:
     return [_row(found, case) for case in cases_of(found, NAME)]
 
 
+def judged(found: Found, case: Case) -> tuple[str, str]:
+    """Return how a case ended and why, as the study ``stability`` judges it.
+
+    But for a ball that only rests: nothing holds it against its neighbour, so its T is no more than its error.
+    """
+    ended, why = verdict(found, case.name, case.labels)
+    if ended != "WRONG" or why != LARGER_THAN_T or case.problem.load.kind != "approach":
+        return ended, why
+    if min(case.problem.load.values) > 0.0:
+        return ended, why
+    return "right", "T is zero within its error"
+
+
 def _row(found: Found, case: Case) -> dict[str, Any]:
     steps, state = found.steps(case.name), found.state(case.name)
-    ended, why = verdict(found, case.name, case.labels)
+    ended, why = judged(found, case)
     row: dict[str, Any] = {"case": case.labels["words"], "model": case.model, "ended": ended, "why": why}
     # a stop is honest if it says where: the last good state is the last row of the case's steps
     told = {"right": True, "named refusal": True, "not converged": bool(why)}

@@ -22,10 +22,10 @@ from runs.studies.case import Case
 if TYPE_CHECKING:
     from finite_strain.mesh_run import MeshRun
     from finite_strain.planning import RunPlan
-    from meshes.box import Box
+    from meshes.box import Box, Zone
 
 STILL = 0.7
-"""Distance over R from a ball's axis up to which the mesh moves with the ball as a whole."""
+"""Part of the mirrored prism's half-width about a ball's axis in which the mesh moves with the ball as a whole."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,8 @@ class MeshCase(Case):
 
         def write(box: Box, path: Path) -> None:
             write_layer_mesh(box, path)
-            move_mesh(path, max(zone.position[0] for zone in box.zones), STILL * problem.balls[0].radius, self.shift)
+            (zone,) = box.zones  # mirrored at x = 0
+            move_mesh(path, zone, STILL * zone.mirror, self.shift)
 
         return MeshRun(shifted, box, file, run.comm, run.observer, f"moved mesh {size:.3g}", write)
 
@@ -87,8 +88,12 @@ def moved(problem: Problem, shift: float) -> Problem:
     return dataclasses.replace(problem, balls=balls)
 
 
-def move_mesh(file: Path, axis: float, still: float, shift: float) -> None:
-    """Shift the nodes of a half-model's mesh file from ``axis - still`` on by ``shift`` [m], stretching the rest."""
+def move_mesh(file: Path, zone: Zone, still: float, shift: float) -> None:
+    """Shift the nodes of a mesh file within ``still`` of a ball's axis by ``shift`` [m] along x, those beyond by less.
+
+    From the edge of the prism in which the mesh mirrors itself on, nodes stay. The move is as symmetric about the axis
+    as the mesh: the ball's own energy, larger by orders of magnitude than what the distance changes, does not feel it.
+    """
     import gmsh  # noqa: PLC0415
 
     from meshes.layer import gmsh_session  # noqa: PLC0415
@@ -97,7 +102,8 @@ def move_mesh(file: Path, axis: float, still: float, shift: float) -> None:
         gmsh.open(str(file))
         tags, points, _ = gmsh.model.mesh.getNodes()
         points = points.reshape(-1, 3)
-        points[:, 0] += shift * np.minimum(points[:, 0] / (axis - still), 1.0)
+        distance = np.linalg.norm(points[:, :2] - np.array(zone.position), axis=1)
+        points[:, 0] += shift * np.clip((zone.mirror - distance) / (zone.mirror - still), 0.0, 1.0)
         for tag, point in zip(tags, points, strict=True):
             gmsh.model.mesh.setNode(int(tag), point.tolist(), [])
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
@@ -110,7 +116,9 @@ def _along(run: MeshRun, size: float) -> list[Step]:
     for done in run.path.steps(list(run.plan.fractions)):
         states = run.contact_states()
         row = run.row(done, states)
-        steps.append(_step(run.plan, row, states, {"size": size, **run.details(done, states)}))
+        copies = 2 ** len(run.plan.reduction.planes)
+        own = {"size": size, "potential": copies * run.model.energy()}
+        steps.append(_step(run.plan, row, states, {**own, **run.details(done, states)}))
     return steps
 
 

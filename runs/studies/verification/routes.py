@@ -62,12 +62,21 @@ def energy_slopes(
         other = others.get(_place(step))
         if other is None or step["record"]["augmentations"] != other["record"]["augmentations"]:
             continue
-        change = step["record"]["strain_energy"] - other["record"]["strain_energy"]
+        change = _energy(step) - _energy(other)
         force = 0.5 * (step["balls"][0]["normal_force"] + other["balls"][0]["normal_force"])
         size, fraction = _place(step)
         # each ball moves by the shift, so the distance changes by four shifts between the two runs
         found.setdefault(fraction, {})[size] = change / (4.0 * shift) / force**2
     return {f: (by[SIZES[0]], by[SIZES[1]]) for f, by in found.items() if set(SIZES) <= set(by)}
+
+
+def _energy(step: Mapping[str, Any]) -> float:
+    """Return the energy [J] whose slope is T though the contact gives way a little.
+
+    By the penetration g under the pressure p, the strain energy's slope is short of T by int p dg and that of the
+    augmented potential long by int g dp; as p and g grow alike, their mean has neither.
+    """
+    return 0.5 * float(step["record"]["strain_energy"] + step["record"]["potential"])
 
 
 def _place(step: Mapping[str, Any]) -> tuple[float, float]:

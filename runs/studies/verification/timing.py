@@ -21,7 +21,8 @@ def cases(quick: bool) -> list[Case]:
     return [
         Case(
             f"{NAME}-D{depth:g}-{100 * asked:g}-{'one-rank' if alone else 'all-ranks'}",
-            pair(depth), "finite_strain", asked, labels={"part": NAME, "depth": depth, "asked": asked}, budget={"unknowns": UNKNOWNS}, alone=alone,
+            pair(depth), "finite_strain", asked, labels={"part": NAME, "depth": depth, "asked": asked},
+            budget={"unknowns": UNKNOWNS}, alone=alone,
         )
         for alone in ((False,) if quick else (False, True))
         for depth, asked in places
@@ -42,8 +43,9 @@ def rows(found: Found) -> list[dict[str, Any]]:
             {
                 "D": case.labels["depth"], "asked": 100.0 * case.labels["asked"],
                 "reached": 100.0 * accuracy["reached"], "off": None if case is best else 100.0 * off,
-                "ranks": record["ranks"], "meshes": len(accuracy["meshes"]), "unknowns": record["solved"]["unknowns"], "wall": record["wall_seconds"], "cpu": record["cpu_seconds"],
-                "stopped": accuracy["stopped"],
+                "ranks": record["ranks"], "meshes": len(accuracy["meshes"]),
+                "unknowns": record["solved"]["unknowns"], "wall": record["wall_seconds"],
+                "cpu": record["cpu_seconds"], "stopped": accuracy["stopped"],
                 "holds": bool(accuracy["met"]) and off * abs(other[0]) <= value[1] + other[1],
             }
         )  # fmt: skip

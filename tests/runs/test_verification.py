@@ -1,0 +1,206 @@
+"""The verification study: its quick version on real elements; its tables call right and wrong by their names."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runs.studies.case import varied
+from runs.studies.records import Found
+from runs.studies.verification import convergence, experiments, hard, one_ball, part, routes, small_load, timing
+from runs.studies.verification.answer import PARTS, present
+from tests.launch import python
+
+ROUNDOFF = 1e-12
+
+
+def case_of(one: part.Part, quick: bool = False, **labels: Any) -> Any:
+    return next(c for c in one.cases(quick) if all(c.labels.get(k) == v for k, v in labels.items()))
+
+
+def found(*entries: tuple[Any, Mapping[str, Any]]) -> Found:
+    return Found(tuple(c for c, _ in entries), {c.name: {"state": "done", **r} for c, r in entries})
+
+
+def pair(depth: float, force: float, pull: float, error: float, **routes: float) -> list[dict[str, Any]]:
+    """Return two balls, the left one pulled by ``pull`` towards the right one."""
+    return [
+        {
+            "position": [side, 0.0], "radius": 1.0, "approach": depth, "normal_force": force, "contact_area": depth,
+            "peak_pressure": 1.0, "tangential_force": [-side * pull, 0.0], "tangential_force_error": error,
+            "tangential_force_routes": {name: [-side * value, 0.0] for name, value in routes.items()},
+        }
+        for side in (-1.0, 1.0)
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, str]]]:
+    pytest.importorskip("dolfinx")
+    folder = tmp_path_factory.mktemp("verification") / "out"
+    done = python("-m", "runs.cli", "study", "verification", "--quick", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    assert "Not there" not in done.stdout.replace("Not there: 1 of", "")  # the refusal alone has no answer
+    assert (folder / "verification.png").stat().st_size > 20_000
+    tables = {}
+    for one in PARTS:
+        file = folder / f"{one.name}.csv"
+        if file.exists():
+            with open(file, encoding="utf-8", newline="") as text:
+                tables[one.name] = list(csv.DictReader(text))
+    return tables
+
+
+def test_real_elements_meet_the_linear_model_within_their_error_bar(quick: Any) -> None:
+    (row,) = quick["small-load"]
+    assert row["holds"] == "True"
+    assert row["in bar"] == "yes"
+    assert 0.0 < float(row["bar"]) < 5.0
+
+
+def test_real_routes_to_the_tangential_force_agree_within_the_error_bar(quick: Any) -> None:
+    for row in quick["routes"]:
+        assert row["holds"] == "True", row
+        assert 0.0 < abs(float(row["energy off"])) < 0.02
+
+
+def test_real_force_of_one_ball_is_near_the_published_one(quick: Any) -> None:
+    for row in quick["one-ball"]:
+        assert abs(float(row["off"])) < 3.0  # coarsest meshes; the full version claims the references' own bands
+
+
+def test_too_deep_a_ball_is_refused_by_name(quick: Any) -> None:
+    (row,) = quick["hard"]
+    assert row["ended"] == "named refusal"
+    assert "load.approach" in row["why"]
+    assert row["holds"] == "True"
+
+
+def test_every_constant_that_is_varied_exists() -> None:
+    pytest.importorskip("dolfinx")
+    names = []
+    for one in PARTS:
+        for version in (True, False):
+            cases = one.cases(version)
+            names += [case.name for case in cases] if not version else []
+            assert {case.labels["part"] for case in cases} <= {one.name}
+            for case in cases:
+                with varied(case.constants):
+                    pass
+    assert len(names) == len(set(names))
+
+
+def test_the_parts_hold_what_the_question_asks() -> None:
+    places = {(c.labels["h"], c.labels["L"], c.model) for c in small_load.cases(quick=False)}
+    models = ("small_strain", "finite_strain")
+    assert places == {(h, d, model) for h in (0.5, 1.16, 2.0, 6.0) for d in (2.0, 3.0) for model in models}
+    scenes = {case.name: case.problem for case in experiments.cases(quick=False)}
+    assert {p.balls[0].radius for name, p in scenes.items() if "thin" in name} == {3.5e-3, 5e-3, 8e-3}
+    deep = [p for name, p in scenes.items() if "thick" in name]
+    assert [(p.load.values[0], p.layer.thickness, p.layer.poisson) for p in deep] == [(1.2, 8.0, 0.3), (1.2, 8.0, 0.48)]
+    assert case_of(routes.PART).problem.load.values[0] == 0.5
+    words = {case.labels["case"]: case.problem for case in hard.cases(quick=False)}
+    assert {p.layer.poisson for p in words.values()} >= {0.48, 0.4999, 0.5}
+    assert words["resting"].load.values == (0.2, 0.0)
+    others = {c.labels["check"]["other"] for c in hard.cases(quick=False) if c.labels["check"]}
+    assert others <= {c.name for c in hard.cases(quick=False)}
+    asked = {(c.labels["depth"], c.labels["asked"], c.alone) for c in timing.cases(quick=False)}
+    assert asked == {(d, a, alone) for d in (0.1, 0.3) for a in (0.05, 0.02, 0.01) for alone in (True, False)}
+
+
+@pytest.mark.parametrize(("order", "holds"), [(3.0, True), (1.0, False)])
+def test_an_observed_order_is_that_of_the_values(order: float, holds: bool) -> None:
+    row = convergence.judged([1.0 + 0.01 * size**order for size in (1.4**2, 1.4, 1.0)])
+    assert row["order"] == pytest.approx(order, abs=1e-6)
+    assert row["holds"] is holds
+    swinging = convergence.judged([1.0, 1.2, 1.0])
+    assert math.isnan(swinging["order"])
+    assert not swinging["holds"]
+
+
+def test_two_loads_extrapolate_a_straight_line_to_no_load() -> None:
+    x = np.array([0.1, 0.3])
+    assert one_ball.extrapolation_weights(x) @ (1.0 + 2.0 * x) == pytest.approx(1.0, abs=ROUNDOFF)
+
+
+@pytest.mark.parametrize(("strength", "holds"), [(1.0, True), (1.05, False)])
+def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_told(strength: float, holds: bool) -> None:
+    force, pull = 0.1, -1e-4
+    values = {"domain": pull, "traction": 1.001 * pull, "domain_main_mesh": pull, "domain_companion_mesh": pull}
+    answer = {
+        "balls": pair(0.1, force, pull, 2e-6, **values),
+        "record": {"fraction": 1.0, "tangential_force_error_at_force": [2e-6, 2e-6]},
+    }
+
+    def moved(sign: float) -> list[dict[str, Any]]:
+        stored = 1.0 + sign * strength * pull * 2.0 * routes.SHIFT
+        # the contact gives way: the strain energy has less of it than the potential
+        record = {"fraction": 1.0, "augmentations": 1, "strain_energy": stored - 1e-3, "potential": stored + 1e-3}
+        return [{"balls": pair(0.1, force, pull, 0.0), "record": {**record, "size": s}} for s in routes.SIZES]
+
+    case, apart, together = routes.cases(quick=False)
+    (row,) = routes.rows(
+        found((case, {"steps": [answer]}), (apart, {"steps": moved(1.0)}), (together, {"steps": moved(-1.0)}))
+    )
+    assert row["energy off"] == pytest.approx(strength - 1.0, abs=1e-9)
+    assert row["holds"] is holds
+
+
+def test_a_resting_ball_may_have_no_tangential_force_but_a_pressed_one_must_know_its_own() -> None:
+    record = {"force_balance": 1e-9, "strain_energy": math.nan}
+    steps = [{"balls": pair(0.2, 0.1, 1e-9, 1e-8), "record": record}]
+    resting = case_of(hard.PART, case="resting")
+    resting = dataclasses.replace(resting, labels={**resting.labels, "check": None})
+    assert hard.judged(found((resting, {"steps": steps})), resting)[0] == "right"
+    pressed = case_of(hard.PART, case="usual-steps")
+    (row,) = hard.rows(found((pressed, {"steps": steps})))
+    assert row["ended"] == "WRONG"
+    assert row["holds"] is False
+
+
+def test_a_stop_holds_if_it_says_why_and_no_claim_is_made_of_what_has_not_run(tmp_path: Path) -> None:
+    stopped, waiting = case_of(hard.PART, case="touching-deep"), case_of(hard.PART, case="usual-steps")
+    both = Found(
+        (stopped, waiting), {stopped.name: {"state": "not converged", "reason": "load step to 0.9", "steps": []}}
+    )
+    assert [row["holds"] for row in hard.rows(both)] == [True, None]
+    silent = Found((stopped,), {stopped.name: {"state": "not converged", "reason": "", "steps": []}})
+    assert [row["holds"] for row in hard.rows(silent)] == [False]
+    text = present(both, tmp_path, quick=False)
+    assert "1 of 1 claims hold" in text
+    assert "load step to 0.9" in text
+    assert (tmp_path / "hard.csv").exists()
+
+
+def test_a_time_counts_only_with_its_accuracy_met_and_the_best_answer_in_its_bar() -> None:
+    def record(pull: float, reached: float, met: bool) -> dict[str, Any]:
+        accuracy = {"reached": reached, "met": met, "meshes": [{}, {}], "stopped": "it is"}
+        return {
+            "steps": [{"balls": pair(0.1, 0.1, pull, reached * abs(pull)), "record": {}}], "ranks": 2,
+            "wall_seconds": 9.0, "cpu_seconds": 17.0, "solved": {"accuracy": accuracy, "unknowns": 1000},
+        }  # fmt: skip
+
+    best, good, bad, missed = (
+        case_of(timing.PART, depth=0.1, asked=asked)
+        if not alone
+        else dataclasses.replace(case_of(timing.PART, depth=0.1, asked=asked), name="alone", alone=True)
+        for asked, alone in ((0.01, False), (0.02, False), (0.05, False), (0.05, True))
+    )
+    rows = timing.rows(
+        found(
+            (best, record(-1e-4, 0.01, True)),
+            (good, record(-1.02e-4, 0.02, True)),
+            (bad, record(-1.2e-4, 0.05, True)),
+            (missed, record(-1e-4, 0.06, False)),
+        )
+    )
+    assert [row["holds"] for row in rows] == [True, True, False, False]
+    assert rows[1]["off"] == pytest.approx(2.0)
+    assert rows[0]["off"] is None
