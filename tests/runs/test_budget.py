@@ -1,0 +1,73 @@
+"""What a scene may say about the cost of its accuracy, and what a load path keeps while it is refined."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from linear_bem.result import BallResult, Step
+from runs.scene import InvalidScene, read_scene
+from runs.session import path_so_far
+from tests.launch import ROOT, python
+
+THIN = (ROOT / "runs/scenes/paper_thin_pair.toml").read_text(encoding="utf-8")
+
+
+def scene(folder: Path, accuracy: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(f"{THIN}\n[accuracy]\n{accuracy}\n", encoding="utf-8")
+    return path
+
+
+def test_a_scene_states_a_budget_in_seconds_and_unknowns(tmp_path: Path) -> None:
+    read = read_scene(scene(tmp_path, "tangential_force = 0.01\nseconds = 600\nunknowns = 1e5"))
+    assert read.budget == {"seconds": 600.0, "unknowns": 1e5}
+    assert read.tangential_force == 0.01
+    assert read_scene(scene(tmp_path, "tangential_force = 0.01")).budget == {}
+
+
+@pytest.mark.parametrize("key", ["seconds", "unknowns"])
+def test_a_budget_of_nothing_is_a_fault_of_its_key(key: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidScene, match=rf"\[accuracy\] {key}.*greater than 0.*-1"):
+        read_scene(scene(tmp_path, f"{key} = -1"))
+
+
+def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
+    done = python("-m", "runs.cli", "plan", scene(tmp_path, "unknowns = 30000\nseconds = 900"), "--json")
+    assert done.returncode == 0, done.stderr
+    (elements,) = (model for model in json.loads(done.stdout)["models"] if model["model"] == "finite_strain")
+    assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 30000.0, "seconds_at_most": 900.0}
+    assert [mesh.split(",")[0] for mesh in elements["meshes"]] == ["companion", "main", "finer ones"]
+    assert elements["unknowns"] <= 30000
+
+
+def test_a_budget_too_small_for_any_mesh_is_refused_before_any_work(tmp_path: Path) -> None:
+    done = python("-m", "runs.cli", "solve", scene(tmp_path, "unknowns = 1000"), "--out", tmp_path / "out")
+    assert done.returncode != 0
+    assert "accuracy.unknowns" in done.stderr
+
+
+def step(fraction: float, mesh: int) -> Step:
+    ball = BallResult((0.0, 0.0), 1.0, fraction, fraction**1.5, (float(mesh), 0.0), 0.1, 1.0, 1.0)
+    return Step((ball,), {"fraction": fraction, "mesh": mesh})
+
+
+def meshes(path: list[dict[str, object]]) -> list[int]:
+    return [data["record"]["mesh"] for data in path]  # type: ignore[index]
+
+
+def test_a_coarser_meshs_answers_stay_until_a_finer_one_gets_there() -> None:
+    path = [step(fraction, 1).to_dict() for fraction in (0.3, 0.6, 1.0)]
+    path = path_so_far(path, step(0.3, 2))
+    assert meshes(path) == [2, 1, 1]
+    path = path_so_far(path, step(0.6, 2))
+    assert meshes(path) == [2, 2, 1]
+    path = path_so_far(path, step(1.0, 2))
+    assert meshes(path) == [2, 2, 2]
+
+
+def test_what_followed_on_the_same_mesh_is_replaced() -> None:
+    path = [step(fraction, 1).to_dict() for fraction in (0.3, 0.6, 1.0)]
+    assert [data["record"]["fraction"] for data in path_so_far(path, step(0.6, 1))] == [0.3, 0.6]
