@@ -43,17 +43,21 @@ class MeshRecord:
     scale: float = math.nan
 
     def at(self, fraction: float) -> CoarseState:
-        """Return the mesh's answer at a load fraction, interpolated in its logarithm between load steps."""
+        """Return the mesh's answer at a load fraction, interpolated in its logarithm between load steps.
+
+        Q and D follow powers of the fraction, so their logarithms are interpolated where they have one.
+        """
         x = np.log([row["fraction"] for row in self.rows])
-        at = math.log(fraction)
 
         def interpolated(name: str) -> np.ndarray:
             values = np.array([row[name] for row in self.rows])
-            # Q and D follow powers of the fraction, so they are interpolated relative to it
-            power = np.array([row["fraction"] for row in self.rows]) if name != "per_squared_force" else np.ones(len(x))
-            flat = values.reshape(len(x), -1) / power[:, None]
-            scale = fraction if name != "per_squared_force" else 1.0
-            return scale * np.array([np.interp(at, x, column) for column in flat.T]).reshape(values.shape[1:])
+            columns = []
+            for column in values.reshape(len(x), -1).T:
+                if name != "per_squared_force" and np.all(column > 0.0):
+                    columns.append(math.exp(np.interp(math.log(fraction), x, np.log(column))))
+                else:
+                    columns.append(float(np.interp(math.log(fraction), x, column)))
+            return np.array(columns).reshape(values.shape[1:])
 
         return CoarseState(*(interpolated(name) for name in ("per_squared_force", "normal_forces", "approaches")))
 

@@ -87,6 +87,25 @@ def test_an_extrapolated_force_never_changes_its_sign() -> None:
     assert np.all(error > 0.0)
 
 
+def test_a_coarser_mesh_answers_between_its_load_steps_by_powers() -> None:
+    def row(fraction: float) -> dict[str, Any]:
+        lifted = [fraction**1.5, -(fraction**2)]
+        return {
+            "fraction": fraction,
+            "per_squared_force": [[0.2, 0.0], [0.1 + 0.01 * math.log(fraction), 0.0]],
+            "normal_forces": [fraction**1.8, fraction**1.5],
+            "approaches": lifted,
+        }
+
+    record = MeshRecord(1.4, rows=[row(f) for f in (0.3, 0.6, 1.0)])
+    between, there = record.at(0.45), record.at(0.6)
+    assert between.normal_forces == relatively([0.45**1.8, 0.45**1.5], SLACK)
+    assert between.approaches[0] == relatively(0.45**1.5, SLACK)
+    assert -(0.6**2) < between.approaches[1] < -(0.3**2)  # a ball that is lifted has no logarithm
+    assert between.per_squared_force[:, 0] == relatively([0.2, 0.1 + 0.01 * math.log(0.45)], SLACK)
+    assert there.normal_forces == relatively([0.6**1.8, 0.6**1.5], SLACK)
+
+
 def meshes(*reached: float, unknowns: float = 1e4, seconds: float = 10.0) -> list[MeshRecord]:
     """Return a companion and as many finished meshes as errors are given, each 1.5 times the last one's size."""
     records = [MeshRecord(1.4, int(unknowns / 2.7), seconds / 4.0, True)]
