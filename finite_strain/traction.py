@@ -28,8 +28,9 @@ from finite_strain.forces import ForceMeter
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
 
-_STEP = 1e-3
-"""By how much of the contact radius a ball is moved to and fro to see what changes."""
+_STEP = 1e-5
+"""By how much of the contact radius a ball is moved to and fro to see what changes: so little that no point of the
+surface gains or loses contact, whose jump the linear solve does not know."""
 
 
 class TractionRoute:
