@@ -30,8 +30,9 @@ WORTH_KEEPING = 5.0
 ROUTES_SUFFICE = 1e-3
 """Where no more accuracy is asked, three times the difference of two routes to T is taken without a refinement."""
 
-STEEP, GRID_FIRST = 0.75, 16
-"""Contact radius over a sphere's from which on up to so many balls go to a grid at once where no more is asked."""
+STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
+"""Contact radius over a sphere's, or over the layer's thickness, from which on up to so many balls go to a grid at once
+where no more is asked."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ Answer = tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> Answer:
     """Return contacts by polynomials where these converge, else on grids."""
     guess = first_guess(problem, kernel)
-    if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not _steep(problem, guess):
+    if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not (_steep(problem, guess) or _wide(kernel, guess)):
         answer = _by_polynomials(problem, kernel, wanted, guess)
         if answer is not None:
             return answer
@@ -221,6 +222,11 @@ def _steep(problem: Problem, guess: Start) -> bool:
     """Return whether a contact comes close to the equator of its sphere, where the profile is singular."""
     spheres = ((problem.balls[i], zone) for i, zone in zip(guess.touching, guess.zones, strict=True))
     return any(b.shape == "sphere" and np.sqrt(z.jacobian) > STEEP * b.radius for b, z in spheres)
+
+
+def _wide(kernel: LayeredKernel, guess: Start) -> bool:
+    """Return whether a contact is so wide against the layer that a grid takes less than the high degrees it needs."""
+    return max(float(np.sqrt(z.jacobian)) for z in guess.zones) > WIDE * kernel.thickness
 
 
 def _note(limit: str, wanted: float, reached: float, settled: float) -> str:
