@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,21 +22,20 @@ def compute(quick: bool) -> Findings:
     tables, numbers = {}, dict[str, Any]()
     for name, thickness in LAYERS.items():
 
-        def attraction(distance: float, h: float = thickness) -> float:
-            return Pair(thickness=h, distance=distance).attraction(asked)
+        def attraction(distance: float, h: float = thickness, accuracy: float = asked) -> float:
+            return Pair(thickness=h, distance=distance).attraction(accuracy)
 
-        force = np.array([Pair(thickness=thickness, distance=float(d)).attraction(CURVES) for d in distance])
+        drawn = partial(attraction, accuracy=CURVES)
+        force = np.array([drawn(float(d)) for d in distance])
         near = attraction(2.0)
-        changes = sign_changes(attraction, distance, force)
+        changes = sign_changes(attraction, distance, force, drawn)
         beyond = distance > changes[0]
         numbers[name] = {
             "thickness": thickness,
             "at_contact": near,
             "sign_changes": changes,
             "sign_changes_over_h": [c / thickness for c in changes],
-            "extremum_beyond": extremum(
-                attraction, distance[beyond], force[beyond], 1.0 if near < 0.0 else -1.0, place=1e-4
-            ),
+            "extremum_beyond": extremum(attraction, distance[beyond], force[beyond], 1.0 if near < 0.0 else -1.0),
             "left_at_5": attraction(5.0) / near,
             "left_at_10": attraction(10.0) / near,
         }
@@ -77,10 +77,12 @@ def draw(found: Findings) -> Any:
             far.axvline(change, ymax=0.06, color=color, lw=1.2)
             far.annotate(
                 f"{change:.4g}",
-                (change, 7.0 * floor),
+                (change, 2.2 * floor),
+                xytext=(5, 0),
+                textcoords="offset points",
                 color=color,
                 fontsize=9,
-                ha="center",
+                ha="left",
                 bbox={"fc": "white", "ec": "none", "pad": 1.0},
             )
     far.set(xlim=(1.9, 300.0), ylim=(floor, 2e-6), xlabel="distance $L' = L/R$", ylabel="$|T'|$")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,15 @@ def map_colors() -> dict[str, Any]:
 
     colors = LinearSegmentedColormap.from_list("sign", ["#b35806", "#fdb863", "#ffffff", "#92c5de", "#2166ac"])
     return {"cmap": colors, "norm": SymLogNorm(1e-3, linscale=0.3, vmin=-1.0, vmax=1.0)}
+
+
+def checked_signs(axes: Any, points: Sequence[tuple[float, float, float]]) -> None:
+    """Mark what the full solver says at points (x, y, T): triangles up attract, triangles down separate."""
+    for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
+        x, y = [p[0] for p in points if p[2] * sign > 0.0], [p[1] for p in points if p[2] * sign > 0.0]
+        style = {"color": "black", "mfc": "none", "ms": 7, "clip_on": False, "zorder": 4}
+        if x:
+            axes.plot(x, y, marker, label=f"full solver: {what}", **style)
 
 
 def zero_line(axes: Any) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from runs.studies.figures.drawing import feature, map_colors, panels
-from runs.studies.figures.pair import Pair, at_features, sign_changes
+from runs.studies.figures.drawing import checked_signs, feature, map_colors, panels
+from runs.studies.figures.pair import CURVES, Pair, at_features, sign_changes
 from runs.studies.figures.part import Columns, Findings, Part
 from runs.studies.figures.point_law import PointLaw
 
@@ -43,11 +44,12 @@ def compute(quick: bool) -> Findings:
             }
         )
 
-    def attraction(thickness: float) -> float:
-        return Pair(thickness=thickness).attraction(asked)
+    def attraction(thickness: float, accuracy: float = asked) -> float:
+        return Pair(thickness=thickness).attraction(accuracy)
 
+    drawn = partial(attraction, accuracy=CURVES)
     near = [0.16, 0.19, 1.6, 1.8]
-    roots = sign_changes(attraction, near, [attraction(h) for h in near])
+    roots = sign_changes(attraction, near, [drawn(h) for h in near], drawn)
     rigid = PointLaw(0.48, 1e-6)
     numbers = {
         "lower_L_over_h": float(lower),
@@ -92,19 +94,7 @@ def draw(found: Findings) -> Any:
             f"T = 0 at $L = {n[key]:.3f}\\,h$", (start, n[key] * start), fontsize=10, rotation=47, ha="center",
             va="center", rotation_mode="anchor", xytext=(-6, 7), textcoords="offset points",
         )  # fmt: skip
-    for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
-        at = [(c["h"], c["L"]) for c in n["checks"] if c["full"] * sign > 0.0]
-        if at:
-            axes.plot(
-                *zip(*at, strict=True),
-                marker,
-                color="black",
-                mfc="none",
-                ms=7,
-                clip_on=False,
-                zorder=4,
-                label=f"full solver: {what}",
-            )
+    checked_signs(axes, [(c["h"], c["L"], c["full"]) for c in n["checks"]])
     for name, (thickness, separated) in EXPERIMENTS.items():
         seen = "separated" if separated else "stayed"
         offset = {"16 mm": (-34, -20), "10 mm": (4, -38), "7 mm": (26, -22)}[name]

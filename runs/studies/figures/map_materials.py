@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.figures.drawing import feature, map_colors, panels
+from runs.studies.figures.drawing import checked_signs, feature, map_colors, panels
 from runs.studies.figures.pair import Pair, at_features
 from runs.studies.figures.part import Columns, Findings, Part
 from runs.studies.figures.point_law import PointLaw
@@ -88,19 +88,7 @@ def draw(found: Findings) -> Any:
     mesh = force.pcolormesh(nu, ratio, grid("T_over_half_space"), shading="gouraud", rasterized=True, **map_colors())
     figure.colorbar(mesh, ax=force, label="$T / T_0$", extend="both")
     force.contour(nu, ratio, grid("T_over_half_space"), [0.0], colors="black", linewidths=1.6)
-    for sign, marker, label in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
-        at = [(c["nu1"], c["E1_over_E2"]) for c in n["checks"] if c["full"] * sign > 0.0]
-        if at:
-            force.plot(
-                *zip(*at, strict=True),
-                marker,
-                color="black",
-                mfc="none",
-                ms=7,
-                clip_on=False,
-                zorder=4,
-                label=f"full solver: {label}",
-            )
+    checked_signs(force, [(c["nu1"], c["E1_over_E2"], c["full"]) for c in n["checks"]])
     feature(force, n["poisson_at_zero_full"], 1e-3, f"$\\nu_1$ = {n['poisson_at_zero_full']:.4f}", (-28, -22))
     force.set_title("(a) $h'$ = 1.16, $L'$ = 2: sign of T")
     force.annotate("separation", (0.39, 8e-5), fontsize=12, style="italic", ha="center")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,19 +22,21 @@ def compute(quick: bool) -> Findings:
     asked = at_features(quick)
     substrate = scene().problem.substrate
     assert substrate is not None
-    young = np.geomspace(0.1, 1e5, 21 if quick else 97)
+    young = np.geomspace(0.1, 1e5, 21 if quick else 73)
     force = np.array([Pair(young=float(e)).attraction(CURVES) for e in young])
     rows = []
     for thickness in THICKNESSES[1:2] if quick else THICKNESSES:
 
-        def attraction(e: float, h: float = thickness) -> float:
-            return Pair(thickness=h, young=e).attraction(asked)
+        def attraction(e: float, h: float = thickness, accuracy: float = asked) -> float:
+            return Pair(thickness=h, young=e).attraction(accuracy)
 
-        coarse = np.geomspace(1.0, 1e5, 16)
-        values = force if thickness == THICKNESSES[1] else [attraction(float(e)) for e in coarse]
+        drawn = partial(attraction, accuracy=CURVES)
+
+        coarse = np.geomspace(1.0, 1e5, 26)
+        values = force if thickness == THICKNESSES[1] else [drawn(float(e)) for e in coarse]
         at = young if thickness == THICKNESSES[1] else coarse
-        top = extremum(attraction, at, values, 1.0, place=1e-4)
-        change = sign_changes(attraction, at, values)[0]
+        top = extremum(attraction, at, values, 1.0)
+        change = sign_changes(attraction, at, values, drawn)[0]
         rows.append({"thickness": thickness, "change": change, "top": top[0], "value": top[1]})
     main = next(row for row in rows if row["thickness"] == THICKNESSES[1])
     numbers = {
@@ -76,7 +79,7 @@ def draw(found: Findings) -> Any:
     feature(stiff, top, 1e10 * n["maximum"], words, (14, 16))
     stiff.axvline(60.0, color="0.5", lw=0.8, ls="--", zorder=0)
     stiff.annotate("$E_1 = E_2$ ", (60.0, -2.6), fontsize=9, color="0.35", ha="right")
-    stiff.set(xscale="log", xlim=(2.0, 6000.0), ylim=(-4.0, 5.8), xlabel="$E_1$ [GPa]", ylabel="$10^{10}\\,T''$")
+    stiff.set(xscale="log", xlim=(0.6, 6000.0), ylim=(-4.0, 5.8), xlabel="$E_1$ [GPa]", ylabel="$10^{10}\\,T''$")
     stiff.set_title("(b) stiff layers, enlarged: attraction, with a maximum")
     return figure
 

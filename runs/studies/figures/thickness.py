@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,18 +23,20 @@ def compute(quick: bool) -> Findings:
     whole = Pair(half_space=True).left(asked)
     limit, depth = whole.tangential_force[0], whole.approach
     thin = np.geomspace(2e-3, 0.1, 5 if quick else 14)
-    h = np.concatenate([thin[:-1], np.geomspace(0.1, 1000.0, 20 if quick else 110)])
+    bends, levels = (12, 9) if quick else (64, 18)
+    h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
-    def at_force(thickness: float) -> float:
-        return Pair(thickness=thickness).attraction(asked)
+    def at_force(thickness: float, accuracy: float = asked) -> float:
+        return Pair(thickness=thickness).attraction(accuracy)
 
-    def at_approach(thickness: float) -> float:
-        return Pair(thickness=thickness, approach=depth).attraction(asked)
+    def at_approach(thickness: float, accuracy: float = asked) -> float:
+        return Pair(thickness=thickness, approach=depth).attraction(accuracy)
 
-    force = np.array([Pair(thickness=float(t)).attraction(CURVES) for t in h])
+    drawn_force, drawn_approach = partial(at_force, accuracy=CURVES), partial(at_approach, accuracy=CURVES)
+    force = np.array([drawn_force(float(t)) for t in h])
     # a thin layer at this approach would be squeezed to nothing: from ten times its depth on
     wide = h[h > 10.0 * depth]
-    approach = np.array([Pair(thickness=float(t), approach=depth).attraction(CURVES) for t in wide])
+    approach = np.array([drawn_approach(float(t)) for t in wide])
     bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
     least, most = extremum(at_force, h, force, -1.0), extremum(at_approach, wide, approach, 1.0)
     thick = h > least[0]
@@ -41,12 +44,12 @@ def compute(quick: bool) -> Findings:
     top = int(np.argmax(force[thinnest]))
     hump = (h[top], force[top])
     if not quick:
-        hump = extremum(lambda t: Pair(thickness=t).attraction(CURVES), h[thinnest], force[thinnest], 1.0, place=0.003)
+        hump = extremum(drawn_force, h[thinnest], force[thinnest], 1.0)
     numbers = {
         "limit_thick": limit,
         "limit_thin": bare,
         "approach": depth,
-        "sign_changes": sign_changes(at_force, h, force),
+        "sign_changes": sign_changes(at_force, h, force, drawn_force),
         "h_of_minimum": least[0],
         "minimum": least[1],
         "at_thin": at_force(1.16),
@@ -58,7 +61,7 @@ def compute(quick: bool) -> Findings:
         "thin_hump": hump[1],
         "h_of_maximum_at_approach": most[0],
         "overshoot_at_approach": most[1] / limit - 1.0,
-        "sign_changes_at_approach": sign_changes(at_approach, wide, approach),
+        "sign_changes_at_approach": sign_changes(at_approach, wide, approach, drawn_approach),
         "minimum_at_approach": extremum(at_approach, wide, approach, -1.0),
     }
     tables = {
