@@ -15,6 +15,7 @@ from linear_bem import (
     UnsupportedProblem,
     solve,
     solve_contact,
+    solve_point_load,
 )
 from linear_bem.closed_forms import (
     bonded_compressible_force,
@@ -124,6 +125,19 @@ def test_far_balls_obey_the_point_load_law():
         problem = pair(layer, substrate, distance)
         q = problem.load.values[0]
         assert pull(problem) == pytest.approx(-q * q * LayeredKernel.of(problem).slope(distance), rel=2e-3)
+
+
+def test_the_point_load_law_departs_like_contact_radius_over_thickness_squared():
+    """Contacts far smaller than their distance are not enough: a soft film's kernel bends over its thickness."""
+    shares = []
+    for force in (1e-3, 1e-5):
+        problem = pair(Layer(1.0, 0.48, 0.3), Elastic(1e6, 0.3), force=force)
+        full, law = solve(problem, 1e-6).balls[0], solve_point_load(problem).balls[0]
+        assert abs(full.tangential_force[0] - law.tangential_force[0]) < 1.1 * law.tangential_force_error
+        shares.append((full.tangential_force[0] / law.tangential_force[0] - 1.0) / (full.contact_area / np.pi / 0.3**2))
+    # the next order is (a/h)^4, 0.6 % at the larger force
+    assert shares[0] == pytest.approx(shares[1], rel=0.03)
+    assert shares[1] == pytest.approx(0.115, rel=0.02)
 
 
 def test_merging_contacts_share_one_grid_and_stay_symmetric():
