@@ -152,7 +152,7 @@ def test_a_symmetry_plane_lets_no_force_across(pressed: Rig) -> None:
 
 
 def test_the_traction_integral_is_the_derivative_of_the_energy_by_moving_the_ball_alone(pressed: Rig) -> None:
-    step = 1e-4
+    step = 2e-5
     model = pressed.model
     for number, axis in free_directions(pressed):
         contact = model.contacts[number]
@@ -175,7 +175,7 @@ def test_the_normal_force_is_the_derivative_of_the_energy_by_the_approach(presse
 
 
 def test_the_stiffness_by_linearisation_is_that_of_solving_again(pressed: Rig) -> None:
-    step = 1e-5
+    step = 1e-6
     stiffness = pressed.path._stiffness()
     for column, contact in enumerate(pressed.model.contacts):
         forces = []
