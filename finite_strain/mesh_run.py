@@ -107,6 +107,7 @@ class MeshRun:
             "force_balance": abs(pressed - reaction) / pressed,
             "smallest_volume_ratio": smallest_volume_ratio(self.model.space, self.model.nodal, self.model.comm),
             "strain_energy": 2 ** len(reduction.planes) * self.model.strain_energy(),
+            **self.solver.account(),
             "seconds": now - began,
         }
 

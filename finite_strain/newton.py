@@ -6,31 +6,28 @@ In the mixed form equilibrium is a saddle point, not a minimum, and the search w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
 
 from petsc4py import PETSc
 
+from finite_strain.linear_solver import LinearSolver, choose_for, install, slowest
 from finite_strain.model import Model
+from finite_strain.solver_choice import PREFIX
 from linear_bem.errors import NotConverged
 
 _OPTIONS = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "bt",
-    "snes_linesearch_order": 2,
-    "snes_linesearch_minlambda": 1e-3,
-    "ksp_type": "preonly",
-    "pc_type": "cholesky",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 80,
-    "mat_mumps_icntl_20": 0,
+    "snes_linesearch_order": "2",
+    "snes_linesearch_minlambda": "1e-3",
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
-
 _MIXED_OPTIONS = {"snes_linesearch_type": "l2"}
 """What differs in the mixed form."""
-_written: dict[str, str] = {}
-"""Options of ours in PETSc's database, which a solver of the other form may replace; a user's own stay."""
 
 
 def _reasons() -> dict[int, str]:
@@ -46,6 +43,21 @@ class Equilibrium:
     residual: float
 
 
+@dataclass
+class Effort:
+    """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
+
+    ``residuals`` are the norms [N] that the last Newton solve passed through; ``fallbacks`` counts the systems that the
+    Krylov method left to factors, and the Newton solves that therefore ended with them.
+    """
+
+    seconds_assembly: float = 0.0
+    seconds_solve: float = 0.0
+    linear_iterations: int = 0
+    fallbacks: int = 0
+    residuals: list[float] = field(default_factory=list)
+
+
 class NewtonSolver:
     """Newton's method on a `Model`, keeping its state unless it converges."""
 
@@ -55,13 +67,12 @@ class NewtonSolver:
         self._b = self._x.duplicate()
         self._start = self._x.duplicate()
         self._reasons = _reasons()
-        options = PETSc.Options("thirdbody_")
-        for key, value in (_OPTIONS | (_MIXED_OPTIONS if model.is_mixed else {})).items():
-            if not options.hasName(key) or options.getString(key) == _written.get(key):
-                options[key] = value
-                _written[key] = options.getString(key)
+        self.choice = choose_for(model)
+        self._options = {**_OPTIONS, **(_MIXED_OPTIONS if model.is_mixed else {}), **self.choice.options}
+        self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
-        self.snes.setOptionsPrefix("thirdbody_")
+        self.snes.setOptionsPrefix(PREFIX)
+        self.linear = LinearSolver(model, self.snes.getKSP(), self.choice)
         self.snes.setFunction(self._function, self._b)
         self.snes.setJacobian(self._jacobian, model.matrix)
         if not model.is_mixed:
@@ -69,7 +80,7 @@ class NewtonSolver:
         self.snes.setConvergenceTest(self._converged)
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
-        self.snes.setFromOptions()
+        self._set_from_options({})
         self.tolerance = 0.0
         self.max_iterations = 25
 
@@ -77,6 +88,7 @@ class NewtonSolver:
         """Free the solver, with the matrix's factors (collective)."""
         for item in (self.snes, self._x, self._b, self._start):
             item.destroy()
+        self.linear.close()
 
     def solve(self, tolerance: float) -> Equilibrium:
         """Bring the model into equilibrium from its present state.
@@ -87,21 +99,17 @@ class NewtonSolver:
         self.tolerance = tolerance
         self.model.get_state(self._x)
         self._x.copy(self._start)
+        self.effort.residuals = []
         iterations = 0
-        options = PETSc.Options("thirdbody_")
-        usual = options.getString("snes_linesearch_type")
-        for search in (usual, "basic"):
+        for search in ({}, {"snes_linesearch_type": "basic"}):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
-            if search == "basic":
+            if search:
                 # at the end the potential's decrease drowns in its own roundoff and the search stalls:
                 # a full step is then safe, and the residual decides
-                options["snes_linesearch_type"] = "basic"
-                self.snes.setFromOptions()
-            self.snes.solve(None, self._x)
-            if search == "basic":
-                options["snes_linesearch_type"] = usual
-                self.snes.setFromOptions()
-            iterations += self.snes.getIterationNumber()
+                self._set_from_options(search)
+            iterations += self._iterate()
+            if search:
+                self._set_from_options({})
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if reason > 0:
                 self.model.set_state(self._x)
@@ -115,32 +123,79 @@ class NewtonSolver:
 
     def solve_linear(self, b: PETSc.Vec, x: PETSc.Vec, refactor: bool = True) -> None:
         """Solve with the tangent of the present state: x = K^-1 b; without ``refactor``, with the one used last."""
-        ksp = self.snes.getKSP()
         if refactor:
-            self.model.tangent()
-            ksp.setOperators(self.model.matrix)
-        ksp.solve(b, x)
+            with self._assembling():
+                self.model.tangent()
+            self.linear.ksp.setOperators(self.model.matrix)
+        began = time.perf_counter()
+        self.effort.fallbacks += self.linear.solve(b, x)
+        self.effort.seconds_solve += time.perf_counter() - began
+        self.effort.linear_iterations += self.linear.ksp.getIterationNumber()
+
+    def account(self) -> dict[str, Any]:
+        """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
+        done, self.effort = self.effort, Effort()
+        return {
+            "linear_solver": self.choice.method,
+            "linear_iterations": done.linear_iterations,
+            "linear_fallbacks": done.fallbacks,
+            "residuals": done.residuals,
+            "seconds_assembly": slowest(self.model.comm, done.seconds_assembly),
+            "seconds_solve": slowest(self.model.comm, done.seconds_solve),
+        }
 
     def new_vector(self) -> PETSc.Vec:
         """Return an uninitialised vector of the model's size."""
         return self._x.duplicate()
 
+    def _set_from_options(self, changed: dict[str, str]) -> None:
+        install(self._options | changed)
+        self.snes.setFromOptions()
+
+    def _iterate(self) -> int:
+        """Run Newton's method from ``_x``, with factors from where the Krylov method fails; return its iterations."""
+        began, assembled = time.perf_counter(), self.effort.seconds_assembly
+        self.snes.solve(None, self._x)
+        iterations, effort = self.snes.getIterationNumber(), self.effort
+        effort.linear_iterations += self.snes.getLinearSolveIterations()
+        failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+        if failed and not self.choice.direct:
+            effort.fallbacks += 1
+            factors = self.linear.factors()
+            self.snes.setKSP(factors)
+            self.snes.solve(None, self._x)
+            self.snes.setKSP(self.linear.ksp)
+            factors.destroy()
+            iterations += self.snes.getIterationNumber()
+        effort.seconds_solve += time.perf_counter() - began - (effort.seconds_assembly - assembled)
+        return iterations
+
+    @contextmanager
+    def _assembling(self) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        self.effort.seconds_assembly += time.perf_counter() - began
+
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        self.model.set_state(x)
-        self.model.residual(b)
+        with self._assembling():
+            self.model.set_state(x)
+            self.model.residual(b)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        self.model.set_state(x)
-        self.model.tangent()
+        with self._assembling():
+            self.model.set_state(x)
+            self.model.tangent()
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
-        self.model.set_state(x)
-        energy = self.model.energy()
+        with self._assembling():
+            self.model.set_state(x)
+            energy = self.model.energy()
         return energy if math.isfinite(energy) else math.nan
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         reason = PETSc.SNES.ConvergedReason
         residual = norms[2]
+        self.effort.residuals.append(float(residual))
         if not math.isfinite(residual):
             return reason.DIVERGED_FNORM_NAN
         if residual <= self.tolerance:

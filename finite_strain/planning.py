@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +22,7 @@ from finite_strain.extent import Extent, choose_extent
 from finite_strain.far_field import FarField
 from finite_strain.refinement import Budget
 from finite_strain.schedule import load_fractions
+from finite_strain.solver_choice import choose, given_in
 from finite_strain.volumetric import describe_forms, form_faults
 from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
@@ -77,9 +79,11 @@ class RunPlan:
         iteration = [0.45 * (n / 28e3) ** 1.4 for n in unknowns]  # measured on two ranks with MUMPS
         box, most = self.boxes[1], self.budget.most_unknowns(unknowns[1])
         zone = min(box.zones, key=lambda z: z.finest)
+        forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         mirrors = ["mirror plane across the line of balls", "mirror plane along the line of balls"]
         return {
-            "forms": describe_forms(self.problem),
+            "forms": forms,
+            "linear_solver": choose(unknowns[1], "mixed" in forms.values(), given).describe(),
             "symmetries": [mirrors[axis] for axis in self.reduction.planes],
             "unknowns": round(unknowns[1]),
             "unknowns_companion": round(unknowns[0]),

@@ -22,6 +22,7 @@ from finite_strain.mesh_run import MeshRun
 from finite_strain.output import FieldWriter
 from finite_strain.planning import COARSENING, RunPlan, plan_run
 from finite_strain.refinement import Budget, Decision, account, decide, first_ratio
+from finite_strain.solver_choice import solver_notes, solvers_of
 from finite_strain.together import on_root, replace_text, working_folder
 from finite_strain.top_surface import gather_surface
 from finite_strain.volumetric import describe_forms, form_notes
@@ -197,6 +198,7 @@ class MeshSequence:
                 f"tangential force known to {100 * record.reached:.2g} % at full load; "
                 f"{100 * plan.accuracy:.2g} % was asked for: {why}"
             )
+        notes += solver_notes([step.record for step in steps])
         certificate = ("penetration", "force_balance", "residual")
         return Result(
             model=plan.model,
@@ -212,5 +214,6 @@ class MeshSequence:
                 notes=tuple(notes),
                 certificate={name: max(step.record[name] for step in steps) for name in certificate},
                 accuracy=said,
+                linear_solver=solvers_of([step.record for step in steps]),
             ),
         )

@@ -86,7 +86,8 @@ class Solved:
 
     ``notes`` are plain sentences the reader must see (accuracy not reached, ...); ``certificate``
     holds recomputed residuals of the returned state. ``accuracy``, where a model refines, tells what was
-    asked and reached, the meshes used and why it stopped.
+    asked and reached, the meshes used and why it stopped. ``linear_solver`` names what solved its linear systems,
+    where that is chosen by their size.
     """
 
     converged: bool
@@ -98,10 +99,12 @@ class Solved:
     notes: tuple[str, ...] = ()
     certificate: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, Any] = field(default_factory=dict)
+    linear_solver: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of this account."""
-        told = {"accuracy": dict(self.accuracy)} if self.accuracy else {}
+        told: dict[str, Any] = {"accuracy": dict(self.accuracy)} if self.accuracy else {}
+        told |= {"linear_solver": self.linear_solver} if self.linear_solver else {}
         return {
             "converged": self.converged,
             "iterations": self.iterations,

@@ -18,6 +18,7 @@ from runs.scene import Scene
 
 NAMES = {
     "forms": "form of the elements",
+    "linear_solver": "linear solver of the main mesh",
     "memory_bytes": "memory",
     "seconds": "time",
     "symmetries": "symmetries used",

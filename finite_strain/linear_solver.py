@@ -1,0 +1,152 @@
+"""Newton's linear systems in PETSc: what a solver must be told beyond options, and factors where it fails.
+
+The rigid motions go to multigrid. The mixed form is split into displacement and pressure, and the pressure's Schur
+complement is likened to its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.bulk import nothing_where_idle
+from finite_strain.model import Model
+from finite_strain.solver_choice import DIRECT, PREFIX, Choice, choose
+from finite_strain.volumetric import Mixed
+from linear_bem.errors import NotConverged
+
+FALLBACK = f"{PREFIX}fallback_"
+"""Prefix of the options of the factors that stand in where the Krylov method fails."""
+_written: dict[str, str] = {}
+"""Options of ours in PETSc's database, which a solver of another form or size replaces; a user's own stay."""
+
+
+def given_options() -> dict[str, str]:
+    """Return the user's own options of our prefix."""
+    every = PETSc.Options(PREFIX).getAll()
+    return {key: value for key, value in every.items() if _written.get(key) != value}
+
+
+def install(options: Mapping[str, str]) -> None:
+    """Put options of ours into PETSc's database in place of those put there before; the user's own win."""
+    database, given = PETSc.Options(PREFIX), given_options()
+    for key in [key for key in _written if key not in given]:
+        database.delValue(key)
+    _written.clear()
+    for key, value in options.items():
+        if key not in given:
+            database[key] = value
+            _written[key] = value
+
+
+def choose_for(model: Model) -> Choice:
+    """Return the solver for a model's systems, by its size and form and the user's options."""
+    return choose(model.unknowns, model.is_mixed, given_options())
+
+
+class LinearSolver:
+    """The Krylov method or factors of one model's tangent; ``fallbacks`` counts how often factors stood in."""
+
+    def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
+        self.model, self.ksp, self.choice = model, ksp, choice
+        self._owned: list[Any] = []
+        if choice.direct:
+            return
+        motions = self._rigid_motions()
+        self._owned.append(motions)
+        if not model.is_mixed:
+            model.matrix.setNearNullSpace(motions)
+        elif choice.options["pc_type"] == "fieldsplit":
+            self._split(motions)
+
+    def close(self) -> None:
+        """Free what was made for the solver (collective); the Krylov method itself is its Newton solver's."""
+        for item in self._owned:
+            item.destroy()
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> int:
+        """Solve with the operator that was set; return 1 if factors stood in, else 0. Raises `NotConverged`."""
+        self.ksp.solve(b, x)
+        if self.ksp.getConvergedReason() > 0:
+            return 0
+        if not self.choice.direct:
+            factors = self.factors()
+            factors.setOperators(self.model.matrix)
+            factors.solve(b, x)
+            reason = factors.getConvergedReason()
+            factors.destroy()
+            if reason > 0:
+                return 1
+        raise NotConverged(f"the linear system could not be solved by {self.choice.method}, nor by factors of MUMPS")
+
+    def factors(self) -> PETSc.KSP:
+        """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""
+        database = PETSc.Options(FALLBACK)
+        for key, value in DIRECT.items():
+            if not database.hasName(key):
+                database[key] = value
+        ksp = PETSc.KSP().create(self.model.comm)
+        ksp.setOptionsPrefix(FALLBACK)
+        ksp.setFromOptions()
+        return ksp
+
+    def _rigid_motions(self) -> PETSc.NullSpace:
+        """Return the six rigid motions of the undeformed nodes."""
+        points = self.model.fields.points[0][: self.model.fields.owned[0]]
+        coordinates = PETSc.Vec().create(self.model.comm)
+        coordinates.setSizes((points.size, PETSc.DECIDE), bsize=3)
+        coordinates.setUp()
+        coordinates.array[:] = np.ascontiguousarray(points).ravel()
+        motions = PETSc.NullSpace().createRigidBody(coordinates)
+        coordinates.destroy()
+        return motions
+
+    def _split(self, motions: PETSc.NullSpace) -> None:
+        model, first = self.model, self.model.matrix.getOwnershipRange()[0]
+        ranges = model.fields.ranges
+        count = ranges[-1].stop - ranges[1].start
+        rows = PETSc.IS().createStride(ranges[0].stop, first, 1, model.comm)
+        rows.setBlockSize(3)
+        rows.compose("nearnullspace", motions)
+        others = PETSc.IS().createStride(count, first + ranges[1].start, 1, model.comm)
+        mass = self._mass_over_stiffness()
+        preconditioner = self.ksp.getPC()
+        preconditioner.setType("fieldsplit")
+        preconditioner.setFieldSplitIS(("displacement", rows), ("pressure", others))
+        preconditioner.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, mass)
+        self._owned += [rows, others, mass]
+
+    def _mass_over_stiffness(self) -> PETSc.Mat:
+        """Return -(1/mu + 1/lambda) times the pressures' mass matrix, in their own unknowns; identity where idle."""
+        model = self.model
+        measure = ufl.Measure("dx", domain=model.mesh, subdomain_data=model.cell_tags)
+        energy = nothing_where_idle(model.bulks, model.mesh, measure)
+        for bulk in model.bulks:
+            shear, volumetric = model.constants(bulk)
+            if isinstance(volumetric, Mixed):
+                density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
+                energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2})
+        forms: list[list[Any]] = []
+        pressures = model.fields.pressures
+        for number, pressure in enumerate(pressures):
+            space = pressure.function_space
+            slope = ufl.derivative(energy, pressure, ufl.TestFunction(space))
+            block = ufl.derivative(slope, pressure, ufl.TrialFunction(space))
+            row = [None] * len(pressures)
+            row[number] = compat.compile_form(block, model.comm)
+            forms.append(row)
+        matrix = compat.create_block_matrix(forms)
+        compat.assemble_block_matrix(matrix, forms, model.bcs)
+        matrix.assemble()
+        return matrix
+
+
+def slowest(comm: MPI.Comm, seconds: float) -> float:
+    """Return the time [s] of the rank that took longest (collective)."""
+    return float(comm.allreduce(seconds, op=MPI.MAX))

@@ -1,0 +1,117 @@
+"""Which solver takes Newton's linear systems, by their size and the form of the elements. No PETSc here.
+
+Factors (MUMPS, LDL^T) are fastest for small systems, and their cost grows faster than the size; multigrid inside a
+Krylov method grows in proportion. The user's own PETSc options of the prefix ``thirdbody_`` win over everything here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+PREFIX = "thirdbody_"
+DIRECT_UP_TO = 150_000
+"""Unknowns up to which factors are taken; ``-thirdbody_direct_up_to N`` sets another number."""
+FACTORISATIONS = ("lu", "cholesky")
+
+DIRECT = {
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": "80",
+    "mat_mumps_icntl_20": "0",
+}
+"""LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or past a wrinkle."""
+KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-8", "ksp_max_it": "240"}
+"""Not conjugate gradients: a deformed layer under contact may have an indefinite tangent."""
+MULTIGRID = {
+    "pc_type": "gamg",
+    "pc_gamg_agg_nsmooths": "1",
+    "pc_gamg_threshold": "0.01",
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": "3",
+    "mg_levels_pc_type": "jacobi",
+}
+"""Smoothed aggregation, told the rigid motions, for the displacement's rows."""
+PRESSURE = {"ksp_type": "chebyshev", "ksp_max_it": "1", "ksp_convergence_test": "skip", "pc_type": "jacobi"}
+"""The mass matrix over the stiffness, scaled by the largest eigenvalue that it leaves of the Schur complement.
+
+Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix:
+unscaled, 100 iterations reduce the residual to 1e-3; scaled, 35 reduce it to 1e-8 (12 452 unknowns, D = 0.3 R).
+An incompressible layer that is much wider than thick resists like a lubricating film, which no mass matrix is like:
+there 240 iterations may not do, and factors take over.
+"""
+FIELD_SPLIT = {
+    "pc_type": "fieldsplit",
+    "pc_fieldsplit_type": "schur",
+    "pc_fieldsplit_schur_fact_type": "upper",
+    "pc_fieldsplit_schur_precondition": "user",
+    "fieldsplit_displacement_ksp_type": "preonly",
+    **{f"fieldsplit_displacement_{key}": value for key, value in MULTIGRID.items()},
+    **{f"fieldsplit_pressure_{key}": value for key, value in PRESSURE.items()},
+}
+"""Upper block triangle for the mixed form.
+
+[Elman Silvester Wathen 2014, doi 10.1093/acprof:oso/9780199678792.001.0001]
+"""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The options that a solver is built from, and why; ``direct`` tells if it factorises."""
+
+    options: Mapping[str, str]
+    direct: bool
+    why: str
+
+    @property
+    def method(self) -> str:
+        """The solver in PETSc's words, such as "fgmres + gamg" or "cholesky (mumps)"."""
+        if self.direct:
+            solver = self.options.get("pc_factor_mat_solver_type")
+            return self.options["pc_type"] + (f" ({solver})" if solver else "")
+        return f"{self.options['ksp_type']} + {self.options['pc_type']}"
+
+    def describe(self) -> str:
+        """Return the solver and the reason in one phrase."""
+        return f"{self.method}: {self.why}"
+
+
+def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
+    """Return the solver for a system; ``given`` are the user's options, without the prefix.
+
+    A preconditioner that the user names decides what else is set: factors need no iteration, all others do.
+    """
+    limit = float(given.get("direct_up_to", DIRECT_UP_TO))
+    if "pc_type" in given or "ksp_type" in given:
+        direct = given["pc_type"] in FACTORISATIONS if "pc_type" in given else given["ksp_type"] == "preonly"
+        why = f"by the options of the prefix {PREFIX}"
+    else:
+        direct = unknowns <= limit
+        why = f"{'up to' if direct else 'more than'} {limit:.0f} unknowns"
+    usual = dict(DIRECT) if direct else KRYLOV | (FIELD_SPLIT if mixed else MULTIGRID)
+    return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
+
+
+def given_in(text: str) -> dict[str, str]:
+    """Return the options of our prefix in a line such as the environment's PETSC_OPTIONS, without the prefix."""
+    words, found = text.split(), {}
+    for word, after in zip(words, [*words[1:], "-"], strict=True):
+        if word.startswith(f"-{PREFIX}"):
+            found[word[len(PREFIX) + 1 :]] = "" if after.startswith("-") and not after[1:2].isdigit() else after
+    return found
+
+
+def solvers_of(records: Sequence[Mapping[str, Any]]) -> str:
+    """Return what solved the linear systems of a run's load steps; a run that went on elsewhere may have had two."""
+    names = (str(record["linear_solver"]) for record in records if "linear_solver" in record)
+    return ", then ".join(dict.fromkeys(names))
+
+
+def solver_notes(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what a reader must know of the linear systems: a Krylov method that failed is not passed over."""
+    left = sum(record.get("linear_fallbacks", 0) for record in records)
+    if not left:
+        return []
+    return [f"linear systems: {solvers_of(records)} did not converge {left} time(s); factors (MUMPS) took its place"]
