@@ -19,7 +19,7 @@ from runs.studies.stability.matrix import cases, hard_cases
 POWER_LAW = 1e-12
 
 
-def ball(depth: float, force: float, pull: float = -1e-3, error: float = 1e-5) -> dict[str, Any]:
+def ball(depth: float, force: float, pull: float = -1e-3, error: float | None = 1e-5) -> dict[str, Any]:
     return {
         "position": [-1.0, 0.0], "radius": 1.0, "approach": depth, "normal_force": force, "contact_area": depth,
         "peak_pressure": 1.0, "tangential_force": [pull, 0.0], "tangential_force_error": error,
@@ -83,6 +83,14 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
     check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0}
     assert compared(alone, "a", check) is None
     assert "has no answer" in verdict(alone, "a", {"check": check})[1]
+
+
+def test_an_answer_that_does_not_know_its_error_is_neither_right_nor_a_reference() -> None:
+    steps = [{"balls": [ball(0.1, 0.1, error=None)], "record": {}}]  # as nan is saved
+    both = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]}, b={"steps": steps})
+    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0}
+    assert compared(both, "a", check) is None
+    assert verdict(both, "b", {"check": None}) == ("WRONG", "the error of T is larger than T")
 
 
 def test_refusals_need_a_name_and_failures_keep_theirs() -> None:

@@ -56,12 +56,14 @@ def smallest(steps: Sequence[Mapping[str, Any]], key: str) -> float:
 def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, float] | None:
     """Return by which part of T a case differs from the one it is checked against, and by which it may.
 
-    None where either has no answer.
+    None where either has no answer, or one without an error.
     """
     other = check["other"]
     if found.state(name) != DONE or found.state(other) != DONE:
         return None
     mine, theirs = found.steps(name)[-1]["balls"], found.steps(other)[-1]["balls"]
+    if any(ball["tangential_force_error"] is None for ball in (*mine, *theirs)):
+        return None  # saved as nan: an answer that does not know its error
     factor = check["factor"]
     worst, granted = 0.0, check["within"]
     size = max(math.hypot(*ball["tangential_force"]) for ball in mine)
@@ -91,7 +93,7 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         outcome = compared(found, name, labels["check"])
         words = labels["check"]["words"]
         if outcome is None:
-            passed.append(f"not compared with {labels['check']['other']}, which has no answer")
+            passed.append(f"not compared with {labels['check']['other']}, which has no answer with an error")
         else:
             difference, granted = outcome
             text = f"{words}: T differs by {100 * difference:.2g} %, {100 * granted:.2g} % granted"
@@ -136,6 +138,6 @@ def _routes(steps: Sequence[Mapping[str, Any]], faults: list[str]) -> list[str]:
 def _error(steps: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
     balls = steps[-1]["balls"] if steps else []
     return (
-        max((ball["tangential_force_error"] for ball in balls), default=0.0),
+        max((math.inf if (e := ball["tangential_force_error"]) is None else e for ball in balls), default=0.0),
         max((math.hypot(*ball["tangential_force"]) for ball in balls), default=0.0),
     )
