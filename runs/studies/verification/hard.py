@@ -115,9 +115,9 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
     row["holds"] = None if state in ("not run yet", "running") else told.get(ended, False)
     if steps:
         balls = steps[-1]["balls"]
-        ball = max(balls, key=lambda ball: abs(ball["tangential_force"][0]))
+        ball = balls[0]
         row |= {
-            "D": ball["approach"] if ball is balls[0] else balls[0]["approach"],
+            "D": ball["approach"],
             "T": (ball["tangential_force"][0], ball["tangential_force_error"]),
             "steps": len(steps) if case.parallel else None,
             "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps) if case.parallel else None,
