@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from finite_strain.domain import Resolution
-from tests.finite_strain.scenes import STIFF_SUBSTRATE, coarse_plan, coarse_rig, pair, relatively
+from tests.finite_strain.scenes import STIFF_SUBSTRATE, coarse_plan, coarse_rig, in_form, pair, relatively
 
 if TYPE_CHECKING:
     from finite_strain.model import Model
@@ -30,7 +30,8 @@ APPROACH = 0.1
 def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Model:
     """A quarter of a pair on a substrate, a thousand unknowns, no load yet."""
     kind, shape = CASES[request.param]
-    plan = coarse_plan(pair(APPROACH, shape=shape, substrate=STIFF_SUBSTRATE), kind, COARSE, 0.35)
+    problem = in_form("displacement", pair(APPROACH, shape=shape, substrate=STIFF_SUBSTRATE))
+    plan = coarse_plan(problem, kind, COARSE, 0.35)
     return coarse_rig(plan, tmp_path_factory.mktemp("contact")).model
 
 
