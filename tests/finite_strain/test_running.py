@@ -30,8 +30,9 @@ WRITTEN_PRESSURE = 0.2
 STEPS = 2
 
 
-def press(ranks: int, folder: Path, *args: str, code: int = 0) -> Any:
-    done = mpirun(ranks, "-m", "tests.finite_strain.press", folder, *args, timeout=200.0)
+def press(ranks: int, folder: Path, *args: str, code: int = 0, options: str = "") -> Any:
+    env = {"PETSC_OPTIONS": options}
+    done = mpirun(ranks, "-m", "tests.finite_strain.press", folder, *args, timeout=300.0, env=env)
     assert done.returncode == code, done.stderr
     return json.loads(done.stdout) if code == 0 else done.stdout
 
@@ -198,14 +199,26 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(2, tmp_path)
-    assert found["solved"]["ranks"] == 2
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_more_ranks_answer_as_one_does(ranks: int, result: Any, folder: Path, tmp_path: Path) -> None:
+    found = press(ranks, tmp_path)
+    assert found["solved"]["ranks"] == ranks
+    assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert found["meshes_run"] == ["companion", "main"]
     assert (tmp_path / "mesh.msh").read_bytes() == (folder / "mesh.msh").read_bytes()
     assert_same_answer(found, result.to_dict(), PARALLEL)
     for number in range(1, STEPS + 1):
         same_fields(folder / f"step_{number:04d}.h5", tmp_path / f"step_{number:04d}.h5", PARALLEL)
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_multigrid_on_four_ranks_answers_as_factors_do_on_one(result: Any, tmp_path: Path) -> None:
+    found = press(4, tmp_path, options="-thirdbody_direct_up_to 0")
+    assert found["solved"]["ranks"] == 4
+    assert found["solved"]["linear_solver"] == "fgmres + fieldsplit"
+    assert [step["record"]["linear_fallbacks"] for step in found["steps"]] == [0] * STEPS
+    assert_same_answer(found, result.to_dict(), PARALLEL)
 
 
 @pytest.mark.mpi
