@@ -133,7 +133,7 @@ class Contact:
         self.reference = surface.points - np.array([*centre, 0.0])
         self.vertices = vertices
         self.multiplier = np.zeros(surface.weights.shape)
-        self.penalty = 1.0
+        self.penalty: float | np.ndarray = 1.0
         self.approach = 0.0
 
     def _gap(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -191,7 +191,7 @@ class Contact:
             return
         pressure, gradient, hessian = pressure[active], gradient[active], hessian[active]
         weights, values = self.surface.weights[active], self.surface.values[active]
-        stiffness = self.penalty * (pressure > 0.0)
+        stiffness = np.broadcast_to(self.penalty, gap.shape)[active] * (pressure > 0.0)
         point = stiffness[..., None, None] * gradient[..., :, None] * gradient[..., None, :]
         point = (point - pressure[..., None, None] * hessian) * weights[..., None, None]
         nodes = values.shape[2]
@@ -231,11 +231,6 @@ class Contact:
             self.add_residual(displacement, shifted)
             residual += sign * shifted / (2.0 * step)
         self.reference = reference
-
-    def facets_within(self, radii: np.ndarray) -> np.ndarray:
-        """Return how many of this rank's facets have their centre within radii [m] of the ball's axis."""
-        distances = np.linalg.norm(self.reference[..., :2].mean(axis=1), axis=1)
-        return np.searchsorted(np.sort(distances), radii).astype(float)
 
     def pressure_moment(self, displacement: np.ndarray) -> np.ndarray:
         """Return this rank's share of int p and int p (X - X_ball), int p (Y - Y_ball) over the undeformed surface."""
