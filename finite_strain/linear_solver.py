@@ -66,8 +66,8 @@ class LinearSolver:
             self._split(motions)
 
     def close(self) -> None:
-        """Free what was made for the solver (collective); the Krylov method itself is its Newton solver's."""
-        for item in self._owned:
+        """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too."""
+        for item in (self.ksp, *self._owned):
             item.destroy()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> int:
