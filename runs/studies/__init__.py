@@ -18,9 +18,10 @@ STUDIES = {
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms, published results and itself",
+    "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.run`` answers it."""
-ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability", "verification"})
+ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability", "verification", "scaling"})
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 
 

@@ -1,0 +1,103 @@
+"""One measurement: a pair of balls in equilibrium, its tangent assembled and its linear system solved twice."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain.mesh_run import MeshRun
+from finite_strain.model import Model
+from finite_strain.newton import NewtonSolver
+from finite_strain.planning import plan_run
+from finite_strain.simulation import Silence
+from linear_bem import Ball, Elements, Layer, Load, Problem
+
+FORMS = {"displacement": 0.3, "mixed": 0.4999}
+"""Poisson's ratio that each form of the elements is measured with."""
+SOLVERS = {"MUMPS": "1e12", "multigrid": "0"}
+"""Unknowns up to which factors are taken."""
+DEPTH = 0.1
+PATH = (0.2, 0.6, 1.0)
+"""Parts of the depth at which equilibrium is found before anything is measured."""
+
+
+def measure(form: str, target: float, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
+    """Yield, per solver, times of the slowest rank [s of processor time] and memory of all ranks (collective).
+
+    Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
+    """
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
+    plan = plan_run(Problem(layer, balls, load, None, elements=Elements(form)), 0.02, "finite_strain")
+    box = plan.box((plan.unknowns()[1] / target) ** (1.0 / 3.0))
+    _forget_peak()
+    before = _status("VmRSS")
+    with TemporaryDirectory() as folder:
+        where = Path(comm.bcast(folder, root=0))
+        run = MeshRun(plan, box, where / "mesh.msh", comm, Silence(), "scaling")
+        comm.barrier()
+    for _ in run.path.steps(list(PATH)):
+        pass
+    run.solver.close()
+    for name in SOLVERS:
+        yield {"form": form, "solver": name, **_solved_by(name, run.model, before)}
+    run.model.close()
+
+
+def _solved_by(name: str, model: Model, before: float) -> dict[str, Any]:
+    comm, options = model.comm, PETSc.Options("thirdbody_")
+    _forget_peak()
+    options["direct_up_to"] = SOLVERS[name]
+    solver = NewtonSolver(model)
+    b, x = solver.new_vector(), solver.new_vector()
+    model.approach_derivative(model.contacts, b)
+    spent = []
+    for _ in range(2):  # the second finds the pattern analysed, as all but the first of a load path do
+        assembled = _seconds(model.tangent, comm)
+        solver.linear.ksp.setOperators(model.matrix)
+        spent.append((assembled, _seconds(lambda: solver.solve_linear(b, x, refactor=False), comm)))
+    account = solver.account()
+    used = comm.allreduce(_status("VmHWM") - before)
+    for vector in (b, x):
+        vector.destroy()
+    solver.close()
+    options.delValue("direct_up_to")
+    return {
+        "unknowns": model.unknowns,
+        "ranks": comm.size,
+        "assembly_seconds": spent[1][0],
+        "first_seconds": spent[0][1],
+        "solve_seconds": spent[1][1],
+        "krylov_iterations": account["linear_iterations"] // 2 if name == "multigrid" else 0,
+        "fallbacks": account["linear_fallbacks"],
+        "kilobytes_per_unknown": used / model.unknowns / 1e3,
+        "load": os.getloadavg()[0],
+    }
+
+
+def _seconds(work: Callable[[], Any], comm: MPI.Comm) -> float:
+    comm.barrier()
+    began = time.process_time()
+    work()
+    return float(comm.allreduce(time.process_time() - began, op=MPI.MAX))
+
+
+def _forget_peak() -> None:
+    """Give back what was freed, and have Linux count this process's peak of memory anew."""
+    ctypes.CDLL(None).malloc_trim(0)
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def _status(key: str) -> float:
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    found = [line.split() for line in lines if line.startswith(f"{key}:")]
+    return 1024.0 * float(found[0][1]) if found else float(np.nan)
