@@ -97,7 +97,7 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
 def given_in(text: str) -> dict[str, str]:
     """Return the options of our prefix in a line such as the environment's PETSC_OPTIONS, without the prefix."""
     words, found = text.split(), {}
-    for word, after in zip(words, [*words[1:], "-"], strict=True):
+    for word, after in zip(words, [*words, "-"][1:], strict=True):
         if word.startswith(f"-{PREFIX}"):
             found[word[len(PREFIX) + 1 :]] = "" if after.startswith("-") and not after[1:2].isdigit() else after
     return found

@@ -71,6 +71,7 @@ def test_the_solver_follows_size_form_and_the_users_options(
 def test_a_plan_reads_the_users_options_where_petsc_does() -> None:
     line = "-log_view -thirdbody_ksp_rtol 1e-9 -thirdbody_mat_mumps_icntl_14 -1 -thirdbody_ksp_view -other 3"
     assert given_in(line) == {"ksp_rtol": "1e-9", "mat_mumps_icntl_14": "-1", "ksp_view": ""}
+    assert given_in("") == {}  # no options is the usual case
 
 
 def deep_rig(form: str, poisson: float, folder: Path) -> Rig:
