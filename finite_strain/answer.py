@@ -31,6 +31,10 @@ class _Distance:
     ratio: np.ndarray
     force_factor: np.ndarray
     approach: np.ndarray
+    ratio_size: np.ndarray
+    """(balls,): the size of the first, bottom and sides added up whatever their signs."""
+    shift_size: np.ndarray
+    """(balls,): the same of D, over D, where Q follows it."""
 
 
 class Answer:
@@ -64,10 +68,10 @@ class Answer:
         difference = np.abs(routes).max(axis=1)
         past = [np.array(s.record["route_difference"]) for s in earlier]
         route_error = np.maximum(difference, np.median([*past, difference], axis=0))
-        far_error = squared * REMAINS * np.abs(away.ratio).max(axis=1)
+        far_error = squared * REMAINS * away.ratio_size
         at_force = squared * np.hypot(mesh_error, route_error) + far_error + tolerance
         through_force = 2.0 * size * _share(force_error, forces)
-        shift = 2.0 * size * SHIFT_REMAINS * np.abs(1.0 - 1.0 / away.force_factor)
+        shift = 2.0 * size * SHIFT_REMAINS * STIFFENING * away.shift_size
         error = np.hypot(at_force, through_force) + shift
         record = {
             "step": len(earlier) + 1,
@@ -122,12 +126,17 @@ class Answer:
             excess[b, list(ball.fixed_axes)] = 0.0
         moved = self.far.approaches(everywhere)[own]
         ratio = np.divide(excess, forces[:, None] ** 2, out=np.zeros_like(excess), where=forces[:, None] > 0.0)
+        moved_size, pulls = (part[own] for part in self.far.sizes(everywhere))
+        ratio_size = np.divide(pulls, forces**2, out=np.zeros_like(pulls), where=forces > 0.0)
+        ratio_size *= [0.0 if len(ball.fixed_axes) == 2 else 1.0 for ball in reduction.balls]
+        none = np.zeros_like(forces)
         if kind == "approach":  # the unbounded layer yields more (or less) to the same force: Q follows D
             deeper = np.where(approaches > 0.0, 1.0 + _share(moved, approaches), 1.0)
-            return _Distance(ratio, np.maximum(deeper, 0.0) ** STIFFENING, np.zeros_like(approaches))
+            factor = np.maximum(deeper, 0.0) ** STIFFENING
+            return _Distance(ratio, factor, none, ratio_size, _share(moved_size, approaches))
         if kind == "total_force":
             moved = np.full_like(moved, np.average(moved, weights=forces))
-        return _Distance(ratio, np.ones_like(forces), moved)
+        return _Distance(ratio, np.ones_like(forces), moved, ratio_size, none)
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

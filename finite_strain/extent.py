@@ -14,6 +14,8 @@ ALLOWED = 0.5
 """First-order effect of the model's end, over the accuracy asked for; a third of it stays in the error."""
 _GROWTH = 1.25
 _STEPS = 30
+LEAST_SLENDERNESS = 0.4
+"""Margin over the depth of the substrate."""
 _FAR = 1e6
 """Margin over the height of layer and substrate at which no image is felt."""
 NEGLIGIBLE = 0.1
@@ -76,12 +78,11 @@ def choose_extent(
     def effect(extent: Extent) -> float:
         """Return the relative effect on the largest T: directly, and through Q where approaches are given."""
         far = far_field(problem, positions, planes, extent)
-        own = float(np.linalg.norm(far.tangential_forces(forces), axis=1).max())
-        direct = own / scale if scale > 0.0 else 0.0
+        moved, pulls = far.sizes(forces)
+        direct = float(pulls.max()) / scale if scale > 0.0 else 0.0
         if problem.load.kind != "approach":
             return direct
-        moved = far.approaches(forces)
-        share = [abs(m) / d for m, (d, _, _) in zip(moved, expected, strict=True) if d > 0.0]
+        share = [m / d for m, (d, _, _) in zip(moved, expected, strict=True) if d > 0.0]
         return direct + SHIFT_REMAINS / REMAINS * 2.0 * STIFFENING * float(max(share))
 
     depth = 0.0
@@ -91,6 +92,8 @@ def choose_extent(
             if effect(Extent(_FAR * (thickness + depth), depth)) <= 0.5 * ALLOWED * accuracy:
                 break
             depth *= _GROWTH
+    # a column narrower than deep would not be a layer with distant sides, but a bar
+    margin = max(margin, LEAST_SLENDERNESS * depth)
     for _ in range(_STEPS):
         # K' changes its sign with distance: one small effect may be chance
         if max(effect(Extent(m, depth)) for m in (margin, _GROWTH * margin)) <= ALLOWED * accuracy:

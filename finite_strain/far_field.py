@@ -36,6 +36,8 @@ _DECAYED = 24.0
 """exp(-2 t) beyond this t is roundoff."""
 _REACH = 12.0
 """Distance over the stack's height beyond which the surface of a stack on a rigid base is at rest."""
+_IMAGES, _MOST = 6.0, 6
+"""Distance over the stack's height within which images are summed, and the most periods of them: K has decayed."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
@@ -180,23 +182,30 @@ class FarField:
         stack = Stack(problem.layer, problem.substrate, depth)
         offsets = positions[None, :] - positions[:, None]
         distances = np.linalg.norm(offsets, axis=-1)
-        value, slope = stack.beyond(distances.ravel())
-        self._value = value.reshape(distances.shape)
-        self._slope = _towards(offsets, distances, slope.reshape(distances.shape))
-        images = _images(positions, sides)
-        offsets = images[None] - positions[:, None, None]
-        distances = np.linalg.norm(offsets, axis=-1)
-        value, slope = _tabulated(stack, distances)
-        self._value += value.sum(axis=2)
-        self._slope += _towards(offsets, distances, slope).sum(axis=2)
+        value, slope = (part.reshape(distances.shape) for part in stack.beyond(distances.ravel()))
+        images = _images(positions, sides, _IMAGES * stack.height)
+        apart = images[None] - positions[:, None, None]
+        far = np.linalg.norm(apart, axis=-1)
+        more, steeper = _tabulated(stack, far)
+        # what the bottom takes away and what images add are kept apart: their errors do not cancel as they do
+        self._value = np.stack([value, more.sum(axis=2)])
+        self._slope = np.stack([_towards(offsets, distances, slope), _towards(apart, far, steeper).sum(axis=2)])
 
     def approaches(self, forces: np.ndarray) -> np.ndarray:
         """Return by how much [m] the model's approaches (n,) exceed the unbounded scene's at normal forces (n,) [N]."""
-        return np.asarray(self._value @ forces)
+        return np.asarray((self._value @ forces).sum(axis=0))
 
     def tangential_forces(self, forces: np.ndarray) -> np.ndarray:
         """Return by how much [N] the model's in-plane forces (n, 2) exceed the unbounded scene's."""
-        return np.asarray(forces[:, None] * np.einsum("ijk,j->ik", self._slope, forces))
+        return np.asarray(self._pulls(forces).sum(axis=0))
+
+    def sizes(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sizes of both (n,), [m] and [N], with bottom and sides added up whatever their signs."""
+        moved, pulls = np.abs(self._value @ forces).sum(axis=0), self._pulls(forces)
+        return moved, np.linalg.norm(pulls, axis=-1).sum(axis=0)
+
+    def _pulls(self, forces: np.ndarray) -> np.ndarray:
+        return np.asarray(forces[:, None] * np.einsum("pijk,j->pik", self._slope, forces))
 
 
 def _towards(offsets: np.ndarray, distances: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -205,13 +214,14 @@ def _towards(offsets: np.ndarray, distances: np.ndarray, slope: np.ndarray) -> n
     return np.asarray(share[..., None] * offsets)
 
 
-def _images(positions: np.ndarray, sides: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """Return the nearest images (n, m, 2) of each ball in the sides, two widths of the box in each direction."""
+def _images(positions: np.ndarray, sides: tuple[tuple[float, float], ...], reach: float) -> np.ndarray:
+    """Return the images (n, m, 2) of each ball in the sides, at least as far as a reach [m] or `_MOST` periods."""
     along = []
     for axis, (low, high) in enumerate(sides):
         x, period = positions[:, axis], 2.0 * (high - low)
-        shifted = [x, x - period, x + period]
-        along.append(np.array(shifted + [2.0 * high - x + m * period for m in (-2, -1, 0, 1)]))
+        count = min(max(1, math.ceil(reach / period)), _MOST)
+        shifted = [x, *(x + s * m * period for m in range(1, count + 1) for s in (-1, 1))]
+        along.append(np.array(shifted + [2.0 * high - x + m * period for m in range(-count - 1, count + 1)]))
     pairs = [(a, b) for a in along[0] for b in along[1]]
     return np.stack([np.stack(pair, axis=-1) for pair in pairs[1:]], axis=1)  # the first is the ball itself
 

@@ -136,3 +136,27 @@ def test_the_effect_foretold_is_what_a_larger_model_changes(
     assert abs(change - expected) < abs(expected) / 3.0 + MESHES * abs(ratios[1])
     grown, foreseen = forces[0] / forces[1] - 1.0, 1.5 * (lift[1] - lift[0]) / 0.1
     assert abs(grown - foreseen) < 0.15 * abs(foreseen) + 0.006
+
+
+def test_a_soft_substrate_is_never_a_bar() -> None:
+    positions = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    for young in (1.0, 10.0):
+        problem = pair(0.1, substrate=Elastic(young, 0.48))
+        for accuracy in (0.2, 0.06, 0.02):
+            extent = choose_extent(problem, positions, (0, 1), [(0.1, 0.05, 0.35)] * 2, accuracy)
+            assert extent.margin >= 0.4 * extent.depth
+            far = far_field(problem, positions, (0, 1), extent)
+            moved, pulls = far.sizes(np.full(2, 0.05))
+            # sizes bound the effects whatever cancels
+            assert np.all(moved >= np.abs(far.approaches(np.full(2, 0.05))))
+            assert np.all(pulls >= np.linalg.norm(far.tangential_forces(np.full(2, 0.05)), axis=1) * (1.0 - 1e-12))
+
+
+def test_images_are_summed_until_more_of_them_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, forces = pair(0.1, substrate=Elastic(1.0, 0.48)), np.full(2, 0.05)
+    positions = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    few = far_field(problem, positions, (0, 1), Extent(10.0, 25.0)).approaches(forces)
+    monkeypatch.setattr("finite_strain.far_field._IMAGES", 14.0)
+    monkeypatch.setattr("finite_strain.far_field._MOST", 16)
+    many = far_field(problem, positions, (0, 1), Extent(10.0, 25.0)).approaches(forces)
+    assert few == relatively(many, 0.01)  # a tenth of the shift stays in the error anyway
