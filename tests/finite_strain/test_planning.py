@@ -21,6 +21,7 @@ from tests.launch import python
 
 KEYS = {
     "forms",
+    "linear_solver",
     "symmetries",
     "unknowns",
     "unknowns_companion",
