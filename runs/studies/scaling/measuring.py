@@ -8,18 +8,16 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
-from finite_strain.mesh_run import MeshRun
-from finite_strain.model import Model
-from finite_strain.newton import NewtonSolver
-from finite_strain.planning import plan_run
-from finite_strain.simulation import Silence
 from linear_bem import Ball, Elements, Layer, Load, Problem
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from finite_strain.model import Model
 
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio that each form of the elements is measured with."""
@@ -35,6 +33,10 @@ def measure(form: str, target: float, comm: MPI.Comm) -> Iterator[dict[str, Any]
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
     """
+    from finite_strain.mesh_run import MeshRun  # noqa: PLC0415  (imports DOLFINx, as all below do)
+    from finite_strain.planning import plan_run  # noqa: PLC0415
+    from finite_strain.simulation import Silence  # noqa: PLC0415
+
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
     layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
     plan = plan_run(Problem(layer, balls, load, None, elements=Elements(form)), 0.02, "finite_strain")
@@ -54,6 +56,10 @@ def measure(form: str, target: float, comm: MPI.Comm) -> Iterator[dict[str, Any]
 
 
 def _solved_by(name: str, model: Model, before: float) -> dict[str, Any]:
+    from petsc4py import PETSc  # noqa: PLC0415
+
+    from finite_strain.newton import NewtonSolver  # noqa: PLC0415
+
     comm, options = model.comm, PETSc.Options("thirdbody_")
     _forget_peak()
     options["direct_up_to"] = SOLVERS[name]
@@ -88,7 +94,7 @@ def _seconds(work: Callable[[], Any], comm: MPI.Comm) -> float:
     comm.barrier()
     began = time.process_time()
     work()
-    return float(comm.allreduce(time.process_time() - began, op=MPI.MAX))
+    return max(comm.allgather(time.process_time() - began))
 
 
 def _forget_peak() -> None:
