@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.extrapolation import observed_order
 from runs.presentation import attraction
 from runs.studies.case import Case
 from runs.studies.records import DONE, Found
@@ -56,6 +55,8 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 def judged(values: list[float]) -> dict[str, Any]:
     """Return the entries of a row from values on three meshes, coarse to fine."""
+    from finite_strain.extrapolation import observed_order  # noqa: PLC0415  (only where elements are pressed)
+
     before, change = values[1] - values[0], values[2] - values[1]
     order = observed_order(change, before, [1.0, RATIO, RATIO**2])
     last = abs(change / values[2])

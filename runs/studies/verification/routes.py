@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.extrapolation import force_ratio
 from runs.presentation import attraction
 from runs.studies.case import Case
 from runs.studies.records import DONE, Found
@@ -111,6 +110,8 @@ def _row(step: Mapping[str, Any], energy: tuple[float, float]) -> dict[str, Any]
 
 
 def _extrapolated(coarse: float, fine: float) -> float:
+    from finite_strain.extrapolation import force_ratio  # noqa: PLC0415  (only where elements are pressed)
+
     values = [np.array([[fine, 0.0]]), np.array([[coarse, 0.0]])]
     return float(force_ratio(values, [SIZES[1], SIZES[0]]).value[0, 0])
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.extent import scale_of_force
 from linear_bem.problem import Load
 from runs.linear_states import LinearStates
 from runs.presentation import attraction
@@ -61,6 +60,8 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    from finite_strain.extent import scale_of_force  # noqa: PLC0415  (only where elements are pressed)
+
     if case.model == "small_strain":
         steps = steps[-1:]
     linear = LinearStates(case.problem, None, {}).at_force(steps)["steps"]
