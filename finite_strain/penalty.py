@@ -28,8 +28,7 @@ class Penalties:
     def __init__(self, problem: Problem, model: Model) -> None:
         self._problem = problem
         self._radii = [ball.radius for ball in model.reduction.balls]
-        # facets are triangles of about half the element size squared
-        self._sizes = [np.sqrt(2.0 * contact.surface.weights.sum(axis=1)) for contact in model.contacts]
+        self._contacts = model.contacts
 
     def at(self, ball: int, approach: float) -> np.ndarray:
         """Return the penalty (facets, 1) [Pa/m] of this rank's facets under a ball at an approach [m] > 0."""
@@ -37,5 +36,6 @@ class Penalties:
         alone = indentation_of_layer(layer, substrate, self._radii[ball], approach=approach)
         # with 3/4 it is the contact modulus over the contact radius on a half-space
         stiffness = 0.75 * alone.normal_force / (alone.approach * alone.contact_radius**2)
-        across = alone.contact_radius / self._sizes[ball]
+        # facets are triangles of about half the element size squared
+        across = alone.contact_radius / np.sqrt(2.0 * self._contacts[ball].surface.weights.sum(axis=1))
         return np.asarray(PENALTY * stiffness * np.maximum(across, FEWEST_ELEMENTS)[:, None])
