@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from runs.studies import Options
 
 SIZES = (12_000, 25_000, 60_000)
 """Unknowns aimed at; meshes meet them within some 20 %."""
+COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 HEADINGS = {
     "form": "form",
     "solver": "solver",
@@ -39,33 +41,39 @@ def run(options: Options) -> None:
     if not options.tables:
         from runs.studies.scaling.measuring import FORMS, measure  # noqa: PLC0415
 
-        comm, rows = ranks.world(), list[dict[str, Any]]()
+        comm = ranks.world()
+        file = folder / f"ranks_{comm.size}.csv"
+        rows = ranks.share([] if options.fresh or not ranks.is_root() else read([file]))
         for target in SIZES[:1] if options.quick else SIZES:
             for form in FORMS:
-                for row in measure(form, target, comm):
-                    interrupt.check()
-                    rows.append(row)
-                    if comm.rank == 0:
+                interrupt.check()
+                if any((row["form"], row["target"]) == (form, target) for row in rows):
+                    continue
+                rows += measure(form, target, comm)
+                if comm.rank == 0:
+                    for row in rows[-2:]:
                         tell(", ".join(f"{key} {tables.written(value)}" for key, value in row.items()))
-                        folder.mkdir(parents=True, exist_ok=True)
-                        tables.save_csv(folder / f"ranks_{comm.size}.csv", rows)
+                    folder.mkdir(parents=True, exist_ok=True)
+                    tables.save_csv(file, rows)
     if not ranks.is_root():
         return
-    text = answer(read(folder))
+    text = answer(read(sorted(folder.glob("ranks_*.csv"))))
     (folder / "answer.md").write_text(text, encoding="utf-8")
     print(text, end="")
     if options.publish:
         tell(f"published in {publish('scaling', text, [])}")
 
 
-def read(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of all runs in the folder, sorted so that what is to be compared stands together."""
+def read(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Return the rows of those files that exist, sorted so that what is to be compared stands together."""
     rows: list[dict[str, Any]] = []
-    for file in sorted(folder.glob("ranks_*.csv")):
+    for file in files:
+        if not file.exists():
+            continue
         with open(file, encoding="utf-8", newline="") as text:
             for row in csv.DictReader(text):
                 words = {key: row.pop(key) for key in ("form", "solver")}
-                counts = {key: int(row.pop(key)) for key in ("unknowns", "ranks", "krylov_iterations", "fallbacks")}
+                counts = {key: int(row.pop(key)) for key in COUNTS}
                 rows.append({**words, **counts, **{key: float(value) for key, value in row.items()}})
     return sorted(rows, key=lambda row: (row["form"], row["unknowns"], row["solver"], row["ranks"]))
 

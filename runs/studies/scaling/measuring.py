@@ -28,7 +28,7 @@ PATH = (0.2, 0.6, 1.0)
 """Parts of the depth at which equilibrium is found before anything is measured."""
 
 
-def measure(form: str, target: float, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
+def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     """Yield, per solver, times of the slowest rank [s of processor time] and memory of all ranks (collective).
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
@@ -51,7 +51,7 @@ def measure(form: str, target: float, comm: MPI.Comm) -> Iterator[dict[str, Any]
         pass
     run.solver.close()
     for name in SOLVERS:
-        yield {"form": form, "solver": name, **_solved_by(name, run.model, before)}
+        yield {"form": form, "solver": name, "target": target, **_solved_by(name, run.model, before)}
     run.model.close()
 
 
