@@ -58,6 +58,7 @@ def run(options: Options) -> None:
     if not ranks.is_root():
         return
     text = answer(read(sorted(folder.glob("ranks_*.csv"))))
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "answer.md").write_text(text, encoding="utf-8")
     print(text, end="")
     if options.publish:
