@@ -78,8 +78,11 @@ def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
     assert unknowns["1e-6"] > unknowns["1e-1"]
 
 
-@pytest.mark.parametrize("scene", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_scene_that_is_shipped_is_solved(scene: Path, tmp_path: Path) -> None:
+RESTING = [path for path in sorted(SCENES.glob("*.toml")) if "[reciprocation]" not in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("scene", RESTING, ids=lambda path: path.stem)
+def test_every_scene_of_balls_that_stay_is_solved(scene: Path, tmp_path: Path) -> None:
     done = python("-m", "runs.cli", "solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     left, right = strict(done.stdout)["balls"]
