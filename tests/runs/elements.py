@@ -73,6 +73,7 @@ def solve(
 
 
 def _go_wrong(comm: Any, observer: Any, out: Path) -> None:
+    comm.barrier()  # as a solver's collective calls do: no rank goes wrong before rank 0 has written the steps so far
     match os.environ.get("ELEMENTS"):
         case "stop":
             raise NotConverged("step 2: DIVERGED_LINE_SEARCH, residual 1e-2")

@@ -10,14 +10,13 @@ import pytest
 from linear_bem.result import BallResult, Step
 from runs.scene import InvalidScene, read_scene
 from runs.session import path_so_far
-from tests.launch import ROOT, python
-
-THIN = (ROOT / "runs/scenes/paper_thin_pair.toml").read_text(encoding="utf-8")
+from tests.launch import python
+from tests.scenes import thin_pair
 
 
 def scene(folder: Path, accuracy: str) -> Path:
     path = folder / "scene.toml"
-    path.write_text(f"{THIN}\n[accuracy]\n{accuracy}\n", encoding="utf-8")
+    path.write_text(thin_pair(accuracy), encoding="utf-8")
     return path
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.launch import ROOT, mpirun, python
+from tests.scenes import thin_pair
 
 SCENES = ROOT / "runs" / "scenes"
 LINEAR = SCENES / "paper_thin_pair_linear.toml"
@@ -65,8 +66,7 @@ def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
     errors, unknowns = {}, {}
     for wanted in ("1e-1", "1e-6"):
         scene = tmp_path / f"wanted{wanted}.toml"
-        text = (SCENES / "paper_thin_pair.toml").read_text(encoding="utf-8")
-        scene.write_text(f"{text}\n[accuracy]\ntangential_force = {wanted}\n", encoding="utf-8")
+        scene.write_text(thin_pair(f"tangential_force = {wanted}"), encoding="utf-8")
         args = ("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / wanted)
         done = python("-m", "runs.cli", *args)
         assert done.returncode == 0, done.stderr

@@ -12,10 +12,9 @@ import pytest
 
 from tests.launch import ROOT, environment, mpirun
 from tests.runs.test_command_line import strict
+from tests.scenes import thin_pair
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
-
-THIN_PAIR = ROOT / "runs" / "scenes" / "paper_thin_pair.toml"
 
 
 @pytest.fixture
@@ -23,8 +22,8 @@ def scene(tmp_path: Path) -> Path:
     """Return the thin pair, pressed in lightly and on coarse meshes: seconds instead of minutes."""
     pytest.importorskip("dolfinx")
     path = tmp_path / "light_pair.toml"
-    text = THIN_PAIR.read_text(encoding="utf-8").replace("approach = 0.32", "approach = 0.04")
-    path.write_text(f"{text}\n[accuracy]\ntangential_force = 0.2\n", encoding="utf-8")
+    text = thin_pair("tangential_force = 0.2").replace("approach = 0.32", "approach = 0.04")
+    path.write_text(text, encoding="utf-8")
     return path
 
 
