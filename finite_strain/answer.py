@@ -6,7 +6,7 @@ T at given force is the root of the sum of squares of two estimates of what T / 
 either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
 the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
 so far, whichever is more. To it come what is left of the far field, and where the approach is prescribed
-the error of Q.
+the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it on the path so far.
 """
 
 from __future__ import annotations
@@ -60,6 +60,8 @@ class Answer:
         ratio = self.sizes[1] / self.sizes[0]
         forces, force_error = indentation(np.array(row["normal_forces"]), others[0].normal_forces, ratio)
         approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
+        force_error = self._at_least(force_error, forces, earlier, "normal_force")
+        approach_error = self._at_least(approach_error, approaches, earlier, "approach")
         away = self._distance(forces, approaches)
         forces, approaches = forces * away.force_factor, approaches - away.approach
         squared, value = forces**2, mesh.value - away.ratio
@@ -112,6 +114,15 @@ class Answer:
                 )
             )
         return Step(tuple(balls), record)
+
+    def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
+        """Return the error (balls,) of Q or D, raised to the largest share that it had of it at an earlier step."""
+        for step in earlier:
+            for b, ball in enumerate(self.plan.reduction.balls):
+                before = getattr(step.balls[ball.index], name)
+                share = step.record[f"{name}_error"][ball.index] / before if before > 0.0 else 0.0
+                error[b] = max(error[b], share * values[b])
+        return error
 
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]

@@ -179,12 +179,39 @@ class Model:
                     contact.add_residual(self.nodal, form.array.reshape(-1, 3))
 
         self._store_free(self._summed(fill), b)
+        if self.is_mixed:
+            b.array[self.fields.ranges[1].start :] = self.volume_residual()
+
+    def volume_residual(self) -> np.ndarray:
+        """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
+        return self._by_pressure(self._volume_residuals)
+
+    def volume_weights(self, bound: float) -> np.ndarray:
+        """Return kappa over the lumped mass of every pressure [m/N], this rank's own: see `finite_strain.merit`.
+
+        kappa is the first Lame constant, but at most ``bound`` shear moduli.
+        """
+        forms, factors = [], []
+        for bulk in self.bulks:
+            if bulk.pressure is not None:
+                test = ufl.TestFunction(bulk.pressure.function_space)
+                measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+                forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
+                unit = bulk.solid.shear_modulus / self._length
+                factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
+        volumes = self._by_pressure(forms)
+        owned = self.fields.owned[1:]
+        return np.divide(np.repeat(factors, owned), volumes, out=np.zeros_like(volumes), where=volumes > 0.0)
+
+    def _by_pressure(self, forms: list[Any]) -> np.ndarray:
+        """Return linear forms of the pressures' test functions, summed over ranks, at this rank's own pressures."""
+        parts = []
         idle_dofs = [bulk.idle for bulk in self.bulks if bulk.idle is not None]
-        forms = zip(self._volume_residuals, self._volume_work, idle_dofs, self.fields.ranges[1:], strict=True)
-        for form, work, idle, part in forms:
+        for form, work, idle in zip(forms, self._volume_work, idle_dofs, strict=True):
             values = _summed_into(work, lambda work, form=form: dolfinx.fem.petsc.assemble_vector(work, form))  # type: ignore[misc]
             values[idle[idle < len(values)]] = 0.0
-            b.array[part] = values
+            parts.append(values)
+        return np.concatenate(parts)
 
     def approach_derivative(self, contacts: list[Contact], b: PETSc.Vec) -> None:
         """Assemble the residual's derivative by the common approach of some balls [N/m] into b."""

@@ -1,6 +1,6 @@
 """Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
 
-In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the residual.
+In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `merit.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from finite_strain.linear_solver import LinearSolver, choose_for, install, slowest
+from finite_strain.merit import Merit
 from finite_strain.model import Model
 from finite_strain.solver_choice import PREFIX
 from linear_bem.errors import NotConverged
@@ -26,8 +27,6 @@ _OPTIONS = {
     "snes_linesearch_minlambda": "1e-3",
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
-_MIXED_OPTIONS = {"snes_linesearch_type": "l2"}
-"""What differs in the mixed form."""
 
 
 def _reasons() -> dict[int, str]:
@@ -68,15 +67,17 @@ class NewtonSolver:
         self._start = self._x.duplicate()
         self._reasons = _reasons()
         self.choice = choose_for(model)
-        self._options = {**_OPTIONS, **(_MIXED_OPTIONS if model.is_mixed else {}), **self.choice.options}
+        self._options = {**_OPTIONS, **self.choice.options}
         self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.linear = LinearSolver(model, self.snes.getKSP(), self.choice)
         self.snes.setFunction(self._function, self._b)
         self.snes.setJacobian(self._jacobian, model.matrix)
-        if not model.is_mixed:
-            self.snes.setObjective(self._objective)
+        self._merit = Merit(model) if model.is_mixed else None
+        self.snes.setObjective(self._objective)
+        if self._merit is not None:
+            self.snes.setLineSearchPreCheck(self._aim)
         self.snes.setConvergenceTest(self._converged)
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
@@ -88,6 +89,8 @@ class NewtonSolver:
         """Free the solver, with the matrix's factors (collective)."""
         for item in (self.snes, self._x, self._b, self._start):
             item.destroy()
+        if self._merit is not None:
+            self._merit.close()
         self.linear.close()
 
     def solve(self, tolerance: float) -> Equilibrium:
@@ -189,8 +192,12 @@ class NewtonSolver:
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         with self._assembling():
             self.model.set_state(x)
-            energy = self.model.energy()
+            energy = self.model.energy() if self._merit is None else self._merit(x)
         return energy if math.isfinite(energy) else math.nan
+
+    def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        assert self._merit is not None
+        self._merit.aim(x, y)
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         reason = PETSc.SNES.ConvergedReason

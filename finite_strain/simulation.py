@@ -131,6 +131,9 @@ class MeshSequence:
         run = MeshRun(self.plan, self.plan.box(record.size), mesh_file, comm, self.observer, name)
         try:
             return self._along(run, record, number)
+        except NotConverged as error:
+            kept = f"; its finished steps are kept in {folder}" if self.keep and run.path.history else ""
+            raise NotConverged(f"{name} mesh ({record.unknowns} unknowns): {error}{kept}") from error
         finally:
             run.close()
 
