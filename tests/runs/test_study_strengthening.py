@@ -82,8 +82,8 @@ def test_every_small_strain_run_has_a_finite_strain_run_on_the_same_mesh() -> No
 
 def test_the_matrix_holds_what_the_question_asks() -> None:
     labels = [case.labels for case in cases(quick=False)]
-    assert {label["L"] for label in labels} == {2.0, 2.5, 3.0, 4.0, 6.0}
-    assert {label["nu"] for label in labels} == {0.3, 0.4, 0.45, 0.48, 0.4999}
+    assert {label["L"] for label in labels} == {2.0, 3.0, 4.0, 6.0}
+    assert {label["nu"] for label in labels} == {0.3, 0.4, 0.48, 0.4999}
     assert {label["shape"] for label in labels} == {"sphere", "paraboloid"}
     deepest = {c.labels["h"]: max(c.problem.load.values) for c in cases(quick=False) if c.labels["group"] == "headline"}
     assert min(deepest[THIN], deepest[THICK]) >= 0.5
@@ -162,5 +162,5 @@ def test_the_sentence_tells_stronger_weaker_and_undecided_apart(tmp_path: Path) 
     text = present(found, tmp_path, quick=False)
     assert "**stronger** in 2 case(s): h = 1.16 R, L = 2 R, nu = 0.48: 1.200" in text
     assert "**weaker** in 1 case(s): h = 6 R, L = 2 R, nu = 0.48: 0.900" in text
-    assert "**within its error bar of 1** in 1 case(s): h = 1.16 R, L = 2.5 R" in text
+    assert "**within its error bar of 1** in 1 case(s): h = 1.16 R, L = 3 R" in text
     assert "for h = 1.16 R from D = 0.02 R on; for h = 6 R at no load up to D = 0.02 R" in text
