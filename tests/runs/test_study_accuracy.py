@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from runs.studies.accuracy.answer import OWN, TRUE, advice, front, measured, present
-from runs.studies.accuracy.matrix import KNOBS, REFERENCES, cases
+import finite_strain
+import linear_bem
+from finite_strain.schedule import load_fractions
+from runs.studies.accuracy.answer import DEFAULTS, OWN, TRUE, advice, front, measured, present
+from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, cases, problem
 from runs.studies.case import varied
 from runs.studies.records import Found
 
@@ -27,8 +32,8 @@ def record(force: float, seconds: float, error: float = 1e-6) -> dict[str, Any]:
 def found() -> Found:
     estimates = {"point-load": 0.2}
     errors = {
-        "finite-strain-reference": (0.0, 900.0), "finite-strain-mesh-0.2": (0.05, 10.0),
-        "finite-strain-mesh-0.02": (0.004, 100.0), "finite-strain-mesh-0.05": (0.06, 40.0),
+        "finite-strain-reference": (0.0, 900.0), "finite-strain-0.1": (0.05, 10.0),
+        "finite-strain-0.02": (0.004, 100.0), "finite-strain-0.05": (0.06, 40.0), "knob-3-2": (0.05 * 1.001, 15.0),
         "linear-bem-reference": (0.08, 0.3), "linear-bem-0.01": (0.081, 0.02), "linear-bem-0.0001": (0.08, 0.1),
         "point-load": (0.3, 1e-4),
     }  # fmt: skip
@@ -40,23 +45,42 @@ def found() -> Found:
 
 def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned() -> None:
     pytest.importorskip("dolfinx")
-    for place, values in KNOBS.values():
-        for value in values:
-            with varied({place: value}):
-                pass
     for case in cases(quick=False):
+        for place in case.constants:
+            module, name = place.rsplit(".", 1)
+            text = Path(str(importlib.import_module(module).__file__)).read_text(encoding="utf-8")
+            used = [line for line in text.splitlines() if name in line and not line.startswith((name, "from "))]
+            assert used, f"{place} is set there and read elsewhere: turning it changes nothing"
         with varied(case.constants):
             pass
 
 
+def test_fewer_or_more_load_steps_leave_the_mesh_as_it_is() -> None:
+    load = problem(0.1, "finite_strain").load
+    usual = load_fractions("approach", load.values[0], 1.0)
+    for wanted, constants in KNOBS["load steps (6)"].items():
+        with varied(constants):
+            turned = load_fractions("approach", load.values[0], 1.0)
+        assert len(usual) == 6
+        assert len(turned) == int(wanted)
+        assert turned[0] == pytest.approx(usual[0])
+
+
+def test_what_is_asked_for_by_default_is_among_the_cases() -> None:
+    by_name = {case.name: case for case in cases(quick=False)}
+    assert {by_name[name].accuracy for name in DEFAULTS if "strain" in name} == {finite_strain.DEFAULT_ACCURACY}
+    linear = inspect.signature(linear_bem.solve).parameters["tangential_force"].default
+    assert {by_name[name].accuracy for name in DEFAULTS if "strain" not in name} == {linear}
+
+
 def test_errors_are_within_the_model_and_against_finite_strain(found: Found) -> None:
     rows = {row["case"]: row for row in measured(found)}
-    assert len(rows) == 8
+    assert len(rows) == 9
     assert rows["linear-bem-0.01"][TRUE] == pytest.approx(0.081)
     assert rows["linear-bem-0.01"][OWN] == pytest.approx(1.081 / 1.08 - 1.0)
     assert rows["linear-bem-reference"][OWN] is None
     assert rows["finite-strain-reference"][TRUE] is None
-    assert rows["finite-strain-mesh-0.02"][OWN] == rows["finite-strain-mesh-0.02"][TRUE]
+    assert rows["finite-strain-0.02"][OWN] == rows["finite-strain-0.02"][TRUE]
     assert rows["point-load"][OWN] == pytest.approx(1.3 / 1.08 - 1.0)
     lone = Found(found.cases, {"point-load": found.records["point-load"]})
     assert measured(lone)[0][TRUE] is None
@@ -68,15 +92,15 @@ def test_the_front_holds_what_nothing_beats(found: Found) -> None:
         "point-load",
         "linear-bem-0.01",
         "linear-bem-0.0001",
-        "finite-strain-mesh-0.2",
-        "finite-strain-mesh-0.02",
+        "finite-strain-0.1",
+        "finite-strain-0.02",
     ]
 
 
 def test_the_cheapest_way_to_each_error_is_advised(found: Found) -> None:
     told = {row["for"]: row for row in advice(measured(found), TRUE)}
     assert told["10 %"]["use"] == "linear_bem, accuracy asked 0.01"
-    assert told["1 %"]["use"] == "finite_strain, mesh for an accuracy of 0.02"
+    assert told["1 %"]["use"] == "finite_strain, accuracy asked 0.02"
     assert told["0.1 %"]["use"] == "no case is known to reach it"
 
 
@@ -91,7 +115,7 @@ def test_an_error_that_is_small_by_chance_is_not_advised(found: Found) -> None:
 
 def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> None:
     text = present(found, tmp_path, quick=False)
-    assert "finite_strain, mesh for an accuracy of 0.02" in text
+    assert "finite_strain, accuracy asked 0.02" in text
     assert "1 min 40 s" in text
     assert (tmp_path / "pareto.svg").stat().st_size > 5_000
     assert "no rows yet" in present(Found(found.cases, {}), tmp_path, quick=False)
@@ -103,4 +127,15 @@ def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
         assert len(set(names)) == len(names)
         assert {REFERENCES[case.model] for case in cases(quick)} <= set(names)
         assert {case.model for case in cases(quick)} == set(REFERENCES)
-    assert sum(case.alone for case in cases(quick=False)) == 1
+    together = [case.name for case in cases(quick=False) if case.parallel and not case.alone]
+    assert together == ["finite-strain-all-ranks"]  # the last: a part of the study that two ranks take alone
+    assert cases(quick=False)[-1].name == together[0]
+
+
+def test_a_knob_is_judged_by_how_it_moves_the_answer_of_one_mesh(found: Found, tmp_path: Path) -> None:
+    text = present(found, tmp_path, quick=False)
+    assert USUAL_CASE in found.records
+    row = next(line for line in text.splitlines() if line.startswith("| penalty") and " 2 |" in line)
+    moved, _, longer = (cell.strip() for cell in row.strip("|").split("|")[2:])
+    assert float(moved) == pytest.approx(0.05 * 0.001 / 1.05, rel=1e-3)
+    assert float(longer) == pytest.approx(1.5)

@@ -10,11 +10,14 @@ from typing import Any
 
 import pytest
 
+from finite_strain.planning import plan_run
+from finite_strain.refinement import Budget
 from runs.models import MODELS
+from runs.studies.case import varied
 from runs.studies.records import Found
 from runs.studies.stability import ENDINGS, present
-from runs.studies.stability.judging import BALANCE, FORCES, compared, energy_balance, verdict, work
-from runs.studies.stability.matrix import cases, hard_cases
+from runs.studies.stability.judging import BALANCE, FORCES, at_force, compared, energy_balance, verdict, work
+from runs.studies.stability.matrix import END, FIRST_STEP, SAME_FORCE, cases, hard_cases
 
 POWER_LAW = 1e-12
 
@@ -71,7 +74,7 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
             a={"steps": [{"balls": [ball(0.1, 0.1, pull=-1e-3)], "record": {}}]},
             b={"steps": [{"balls": [ball(0.1, 0.1, pull=other)], "record": {}}]},
         )
-        given = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, **check}
+        given = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END, **check}
         return verdict(records, "a", {"check": given})
 
     assert pair(-1.01e-3)[0] == "right"  # 1 % apart, two error bars of 1 % each
@@ -80,7 +83,7 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
     assert pair(-1.01e-3, within=0.001)[0] == "WRONG"
     assert pair(-1e-6, factor=1e3, within=1e-6)[0] == "right"
     alone = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]})
-    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0}
+    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END}
     assert compared(alone, "a", check) is None
     assert "has no answer" in verdict(alone, "a", {"check": check})[1]
 
@@ -88,9 +91,76 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
 def test_an_answer_that_does_not_know_its_error_is_neither_right_nor_a_reference() -> None:
     steps = [{"balls": [ball(0.1, 0.1, error=None)], "record": {}}]  # as nan is saved
     both = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]}, b={"steps": steps})
-    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0}
+    check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END}
     assert compared(both, "a", check) is None
     assert verdict(both, "b", {"check": None}) == ("WRONG", "the error of T is larger than T")
+
+
+def test_a_limit_is_compared_at_the_first_load_step_even_of_a_path_that_stopped_later() -> None:
+    check = {"words": "the limit", "other": "b", "within": 0.0, "factor": 1.0, "at": FIRST_STEP}
+
+    def at(fraction: float, pull: float) -> list[dict[str, Any]]:
+        return [
+            {"balls": [ball(0.1, 0.1, pull=pull)], "record": {"fraction": fraction}},
+            {"balls": [ball(0.2, 0.3, pull=9.0 * pull)], "record": {"fraction": 1.0}},
+        ]
+
+    both = found(a={"steps": at(0.1, -1e-3)}, b={"state": "not converged", "steps": at(0.1, -1.01e-3)[:1]})
+    worst, granted = compared(both, "a", check) or (math.nan, math.nan)
+    assert worst == pytest.approx(0.01)
+    assert granted == pytest.approx(0.02)
+    elsewhere = found(a={"steps": at(0.1, -1e-3)}, b={"steps": at(0.2, -1e-3)})
+    assert compared(elsewhere, "a", check) is None
+
+
+def test_a_case_under_given_forces_is_compared_where_the_other_passes_them() -> None:
+    # T = Q^2 / 100 on the way, and beyond its end
+    steps = [{"balls": [ball(q, q, pull=-(q**2) / 100.0)], "record": {}} for q in (0.01, 0.05, 0.2)]
+    for force in (0.03, 0.1, 0.25):
+        (there,) = at_force(steps, [ball(1.0, force)])
+        assert there["tangential_force"][0] == pytest.approx(-(force**2) / 100.0, rel=POWER_LAW)
+    mine = {"steps": [{"balls": [ball(0.1, 0.1, pull=-1e-4)], "record": {}}]}
+    check = {"words": "same", "other": "b", "within": 1e-9, "factor": 1.0, "at": SAME_FORCE}
+    assert verdict(found(a=mine, b={"steps": steps}), "a", {"check": check})[0] == "right"
+
+
+def test_unlike_balls_must_pull_each_other_alike() -> None:
+    def two(second: float) -> str:
+        balls = [ball(0.1, 0.1, pull=-1e-3), ball(0.1, 0.05, pull=second)]
+        return verdict(found(a={"steps": [{"balls": balls, "record": {}}]}), "a", {"check": None})[0]
+
+    assert two(1.01e-3) == "right"
+    assert two(1.1e-3) == "WRONG"
+
+
+def test_a_stop_is_judged_by_what_it_reached() -> None:
+    def stopped(balance: float) -> tuple[str, str]:
+        steps = path(1.5, 0.01, 0.03, 0.1, stored=balance)
+        return verdict(found(a={"state": "not converged", "reason": "step 4", "steps": steps}), "a", {"check": None})
+
+    ended, why = stopped(1.0)
+    assert ended == "not converged"
+    assert why.startswith("step 4; what it reached: energy against work")
+    assert stopped(1.5)[0] == "WRONG"
+
+
+def test_bad_meshes_are_what_they_are_called() -> None:
+    chosen = {c.name: c for c in cases(quick=False) if c.model == "finite_strain"}
+
+    def main_mesh(name: str) -> Any:
+        case = chosen[name]
+        with varied(case.constants):
+            return plan_run(case.problem, case.accuracy, case.model, Budget(**case.budget)).boxes[1]
+
+    usual, coarse = main_mesh("usual-finite-strain"), main_mesh("coarse-finite-strain")
+    assert coarse.zones[0].finest >= 2.0 * usual.zones[0].finest
+    graded = main_mesh("badly-graded-finite-strain").zones[0]
+    assert graded.far_growth >= 2.0
+    assert graded.far_radius <= graded.radius
+    for same in ("leap", "restart", "scaled"):  # whose answers are held to closer than any two meshes agree
+        radius = chosen[f"{same}-finite-strain"].problem.balls[0].radius
+        zone = main_mesh(f"{same}-finite-strain").in_units_of(radius).zones[0]
+        assert zone.finest == pytest.approx(usual.zones[0].finest)
 
 
 def test_refusals_need_a_name_and_failures_keep_theirs() -> None:
@@ -126,7 +196,7 @@ def test_every_case_has_models_that_exist_and_checks_that_are_cases() -> None:
 
 def test_the_matrix_holds_what_the_question_asks() -> None:
     hard = {h.name: h.problem for h in hard_cases()}
-    assert {p.layer.poisson for p in hard.values()} >= {0.0, 0.48, 0.4999, 0.5}
+    assert {p.layer.poisson for p in hard.values()} >= {0.0, 0.3, 0.48, 0.4999, 0.5}
     assert min(p.layer.thickness for p in hard.values()) <= 0.1
     assert max(p.layer.thickness for p in hard.values() if p.balls[0].radius == 1.0) >= 20.0
     ratios = {p.substrate.young / p.layer.young for p in hard.values() if p.substrate is not None}

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from runs.presentation import duration
-from runs.studies.accuracy.matrix import REFERENCES
+from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
 from runs.studies.records import DONE, Found
 from runs.studies.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
 OWN, TRUE = "error within the model", "error against finite strain"
 """Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
-LADDER = ("model", "accuracy asked", "mesh for an accuracy of", "one rank")
+LADDER = ("model", "accuracy asked")
 """Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
+DEFAULTS = ("linear-bem-0.0001", "small-strain-0.02", "finite-strain-0.02")
+"""The cases that ask for what a scene without [accuracy] asks for."""
 
 
 def present(found: Found, folder: Path, quick: bool) -> str:
@@ -32,11 +34,12 @@ def present(found: Found, folder: Path, quick: bool) -> str:
         "than its reference's own is not known better than that.",
         "",
     ]
-    references = [_reference(found, model) for model in ("finite_strain", "small_strain", "linear_bem")]
+    references = [_reference(found, model) for model in ("finite_strain", "linear_bem")]
     lines += ["## What is measured against", "", *markdown([r for r in references if r is not None]), ""]
     lines += ["![Error of T against processor time](pareto.svg)", ""]
     for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
         lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
+    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows)]
     columns = {
         "model": "model", "knob": "knob", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
         "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
@@ -60,6 +63,7 @@ def measured(found: Found) -> list[dict[str, Any]]:
             {
                 "case": case.name,
                 "model": case.model,
+                "force": force,
                 "knob": case.labels["knob"],
                 "value": case.labels["value"],
                 OWN: None if case.name == REFERENCES[case.model] else _relative(force, own),
@@ -76,6 +80,70 @@ def measured(found: Found) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the section on what a scene without [accuracy] gets, beside what it would get asking for less or more."""
+    asked: list[dict[str, Any]] = []
+    for row in rows:
+        if row["knob"] == "accuracy asked":
+            default = row["case"] in DEFAULTS
+            name = f"{row['model']}, {row['value']:g}" + (" (default)" if default else "")
+            asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
+    columns = {"asked of": "asked of", "error": OWN, "estimate": "own estimate", "seconds": "CPU seconds"}
+    return ["## Where the defaults of [accuracy] come from", "", *markdown(asked, columns), ""]
+
+
+def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the section on the solver's constants: by how much each moves T on one mesh, and what it costs."""
+    usual = next((row for row in rows if row["case"] == USUAL_CASE), None)
+    if usual is None:
+        return []
+    turned = [
+        {
+            "knob": row["knob"],
+            "value": row["value"],
+            "T moves by": _relative(row["force"], usual["force"]),
+            "iterations": row["iterations"],
+            "time over the default's": row["seconds"] / usual["seconds"],
+        }
+        for row in rows
+        if row["knob"] in KNOBS
+    ]
+    text = (
+        f"Each turned alone on the meshes for an accuracy of {usual['value']:g}, whose own error is "
+        f"{_percent(usual[OWN])}; the default is in brackets. By default: {usual['iterations']} Newton iterations."
+    )
+    ranks = next((row for row in rows if row["knob"] == ALL_RANKS), None)
+    lines = ["## What the solver's own knobs do", "", text, "", *markdown(turned), ""]
+    if ranks is not None:
+        lines += [
+            f"On {ranks['ranks']} ranks T moves by {_relative(ranks['force'], usual['force']):.1g}, in "
+            f"{ranks['seconds']:.0f} s of processor time instead of {usual['seconds']:.0f} s; by the clock "
+            f"{ranks['wall']:.0f} s instead of {usual['wall']:.0f} s, on a machine that other runs shared.",
+            "",
+        ]
+    return lines
+
+
+def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence on errors over the estimates that came with them, where the reference is known well enough."""
+    shares = [
+        row[OWN] / row["estimate"]
+        for row in rows
+        if row[OWN] is not None and row["estimate"] and (row[f"{OWN}, known to"] or math.inf) < 0.1 * row["estimate"]
+    ]
+    if not shares:
+        return []
+    return [
+        f"Of {len(shares)} answers whose reference is known ten times as well, {sum(s > 1.0 for s in shares)} are off "
+        f"by more than their own estimate; the largest error is {max(shares):.2g} of it.",
+        "",
+    ]
+
+
+def _percent(value: float | None) -> str:
+    return "not known" if value is None else f"{100.0 * value:.2g} %"
 
 
 def _force(found: Found, name: str) -> float | None:

@@ -5,25 +5,54 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from finite_strain import schedule
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.case import Case
 
 ONE_MESH = {"finite_strain.refinement.MOST_MESHES": 1}
 """No refinement after the first two meshes: the size of the elements is then a knob of its own."""
-USUAL = 0.05
+TWICE_AS_COARSE = {"finite_strain.planning.COARSEST": 2.5}
+COARSE_UNKNOWNS = 700.0
+"""A budget that makes the elements of the coarsest mesh that an accuracy sizes twice as large again."""
+GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
+"""Every contact on a grid, none by polynomials."""
+USUAL = 0.1
 """Accuracy that sizes the mesh on which the other knobs are turned."""
-KNOBS: dict[str, tuple[str, tuple[float, ...]]] = {
-    "contact quadrature degree": ("finite_strain.contact.QUADRATURE_DEGREE", (4, 6, 14)),
-    "augmentation tolerance": ("finite_strain.loading.INDENTATION_CHANGE", (0.5, 0.01, 0.001)),
-    "penalty": ("finite_strain.penalty.PENALTY", (2.0, 32.0)),
-    "Newton tolerance": ("finite_strain.loading.RESIDUAL", (1e-4, 1e-6, 1e-11)),
-    "growth of load steps": ("finite_strain.schedule.GROWTH", (1.2, 2.5, 1e3)),
-    "ratio of the two meshes": ("finite_strain.planning.COARSENING", (1.2, 2.0)),
-}
-"""Constants of the solver that are turned one at a time from their default, which is left out here."""
-REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "small-strain-reference",
+USUAL_CASE = "finite-strain-0.1"
+"""The case with every knob at its default."""
+REFERENCE_ACCURACY = 0.012
+"""Sizes the meshes of the finite-strain reference, about 25 and 70 thousand unknowns."""
+ALL_RANKS = "all ranks"
+
+
+def steps_in_all(usual: int) -> dict[str, float]:
+    """Return constants that make one load step of ``usual`` ones; the first, which sizes the meshes, stays."""
+    return {"finite_strain.schedule.GROWTH": schedule.GROWTH**usual, "finite_strain.schedule.LARGEST_STEP": 10.0}
+
+
+KNOBS: dict[str, dict[str, Mapping[str, float]]] = {
+    "degree of the contact's quadrature (10)": {
+        f"{d}": {"finite_strain.contact.QUADRATURE_DEGREE": d} for d in (4, 6, 14)
+    },
+    "change of Q by which augmentations end (0.05)": {
+        f"{c:g}": {"finite_strain.loading.INDENTATION_CHANGE": c} for c in (0.5, 0.005)
+    },
+    "penalty (8)": {f"{p:g}": {"finite_strain.penalty.PENALTY": p} for p in (2.0, 32.0)},
+    "residual at which Newton's method stops (1e-9)": {
+        f"{r:g}": {"finite_strain.loading.RESIDUAL": r} for r in (1e-4, 1e-6, 1e-11)
+    },
+    "load steps (6)": {
+        "11": {"finite_strain.schedule.GROWTH": schedule.GROWTH**0.5},
+        "2": steps_in_all(5),
+    },
+    "size of the companion's elements (1.4)": {
+        f"{r:g}": {"finite_strain.simulation.COARSENING": r} for r in (1.2, 2.0)
+    },
+}  # fmt: skip
+"""Constants of the solver, turned one at a time from their default, which the name of the knob holds."""
+REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-reference",
               "finite_strain": "finite-strain-reference", "point_load": "linear-bem-reference"}  # fmt: skip
-"""The better solution that each model's error is measured against."""
+"""The better solution that each model's error is measured against; small strain has one by other means."""
 
 
 def problem(approach: float, model: str) -> Problem:
@@ -34,15 +63,19 @@ def problem(approach: float, model: str) -> Problem:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the references first, then the ladder, then the knobs."""
+    """Return the linear models, the finite elements by mesh and accuracy, the knobs, the reference, and all ranks.
+
+    Every case is one rank's but the last, so that seconds compare.
+    """
     approach = 0.015 if quick else 0.1
 
     def make(
         name: str, model: str, accuracy: float, knob: str, value: Any,
-        constants: Mapping[str, float] | None = None, **more: Any,
+        constants: Mapping[str, float] | None = None, *, alone: bool = True, **more: Any,
     ) -> Case:  # fmt: skip
         labels = {"knob": knob, "value": value}
-        return Case(name, problem(approach, model), model, accuracy, constants or {}, labels, **more)
+        alone = alone and model in ("finite_strain", "small_strain")
+        return Case(name, problem(approach, model), model, accuracy, constants or {}, labels, alone=alone, **more)
 
     found = [
         make("linear-bem-reference", "linear_bem", 1e-8, "reference", ""),
@@ -50,20 +83,26 @@ def cases(quick: bool) -> list[Case]:
     ]
     asked = (1e-2, 1e-4) if quick else (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
     found += [make(f"linear-bem-{a:g}", "linear_bem", a, "accuracy asked", a) for a in asked]
-    meshes = (0.2,) if quick else (0.2, 0.05, 0.02, 0.01)
+    if not quick:
+        grids = (1e-1, 1e-2, 1e-3, 1e-4)
+        found += [make(f"linear-bem-grids-{a:g}", "linear_bem", a, "accuracy asked on grids", a, GRIDS) for a in grids]
+    meshes = (0.2,) if quick else (0.1, 0.05, 0.02)
     for model in ("finite_strain", "small_strain"):
         short = model.replace("_", "-")
-        budget = {"unknowns": 30e3 if quick else 200e3}
-        best = 0.03 if quick else 0.003
-        found.append(make(f"{short}-reference", model, best, "reference", "", ONE_MESH, budget=budget))
-        found += [make(f"{short}-mesh-{a:g}", model, a, "mesh for an accuracy of", a, ONE_MESH) for a in meshes]
-    if quick:
-        return found
-    found += [make(f"finite-strain-asked-{a:g}", "finite_strain", a, "accuracy asked", a) for a in (0.05, 0.02, 0.01)]
-    found.append(
-        make(f"finite-strain-one-rank-{USUAL:g}", "finite_strain", USUAL, "one rank", "", ONE_MESH, alone=True)
-    )
-    for knob, (place, values) in KNOBS.items():
-        stem = knob.replace(" ", "-").lower()
-        found += [make(f"{stem}-{v:g}", "finite_strain", USUAL, knob, v, {**ONE_MESH, place: v}) for v in values]
+        found += [make(f"{short}-{a:g}", model, a, "accuracy asked", a) for a in meshes]
+        if not quick:
+            found.append(
+                make(f"{short}-coarse", model, USUAL, "mesh", "twice as coarse as any", ONE_MESH | TWICE_AS_COARSE,
+                     budget={"unknowns": COARSE_UNKNOWNS})
+            )  # fmt: skip
+    if not quick:
+        for number, (knob, values) in enumerate(KNOBS.items(), start=1):
+            found += [
+                make(f"knob-{number}-{v}", "finite_strain", USUAL, knob, v, {**ONE_MESH, **constants})
+                for v, constants in values.items()
+            ]
+    best, budget = (0.03, {"unknowns": 30e3}) if quick else (REFERENCE_ACCURACY, {})
+    found.append(make(REFERENCES["finite_strain"], "finite_strain", best, "reference", "", ONE_MESH, budget=budget))
+    if not quick:
+        found.append(make("finite-strain-all-ranks", "finite_strain", USUAL, ALL_RANKS, "", ONE_MESH, alone=False))
     return found

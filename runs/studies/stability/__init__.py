@@ -49,6 +49,7 @@ def _row(found: Found, case: Any) -> dict[str, Any]:
         "case": case.name,
         "words": case.labels["words"],
         "ended": ended,
+        "reached": steps[-1]["record"].get("fraction", 1.0) if steps else 0.0,
         "steps": len(steps) if case.parallel else None,
         "cut-backs": sum(step["record"].get("cuts", 0) > 0 for step in steps) if case.parallel else None,
         "iterations": iterations,

@@ -83,9 +83,9 @@ def _case(hard: Hard, model: str, quick: bool) -> Case:
         "check": dataclasses.asdict(check) if check is not None else None,
     }
     accuracy = 1e-4 if model == LINEAR else COARSE if quick else hard.accuracy or ACCURACY
-    constants = hard.constants if model != LINEAR else {}
+    constants, budget = (hard.constants, hard.budget) if model != LINEAR else ({}, {})
     name = f"{NAME}-{hard.name}-{model.replace('_', '-')}"
-    return Case(name, as_seen_by(model, hard.problem), model, accuracy, constants, labels)
+    return Case(name, as_seen_by(model, hard.problem), model, accuracy, constants, labels, budget=budget)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
