@@ -4,13 +4,17 @@ Unknowns are the positions x and the pushes N of the contacts that hold; equatio
 
     T(x) + sum_c N_c dg_c/dx = 0,     g_c(x) = 0.
 
-Translations and the rotation of all balls together change nothing: steps are the shortest ones (least squares), and
-stability is asked of what remains. With Z a basis of the motions that keep the contacts and contain no rigid motion
+Translations and the rotation of all balls together change nothing: steps are free of them, and stability is asked of
+what remains. With Z a basis of the motions that keep the contacts and contain no rigid motion
 (orthogonal in the metric Q), disturbances grow as exp(lambda sigma), lambda the eigenvalues of
 
     (Z^T Q Z)^-1 Z^T K Z,     K = dT/dx + sum_c N_c d2g_c/dx2.
 
 No Z at all: the contacts hold every relative motion, and the group is stable as long as all push.
+
+Balls overlap nowhere on the way: a step of Newton's method ends where a pair lands, which is held from there on, and
+derivatives are secants between positions that the contacts allow. So any model can be asked, also one that has
+no answer for balls inside each other.
 """
 
 from __future__ import annotations
@@ -30,6 +34,14 @@ Array = NDArray[np.float64]
 
 BALANCED = 1e-7
 """Largest (T + pushes)/Q of an equilibrium."""
+SETTLED = 1e-3
+"""Longest move of Newton's last step, over the smallest touching distance."""
+LONGEST, FURTHEST = 0.2, 3.0
+"""Longest move of a ball in one step, and its furthest way from the start, over the smallest touching distance."""
+DIFFERENCE = 1e-5
+"""Length of differences over the smallest touching distance, for forces without noise."""
+OVERLAP = 1e-9
+"""Overlap over touching distance that a step may leave to be restored."""
 NEUTRAL = 1e-6
 """Largest growth rate over the largest rate of all that is told neither from growth nor from decay."""
 
@@ -50,16 +62,18 @@ class Equilibrium:
     verdict: str
 
 
-def stiffness(forces: Forces, x: Array, step: float) -> Array:
-    """Return dT/dx [N/m], shape (2 balls, 2 balls), by central differences of length ``step`` [m]."""
-    out = np.zeros((x.size, x.size))
-    for k in range(x.size):
-        move = np.zeros(x.size)
-        move[k] = step
-        moved = move.reshape(x.shape)
-        ahead, behind = forces(x + moved).tangential, forces(x - moved).tangential
-        out[:, k] = (ahead - behind).ravel() / (2.0 * step)
-    return out
+def stiffness(forces: Forces, balls: HardBalls, x: Array, load: Array, held: Pairs, step: float) -> Array:
+    """Return dT/dx [N/m], shape (2 balls, 2 balls), along the motions that keep the pairs ``held``; 0 across them.
+
+    From secants between positions without overlap, ``step`` [m] to either side as far as other contacts let it.
+    """
+    motions = null_space(balls.jacobian(x, held), rcond=1e-8) if len(held) else np.eye(x.size)
+    moves, changes = np.zeros((x.size, motions.shape[1])), np.zeros((x.size, motions.shape[1]))
+    for k, motion in enumerate(step * motions.T):
+        ahead, behind = (balls.restored(x + side * motion.reshape(x.shape), load, held) for side in (1.0, -1.0))
+        moves[:, k] = (ahead - behind).ravel()
+        changes[:, k] = (forces(ahead).tangential - forces(behind).tangential).ravel()
+    return np.asarray(changes @ np.linalg.pinv(moves, rcond=1e-3))
 
 
 def rigid_motions(x: Array) -> Array:
@@ -71,46 +85,80 @@ def rigid_motions(x: Array) -> Array:
     return np.stack([np.stack([ones, zeros], axis=1).ravel(), np.stack([zeros, ones], axis=1).ravel(), turn], axis=1)
 
 
-def find(forces: Forces, balls: HardBalls, start: Array) -> Equilibrium:
+def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIFFERENCE) -> Equilibrium:
     """Return the equilibrium next to ``start`` with the contacts that hold there; raises `NotConverged`.
 
-    Pushes that come out negative part their contact and the search goes on without it.
+    Pairs that land on the way are held; pushes that come out negative part their contact, and the search goes on
+    without it. ``difference`` of the secants is over the smallest touching distance.
     """
-    x = start
-    state = forces(x)
-    held = _holding(balls, x, state.tangential, state.normal)
-    step = 1e-5 * float(np.min(balls.distances, initial=1.0))
-    residual, length = np.inf, np.inf
+    state = forces(start)
+    held = _holding(balls, start, state.tangential, state.normal)
+    touch = float(np.min(balls.distances, initial=1.0))
+    x, residual, length = start, np.inf, np.inf
+    parted: set[int] = set()
     for _ in range(60):
-        state = forces(balls.restored(x, state.normal, held[:0]))
+        x = balls.restored(x, state.normal, held)
+        state = forces(x)
         jacobian = balls.jacobian(x, held)
-        pushes = _pushes(jacobian, state.tangential)
-        balance = state.tangential.ravel() + pushes @ jacobian
+        # mutual forces have no resultant and no moment: what a model leaves of them is error, which no move would mend
+        rigid = np.linalg.qr(rigid_motions(x))[0]
+        force = state.tangential.ravel() - rigid @ (rigid.T @ state.tangential.ravel())
+        pushes = _pushes(jacobian, force)
+        balance = force + pushes @ jacobian
         residual = float(np.max(np.abs(balance).reshape(x.shape) / resistances(state.normal)[:, None]))
-        gaps = balls.gaps(x, held)
         # where forces die out with distance they pass below any bound without an equilibrium: Newton must settle too
-        settled = length <= 100.0 * step
-        if residual <= BALANCED and settled and float(np.max(np.abs(gaps), initial=0.0)) <= 1e-4 * step:
-            given, left = nnls(jacobian.T, -state.tangential.ravel()) if len(held) else (pushes, 0.0)
+        settled = length <= SETTLED * touch
+        tangent = stiffness(forces, balls, x, state.normal, held, difference * touch)
+        tangent += _curvature(balls, x, held, pushes)
+        if residual <= BALANCED and settled:
+            given, left = nnls(jacobian.T, -force) if len(held) else (pushes, 0.0)
             if left <= 2.0 * BALANCED * float(np.max(state.normal)):
-                return _judged(forces, balls, x, held, given, residual, step)
+                return _judged(balls, x, state.normal, held, given, residual, tangent)
+            parted.update(held[pushes <= 0.0].tolist())
             held = held[pushes > 0.0]
             continue
-        tangent = stiffness(forces, x, step) + _curvature(balls, x, held, pushes)
         n, m = x.size, len(held)
-        matrix = np.block([[tangent, jacobian.T], [jacobian, np.zeros((m, m))]])
+        still = np.vstack([jacobian, rigid.T])
+        above = np.hstack([tangent, jacobian.T])
+        matrix = np.vstack([above, np.hstack([still, np.zeros((len(still), m))])])
         # scaled: forces by load, lengths by the touching distance
-        weight = np.concatenate([np.full(n, 1.0 / float(np.max(state.normal))), np.full(m, 1.0 / (step * 1e5))])
-        answer = np.linalg.lstsq(matrix * weight[:, None], -np.concatenate([balance, gaps]) * weight, rcond=1e-10)[0]
-        move = answer[:n].reshape(x.shape)
+        weight = np.concatenate([np.full(n, 1.0 / float(np.max(state.normal))), np.full(len(still), 1.0 / touch)])
+        right = -np.concatenate([balance, np.zeros(len(still))])
+        move = np.linalg.lstsq(matrix * weight[:, None], right * weight, rcond=1e-10)[0][:n].reshape(x.shape)
         length = float(np.max(np.abs(move)))
-        x = x + move * min(1.0, 2e4 * step / max(length, 1e-300))
-        if float(np.max(np.abs(x - start))) > 3e5 * step:
+        x, landed = _moved(balls, x, move * min(1.0, LONGEST * touch / max(length, 1e-300)), held)
+        if parted.intersection(landed.tolist()):
+            i, j = balls.pairs[landed[0]]
+            raise NotConverged(
+                f"equilibria: none that Newton's method finds without balls inside each other; balls {i} and {j} touch "
+                "on its way, and their forces part them there"
+            )
+        held = np.union1d(held, landed).astype(np.intp)
+        if float(np.max(np.abs(x - start))) > FURTHEST * touch:
             break
     raise NotConverged(
         f"equilibria: none within {float(np.max(np.abs(x - start))):.3g} m of the given positions; where the search "
         f"ended, (T + pushes)/Q is {residual:.1e}"
     )
+
+
+def _moved(balls: HardBalls, x: Array, move: Array, held: Pairs) -> tuple[Array, Pairs]:
+    """Return the positions after ``move``, or where the first pair lands on it, and that pair."""
+    free = np.setdiff1d(np.arange(len(balls.pairs)), held)
+    i, j = balls.pairs[free].T
+    between, change = x[j] - x[i], move[j] - move[i]
+    # |between + part change| = touching distance less what is restored anyway: the smaller root in part
+    square = np.sum(change**2, axis=1)
+    closing = np.sum(between * change, axis=1)
+    room = np.sum(between**2, axis=1) - (balls.distances[free] * (1.0 - OVERLAP)) ** 2
+    inside = closing**2 - square * room
+    lands = (closing < 0.0) & (inside > 0.0)
+    part = np.full(len(free), np.inf)
+    part[lands] = np.maximum(room[lands], 0.0) / (np.sqrt(inside[lands]) - closing[lands])
+    if not np.any(part < 1.0):
+        return x + move, free[:0]
+    first = int(np.argmin(part))
+    return x + part[first] * move, free[[first]]
 
 
 def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
@@ -141,7 +189,7 @@ def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
 def _pushes(jacobian: Array, force: Array) -> Array:
     if len(jacobian) == 0:
         return np.zeros(0)
-    return np.asarray(np.linalg.lstsq(jacobian.T, -force.ravel(), rcond=1e-10)[0])
+    return np.asarray(np.linalg.lstsq(jacobian.T, -force, rcond=1e-10)[0])
 
 
 def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
@@ -161,15 +209,13 @@ def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
 
 
 def _judged(
-    forces: Forces, balls: HardBalls, x: Array, held: Pairs, pushes: Array, residual: float, step: float
+    balls: HardBalls, x: Array, load: Array, held: Pairs, pushes: Array, residual: float, tangent: Array
 ) -> Equilibrium:
-    load = forces(balls.restored(x, np.ones(len(x)), held[:0])).normal
     metric = np.repeat(resistances(load), 2)
     fixed = np.vstack([balls.jacobian(x, held), (rigid_motions(x) * metric[:, None]).T / np.max(metric)])
     basis = null_space(fixed, rcond=1e-8)
     growth: tuple[float, ...] = ()
     if basis.shape[1]:
-        tangent = stiffness(forces, x, step) + _curvature(balls, x, held, pushes)
         reduced = basis.T @ tangent @ basis
         rates = eigvals(reduced, basis.T @ (metric[:, None] * basis))
         growth = tuple(sorted((float(r) for r in np.real(rates)), reverse=True))

@@ -183,7 +183,7 @@ class Evolution:
         found: dict[str, Any] = {
             "rest": outcome.rest(moments),
             "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance, self.sliding.rest),
-            "equilibrium": outcome.equilibrium(forces, balls, end) if given.cheap else None,
+            "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
             "pair_equilibria": outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None,
             "momentum": _momentum(moments),
             "pair_table": given.table,

@@ -72,10 +72,13 @@ def _interpolation_error(moments: Sequence[Mapping[str, Any]], balls: HardBalls)
     return float(np.max(np.abs(skipped - x[1:-1:2]))) / 4.0
 
 
-def equilibrium(forces: Forces, balls: HardBalls, end: Array) -> dict[str, Any]:
-    """Return the equilibrium next to ``end``, its stability and its distance from the end [m]; or why there is none."""
+def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> dict[str, Any]:
+    """Return the equilibrium next to ``end``, its stability and its distance from the end [m]; or why there is none.
+
+    ``difference`` as in `runs.evolution.equilibria.find`.
+    """
     try:
-        found = equilibria.find(forces, balls, end)
+        found = equilibria.find(forces, balls, end, difference)
     except NotConverged as error:
         return {"verdict": "none", "reason": str(error)}
     away = found.positions - end

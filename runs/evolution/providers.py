@@ -11,6 +11,7 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
 from runs import ranks
+from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable
@@ -21,18 +22,22 @@ PAIR_ACCURACY = 1e-3
 DIRECT_ACCURACY = 1e-2
 """Relative accuracy of T at every step, where the scene asks for none."""
 
+DIRECT_DIFFERENCE = 1e-3
+"""Difference over the touching distance that stands out from what states of that accuracy differ by."""
+
 
 @dataclass(frozen=True)
 class Provider:
     """Forces, the sentences that say what they are, the table behind them, and whether they can be asked at leisure.
 
-    Derivatives for equilibria need thousands of states, also some that overlap by 1e-5: the full model takes neither.
+    ``difference`` is the length over the touching distance of the secants that give derivatives of T.
     """
 
     forces: Forces
     notes: tuple[str, ...]
     table: dict[str, Any] | None = None
     cheap: bool = True
+    difference: float = DIFFERENCE
 
 
 def provider(
@@ -56,7 +61,10 @@ def provider(
                 f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
             )
         return Provider(
-            DirectForces(problem, accuracy or DIRECT_ACCURACY), ("the full model is asked at every step",), cheap=False
+            DirectForces(problem, accuracy or DIRECT_ACCURACY),
+            ("the full model is asked at every step",),
+            cheap=False,
+            difference=DIRECT_DIFFERENCE,
         )
     table = table_of(model, problem, accuracy, folder, comm)
     if ranks.is_root() and table.missing:

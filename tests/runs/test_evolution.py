@@ -13,9 +13,9 @@ from runs.evolution import equilibria, pair_table
 from runs.evolution.drift import Drift, Moment
 from runs.evolution.forces import DirectForces, State, at
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.outcome import position_error
+from runs.evolution.outcome import equilibrium, position_error
 from runs.evolution.pair_forces import PairForces, SingleBall
-from runs.evolution.providers import Provider, provider
+from runs.evolution.providers import DIRECT_DIFFERENCE, Provider, provider
 from runs.evolution.record import Record, events
 from runs.models import MODELS
 
@@ -335,3 +335,40 @@ def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
     at_any = np.array([-0.1, 0.0, 1e-3, 0.37, 2.0])
     assert ball.force(at_any) == pytest.approx(4.0 / 3.0 * np.maximum(at_any, 0.0) ** 1.5, rel=1e-10)
     assert ball.approach(ball.force(at_any))[2:] == pytest.approx(at_any[2:], rel=1e-10)
+
+
+@pytest.mark.parametrize(("thickness", "verdict"), [(1.16, "none"), (2.0, "stable"), (100.0, "stable")])
+def test_equilibria_of_the_full_model_are_sought_without_balls_inside_each_other(
+    thickness: float, verdict: str
+) -> None:
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.3, thickness), balls, Load("approach", (0.012, 0.012)))
+    forces = DirectForces(problem, 1e-2)
+    end = path(forces, problem, 300.0)[-1]
+    # the model refuses positions that overlap, so this would raise
+    found = equilibrium(forces, HardBalls.of(problem), end.positions, DIRECT_DIFFERENCE)
+    assert found["verdict"] == verdict
+    assert end.resting == (verdict == "stable")
+    if verdict == "stable":
+        assert found["contacts"] == [[0, 1]]
+        assert found["distance_from_end"] < ROUNDOFF
+    else:  # they part, and Newton's method looks for T = 0 on the other side of contact
+        assert "balls 0 and 1 touch" in found["reason"]
+
+
+def test_equilibria_hold_a_pair_that_lands_on_the_way() -> None:
+    problem = scene([(0.0, 0.0), (0.018, 0.024)])
+    balls = HardBalls.of(problem)
+
+    def spring(x: Array) -> State:
+        assert np.min(balls.gaps(x)) >= -1e-11 * RADIUS
+        between = x[1] - x[0]
+        # would vanish with the balls inside each other, 15 mm apart
+        force = 100.0 * (float(np.hypot(*between)) - 0.015) * between / float(np.hypot(*between))
+        return State(np.array([force, -force]), np.ones(2), np.zeros(2))
+
+    found = equilibria.find(spring, balls, np.array([ball.position for ball in problem.balls]))
+    assert found.verdict == "stable"
+    assert found.contacts.tolist() == [0]
+    assert found.pushes == pytest.approx([0.5], rel=1e-9)
+    assert np.hypot(*(found.positions[1] - found.positions[0])) == pytest.approx(0.02, rel=ROUNDOFF)
