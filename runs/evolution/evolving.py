@@ -53,6 +53,9 @@ class Evolution:
         self.model, self.problem, self.notes = choose(standing(scene), asked)
         if self.problem.size < 2:
             raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
+        if scene.budget and not self.model.parallel:
+            unbound = f"[accuracy] {', '.join(scene.budget)}: no bound, as {self.model.name} does not mesh"
+            self.notes = (*self.notes, unbound)
         self.balls = HardBalls.of(self.problem)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.path_per_cycle = 4.0 * self.sliding.amplitude
@@ -73,6 +76,8 @@ class Evolution:
             "reciprocation": self.sliding.model_dump(),
             "tangential_force": self.scene.tangential_force,
         }
+        if self.scene.budget and self.model.parallel:
+            identity["budget"] = self.scene.budget
         path = self.options.out or Path("out") / f"{self.scene.path.stem}-evolve-{self.model.name}"
         return RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
 
@@ -80,7 +85,14 @@ class Evolution:
         """Return the model's forces; collective over its ranks."""
         comm = ranks.world() if self.model.parallel else None
         return provider(
-            self.model, self.problem, self.scene.tangential_force, self.sliding.forces, self.tables, comm, tell
+            self.model,
+            self.problem,
+            self.scene.tangential_force,
+            self.sliding.forces,
+            self.tables,
+            comm,
+            tell,
+            self.scene.budget,
         )
 
     def run(self, folder: RunFolder, given: Provider) -> dict[str, Any]:

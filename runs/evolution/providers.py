@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -48,9 +48,11 @@ def provider(
     folder: Path,
     comm: Any = None,
     tell: Callable[[str], None] = lambda text: None,
+    budget: Mapping[str, float] | None = None,
 ) -> Provider:
     """Return the forces of ``model``; ``folder`` holds tables of pairs (collective over the model's ranks).
 
+    ``budget`` bounds each finite-element run of a table ("unknowns", "seconds").
     Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state.
     """
     if model.name == "point_load":
@@ -66,7 +68,7 @@ def provider(
             cheap=False,
             difference=DIRECT_DIFFERENCE,
         )
-    table = table_of(model, problem, accuracy, folder, comm)
+    table = table_of(model, problem, accuracy, folder, comm, budget)
     if ranks.is_root() and table.missing:
         tell(f"pair table {table.path}: {table.missing} runs of {model.name} to go")
     table.complete(tell)
@@ -78,7 +80,14 @@ def provider(
     return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
 
 
-def table_of(model: Model, problem: Problem, accuracy: float | None, folder: Path, comm: Any = None) -> PairTable:
+def table_of(
+    model: Model,
+    problem: Problem,
+    accuracy: float | None,
+    folder: Path,
+    comm: Any = None,
+    budget: Mapping[str, float] | None = None,
+) -> PairTable:
     """Return the table of pairs that belongs to ``problem``, as far as it is there; nothing is computed."""
     asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
     settings: dict[str, Any] = {"accuracy": asked}
@@ -86,9 +95,11 @@ def table_of(model: Model, problem: Problem, accuracy: float | None, folder: Pat
         from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
 
         settings["elements"] = FORMAT
+        if budget:  # tables made without one keep their names
+            settings["budget"] = dict(budget)
 
     def solve(one: Problem, workspace: Path | None) -> Result:
-        return model.solve(one, Run(asked, comm, workspace))
+        return model.solve(one, Run(asked, comm, workspace, budget=budget or {}))
 
     return PairTable(problem, model.name, solve, folder, settings)
 

@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from linear_bem import FiniteStrain, Load, Problem, Result, solve
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.result import Solved, Step
 from runs import interrupt
 from runs.evolution import evolving, outcome, pair_table, showing
 from runs.evolution.evolving import evolve_scene
+from runs.models import MODELS, Run
 from runs.scene import Scene, read_scene
 from runs.session import Options
 from tests.launch import ROOT, python
@@ -199,6 +202,38 @@ def test_direct_forces_ask_the_full_model_at_every_step(
     apart = np.array(direct["path"][-1]["positions"]) - np.array(pairs["path"][-1]["positions"])
     # the table's error in T on three balls, over the path
     assert 0.0 < np.max(np.abs(apart)) < 0.03 * np.max(np.abs(moved))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
+    tmp_path: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bounds: list[dict[str, float]] = []
+
+    def stand_in(problem: Problem, run: Run) -> Result:
+        bounds.append(dict(run.budget))
+        path = []
+        for share in (0.1, 0.2, 0.4, 0.7, 1.0) if problem.size == 1 else (1.0,):
+            load = Load("approach", tuple(share * v for v in problem.load.values))
+            path.append(Step(solve(replace(problem, finite_strain=None, load=load), tangential_force=1e-2).balls))
+        return Result("finite_strain", path[-1].balls, Solved(True, 1, 1, 0.0), tuple(path))
+
+    monkeypatch.setitem(MODELS, "finite_strain", replace(MODELS["finite_strain"], solve=stand_in))
+    monkeypatch.setattr(pair_table, "FEW", (1.0, 1.3, 1.7, 2.5))
+    short = sliding(replace(scene, effects=(*scene.effects, "finite_strain")), ensemble=1, cycles=0.5)
+    short = replace(short, problem=replace(scene.problem, finite_strain=FiniteStrain()))
+    evolved(short, tmp_path / "free", "finite_strain")
+    assert bounds == [{}] * 7
+    bounds.clear()
+    bounded = replace(short, budget={"unknowns": 2e4, "seconds": 60.0})
+    document = evolved(bounded, tmp_path / "bounded", "finite_strain")
+    assert bounds == [{"unknowns": 2e4, "seconds": 60.0}] * 7
+    assert document["pair_table"]["identity"]["budget"] == {"unknowns": 2e4, "seconds": 60.0}
+    # no bound, no word of it: tables from before there were budgets keep their names
+    free = json.loads((tmp_path / "free" / "result.json").read_text(encoding="utf-8"))
+    assert "budget" not in free["pair_table"]["identity"]
+    linear = evolved(replace(short, budget={"unknowns": 2e4}), tmp_path / "linear")
+    assert "[accuracy] unknowns: no bound, as point_load does not mesh" in linear["solved"]["notes"]
 
 
 @pytest.mark.parametrize(
