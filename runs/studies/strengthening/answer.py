@@ -16,6 +16,8 @@ from runs.studies.strengthening.ratios import cancelled, factors, on_one_mesh, s
 from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
+COMMON = 0.1
+"""Largest misfit of one curve through several that is worth a formula."""
 DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
@@ -134,14 +136,18 @@ def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
         if partner is not None and on_one_mesh(found, case, partner):
             paths["two runs on one mesh"] = cancelled(found.steps(case.name), found.steps(partner.name))
         for how, path in paths.items():
-            slope = fitting.initial_slope(path, "sqrt(D/R)", case.labels["h"])
-            if slope is not None:
-                c, e = slope.coefficients[0], slope.errors[0]
+            slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
+            if all(slopes.values()):
+                both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
+                c, e = both["D/R"]
                 resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
-                shown.append({"case": _words(case), "from": how, "slope": (c, e), "resolved": resolved})
+                shown.append(
+                    {"case": _words(case), "curve": case.labels["group"], "from": how, **both, "leaves 1": resolved}
+                )
     text = (
-        f"S_Q - 1 = c x + c' x², x = sqrt(D/R), fitted to D <= {fitting.SMALL_LOAD:g} R; departures from linear theory "
-        "shrink like x, so a curve that leaves 1 must have a slope c:"
+        f"S_Q - 1 = c x + c' x² fitted to D <= {fitting.SMALL_LOAD:g} R, with x = sqrt(D/R) and with x = D/R: c and "
+        "its error. Forces and contact radii depart from linear theory like sqrt(D/R); where that root's c is small "
+        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D. Whether it does is told by c of D/R."
     )
     return ["", "## How the curves leave 1", "", text, "", *markdown(shown)]
 
@@ -191,13 +197,18 @@ def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit
             }
             best = fitting.collapse(curves)
             if len(curves) > 1 and best:
+                begin = f"- h = {h:g} R, {words} ({len(curves)} curves): "
+                if best[0].misfit > COMMON:
+                    lines.append(
+                        f"{begin}no common curve; the best measure, {best[0].variable}, misses by {best[0].misfit:.2g}"
+                    )
+                    continue
                 lines.append(
-                    f"- h = {h:g} R, {words} ({len(curves)} curves): S_Q = {best[0].formula()}; "
-                    f"next best measure {best[1].variable}, within {best[1].misfit:.2g}"
+                    f"{begin}S_Q = {best[0].formula()}; next best measure {best[1].variable}, within {best[1].misfit:.2g}"
                 )
     return lines if len(lines) > 3 else [*lines, "(no load path is long enough yet)"]
 
 
 def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
     path = rows.get(f"headline-{side}-L2-nu0.48", [])
-    return fitting.simplest(fitting.points(path, "sqrt(D/R)", h), "sqrt(D/R)")
+    return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})

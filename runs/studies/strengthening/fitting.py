@@ -16,12 +16,13 @@ SMALL_LOAD = 0.07
 """Approach over R up to which the slope at zero load is drawn from."""
 VARIABLES: dict[str, Callable[[Row, float], float]] = {
     "sqrt(D/R)": lambda row, h: math.sqrt(row["D"]),
+    "D/R": lambda row, h: row["D"],
     "a/R": lambda row, h: row["a"],
     "sqrt(D/h)": lambda row, h: math.sqrt(row["D"] / h),
     "a/h": lambda row, h: row["a"] / h,
     "(Q/E1 R^2)^(1/3)": lambda row, h: row["Q"] ** (1.0 / 3.0),
 }
-"""Measures of the load that could make curves one, of a row and the thickness over R; all are ~ sqrt(D) at small D."""
+"""Measures of the load that could make curves one, of a row and the thickness over R; but for D/R all are ~ sqrt(D)."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,12 @@ def simplest(points: Sequence[tuple[float, float, float]], variable: str) -> Fit
         if best is not None and all(abs(best(x) - s) <= error for x, s, error in points):
             break
     return best
+
+
+def best(points_in: Mapping[str, Sequence[tuple[float, float, float]]]) -> Fit | None:
+    """Return the simplest fit among several measures of the load, given (x, S, error) in each; then the closest."""
+    found = [fit for variable, known in points_in.items() if (fit := simplest(known, variable)) is not None]
+    return min(found, key=lambda fit: (len(fit.coefficients), fit.misfit), default=None)
 
 
 def points(

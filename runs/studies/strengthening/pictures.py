@@ -38,7 +38,8 @@ def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
         curve = fits.get(side)
         if curve is not None:
             x = np.linspace(curve.least, curve.greatest, 100)
-            axis.plot(x, [curve(v) for v in x], color=GREY, lw=1.0, ls="--", zorder=0, label="fit to $S_Q$")
+            root = np.sqrt(x) if curve.variable == "D/R" else x
+            axis.plot(root, [curve(v) for v in x], color=GREY, lw=1.0, ls="--", zorder=0, label="fit to $S_Q$")
         _finish(axis, path, f"{words}, L = 2 R")
         depths = axis.secondary_xaxis(
             "top", functions=(lambda x: x * abs(x), lambda d: np.sign(d) * np.sqrt(np.abs(d)))
