@@ -12,12 +12,14 @@ import pytest
 
 from finite_strain.planning import plan_run
 from finite_strain.refinement import Budget
-from runs.models import MODELS
-from runs.studies.case import varied
+from runs.models import MODELS, Run
+from runs.studies.case import Case, varied
 from runs.studies.records import Found
 from runs.studies.stability import ENDINGS, present
-from runs.studies.stability.judging import BALANCE, FORCES, at_force, compared, energy_balance, verdict, work
-from runs.studies.stability.matrix import END, FIRST_STEP, SAME_FORCE, cases, hard_cases
+from runs.studies.stability.agreement import at_force, compared
+from runs.studies.stability.bars import path_bars
+from runs.studies.stability.judging import BALANCE, FORCES, energy_balance, last_good, meshed_forces, verdict, work
+from runs.studies.stability.matrix import END, NO_LOAD, SAME_FORCE, cases, hard_cases
 
 POWER_LAW = 1e-12
 
@@ -96,21 +98,26 @@ def test_an_answer_that_does_not_know_its_error_is_neither_right_nor_a_reference
     assert verdict(both, "b", {"check": None}) == ("WRONG", "the error of T is larger than T")
 
 
-def test_a_limit_is_compared_at_the_first_load_step_even_of_a_path_that_stopped_later() -> None:
-    check = {"words": "the limit", "other": "b", "within": 0.0, "factor": 1.0, "at": FIRST_STEP}
+def test_finite_strain_is_held_against_its_limit_of_no_load_even_where_its_path_stopped_later() -> None:
+    check = {"words": "the limit", "other": "b", "within": 0.0, "factor": 1.0, "at": NO_LOAD}
+    depths = (0.01, 0.02, 0.04, 0.08)
 
-    def at(fraction: float, pull: float) -> list[dict[str, Any]]:
+    def at(limit: float, departure: float) -> list[dict[str, Any]]:
         return [
-            {"balls": [ball(0.1, 0.1, pull=pull)], "record": {"fraction": fraction}},
-            {"balls": [ball(0.2, 0.3, pull=9.0 * pull)], "record": {"fraction": 1.0}},
+            {"balls": [ball(d, d, pull=-(limit + departure * d**0.5) * 1e-3)], "record": {"fraction": d}}
+            for d in depths
         ]
 
-    both = found(a={"steps": at(0.1, -1e-3)}, b={"state": "not converged", "steps": at(0.1, -1.01e-3)[:1]})
-    worst, granted = compared(both, "a", check) or (math.nan, math.nan)
-    assert worst == pytest.approx(0.01)
-    assert granted == pytest.approx(0.02)
-    elsewhere = found(a={"steps": at(0.1, -1e-3)}, b={"steps": at(0.2, -1e-3)})
-    assert compared(elsewhere, "a", check) is None
+    stopped = {"state": "not converged", "steps": at(1.0, 0.0)}
+    worst, granted = compared(found(a={"steps": at(1.0, 0.7)[:3]}, b=stopped), "a", check) or (math.nan, math.nan)
+    assert worst == pytest.approx(0.0, abs=POWER_LAW)
+    assert granted == pytest.approx(0.01 + 0.01 / 1.07)
+    worst, _ = compared(found(a={"steps": at(1.1, 0.7)}, b=stopped), "a", check) or (math.nan, math.nan)
+    assert worst == pytest.approx(0.1)
+    one = compared(found(a={"steps": at(1.0, 0.7)[:1]}, b=stopped), "a", check)
+    assert one is not None
+    assert one[0] == pytest.approx(0.07)  # nothing to extrapolate from
+    assert compared(found(a={"steps": at(1.0, 0.0)[1:]}, b=stopped), "a", check) is None  # other steps
 
 
 def test_a_case_under_given_forces_is_compared_where_the_other_passes_them() -> None:
@@ -161,6 +168,56 @@ def test_bad_meshes_are_what_they_are_called() -> None:
         radius = chosen[f"{same}-finite-strain"].problem.balls[0].radius
         zone = main_mesh(f"{same}-finite-strain").in_units_of(radius).zones[0]
         assert zone.finest == pytest.approx(usual.zones[0].finest)
+
+
+def test_the_energy_of_a_mesh_is_held_against_the_work_on_that_mesh() -> None:
+    # the answer's Q = D^(3/2) lacks what the model's end adds to the mesh's, a tenth of it at full load, like Q / D
+    answer = path(1.5, *(0.1 * 0.8**n for n in reversed(range(12))))
+    answer[-1]["record"]["strain_energy"] = 0.1**2.5 / 2.5 + 0.1 * 0.1**2.5 / 3.0
+    meshes = [{"normal_forces": [9.0]}, {"normal_forces": [1.1 * 0.1**1.5]}]
+    record = {"steps": answer, "solved": {"accuracy": {"meshes": meshes}}}
+    assert energy_balance(answer) > 2.0 * BALANCE
+    assert energy_balance(answer, meshed_forces(record)) < 0.1 * BALANCE
+
+
+def test_bars_of_every_load_step_are_judged_where_the_linear_answer_knows_better() -> None:
+    def at(pulls: list[float], error: float) -> list[dict[str, Any]]:
+        return [
+            {"balls": [ball(0.1, 0.1, pull=-p, error=error)], "record": {"fraction": n}} for n, p in enumerate(pulls)
+        ]
+
+    chosen = tuple(c for c in cases(quick=False) if c.labels["case"] == "usual")
+    records = {
+        "usual-small-strain": {"state": "done", "steps": at([1.03e-3, 1.005e-3, 1.0e-3], 1e-5)},
+        "usual-linear-bem": {"state": "done", "steps": at([1e-3, 1e-3, 1e-3], 1e-9)},
+    }
+    (row,) = path_bars(Found(chosen, records))
+    assert row["steps"] == 3
+    assert row["beyond their bar"] == 1
+    assert row["largest error over bar"] == pytest.approx(3.0)
+    assert row["error there [%]"] == pytest.approx(3.0 / 1.03)
+    assert row["error over bar at full load"] == pytest.approx(0.0)
+    records["usual-linear-bem"]["steps"] = at([1e-3] * 3, 1e-5)  # no better than what it would judge
+    assert path_bars(Found(chosen, records)) == []
+
+
+def test_linear_cases_pass_the_load_steps_of_the_elements() -> None:
+    case = next(c for c in cases(quick=False) if c.name == "usual-linear-bem")
+    elements = next(c for c in cases(quick=False) if c.name == "usual-small-strain")
+    result = case.solve(Run(1e-2, None, None, None))
+    fractions = plan_run(elements.problem, elements.accuracy, elements.model).fractions
+    assert [step.record["fraction"] for step in result.steps] == list(fractions)
+    assert result.steps[-1].balls == result.balls
+    assert [step.balls[0].approach for step in result.steps] == pytest.approx([0.1 * f for f in fractions])
+    assert case.key() != Case.key(case)
+
+
+def test_a_stop_tells_how_far_it_came_even_on_the_mesh_before() -> None:
+    reason = "companion mesh: load step to 0.9: after 8 cut-backs; the last good state is at 0.85 of the full load"
+    assert last_good([], "not converged", reason) == 0.85
+    assert last_good([], "refused", "too deep") == 0.0
+    assert last_good([{"record": {"fraction": 0.3}}], "running", "") == 0.3
+    assert last_good([{"record": {}}], "done", "") == 1.0
 
 
 def test_refusals_need_a_name_and_failures_keep_theirs() -> None:

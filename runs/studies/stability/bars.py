@@ -1,0 +1,59 @@
+"""Whether the error bars of every load step hold: small_strain against linear_bem, which knows T far better."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from runs.studies.records import DONE, Found
+from runs.studies.stability.agreement import share_of_error
+from runs.studies.stability.matrix import LINEAR, SMALL
+
+WELL_KNOWN = 0.1
+"""Part of an error bar to which the linear answer must be known, to judge the bar."""
+
+
+def path_bars(found: Found) -> list[dict[str, Any]]:
+    """Return one row per small-strain case: how its errors along the load compare with the bars that came with them."""
+    rows = []
+    for case in found.cases:
+        if case.model != SMALL:
+            continue
+        twin = f"{case.labels['case']}-{LINEAR.replace('_', '-')}"
+        shares = _shares(found, case.name, twin)
+        if not shares:
+            continue
+        worst = max(shares, key=lambda entry: entry[1])
+        rows.append(
+            {
+                "case": case.labels["case"],
+                "steps": len(shares),
+                "beyond their bar": sum(share > 1.0 for _, share, _ in shares),
+                "largest error over bar": worst[1],
+                "at D / R": worst[0],
+                "error there [%]": 100.0 * worst[2],
+                "error over bar at full load": shares[-1][1] if found.state(case.name) == DONE else None,
+            }
+        )
+    return rows
+
+
+def _shares(found: Found, name: str, twin: str) -> list[tuple[float, float, float]]:
+    """Return (approach over radius, error over bar, relative error) of T per load step, of the worst ball there."""
+    known = {step["record"].get("fraction"): step["balls"] for step in found.steps(twin)}
+    entries = []
+    for step in found.steps(name):
+        others = known.get(step["record"].get("fraction"))
+        if others is None:
+            continue
+        worst = (0.0, -1.0, 0.0)
+        for one, two in zip(step["balls"], others, strict=True):
+            bar = one["tangential_force_error"]
+            if not bar or two["tangential_force_error"] > WELL_KNOWN * bar:
+                continue
+            off = math.dist(one["tangential_force"], two["tangential_force"])
+            relative = off * share_of_error(one) / bar
+            worst = max(worst, (one["approach"] / one["radius"], off / bar, relative), key=lambda entry: entry[1])
+        if worst[1] >= 0.0:
+            entries.append(worst)
+    return entries
