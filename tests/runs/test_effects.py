@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import pytest
@@ -39,12 +40,21 @@ def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, 
     assert mixed["forms of its own"] > 0
     assert 1.0 < mixed["unknowns with"] / mixed["unknowns without"] < 1.3  # a pressure per vertex
     assert rows["substrate"]["modules of its own"] == ""
+    assert rows["mixed form"]["functions of its own elsewhere"]
 
 
 def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> None:
     measuring.run(LINEAR)
     with pytest.raises(ThirdBodyError, match=r"without linear_bem\.tangential ended with"):
         measuring.run(LINEAR, blocked=["linear_bem.tangential"])
+
+
+def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it() -> None:
+    called = measuring.run(LINEAR, watched=True).functions
+    assert "linear_bem.solver:solve" in called
+    assert not [name for name in called if not name.startswith(("linear_bem.", "runs."))]
+    with pytest.raises(ThirdBodyError, match=r"linear_bem\.solver:solve \(refused"):
+        measuring.run(LINEAR, blocked=["linear_bem.solver:solve"])
 
 
 def test_every_scene_of_the_study_is_a_scene(tmp_path: Any) -> None:
@@ -79,5 +89,8 @@ def test_what_a_scene_pays_for_is_told_apart() -> None:
         )
 
     assert measuring.own_modules(account("a"), account("a", "c", "b")) == ["b", "c"]
+    here = dataclasses.replace(account("a"), functions=frozenset({"a:f"}))
+    there = dataclasses.replace(account("a", "b"), functions=frozenset({"a:f", "a:g", "b:h"}))
+    assert measuring.own_functions(here, there) == ["a:g"]
     assert account().unknowns == 7
     assert account().columns == {"solved.unknowns", "balls[].a"}

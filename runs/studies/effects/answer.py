@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata
 import json
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from runs.progress import tell
 from runs.store import RunFolder, replacing
 from runs.studies import Options
 from runs.studies.effects import measuring
-from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_modules
+from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
 from runs.studies.publishing import publish
 from runs.studies.tables import markdown, save_csv
@@ -53,19 +54,21 @@ def load(folder: Path) -> list[dict[str, Any]]:
 def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
     """Return one row per effect.
 
-    Runs are two at a time in the quick version, whose seconds are then only rough, and one after the other in the
-    full one. The quick version takes away the modules of all effects at once, the full one those of each.
+    Runs are two at a time and watched in the quick version, whose seconds are then only rough, and one after the other
+    in the full one, which watches one run more. The quick version takes away the code of all effects at once, the full
+    one that of each.
     """
-    repeats, workers = (1, 2) if quick else (REPEATS, 1)
+    repeats, workers = (0, 2) if quick else (REPEATS, 1)
     texts = {toml(e.without): e.without for e in chosen}
     with ThreadPoolExecutor(workers) as pool:
         bare = dict(zip(texts, pool.map(lambda scene: _best(scene, "solve", repeats), texts.values()), strict=True))
         full = list(pool.map(lambda e: _best(e.with_, e.command, repeats), chosen))
-        own = [own_modules(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
+        pairs = [(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
+        own = [own_modules(*pair) + own_functions(*pair) for pair in pairs]
         blocked: dict[tuple[str, tuple[str, ...]], None] = {}
         for effect, names in zip(chosen, own, strict=True):
             without = bare[toml(effect.without)]
-            every = sorted({name for other in own for name in other} - without.modules)
+            every = sorted({name for other in own for name in other} - without.modules - without.functions)
             blocked[toml(effect.without), tuple(every if quick else names)] = None
         proofs = dict(zip(blocked, pool.map(lambda k: _without(texts[k[0]], k[1]), blocked), strict=True))
     rows = []
@@ -77,11 +80,16 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
 
 
 def _best(scene: Any, command: str, repeats: int) -> Account:
-    runs = []
+    interrupt.check()
+    watched, runs = measuring.run(scene, command, watched=True), []
     for _ in range(repeats):
         interrupt.check()
         runs.append(measuring.run(scene, command))
-    return min(runs, key=lambda account: account.cpu_seconds)
+    if not runs:
+        return watched
+    best = min(runs, key=lambda account: account.cpu_seconds)
+    spread = max(account.cpu_seconds for account in runs) / best.cpu_seconds - 1.0
+    return dataclasses.replace(best, functions=watched.functions, spread=spread)
 
 
 def _without(scene: Any, names: Sequence[str]) -> Account:
@@ -109,11 +117,13 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "forms without": len(set(without.forms)),
         "forms of its own": kinds,
         "expressions of its own": expressions,
-        "modules of its own": " ".join(name for name in names),
+        "modules of its own": " ".join(name for name in names if ":" not in name),
+        "functions of its own elsewhere": " ".join(name for name in names if ":" in name),
         "libraries of its own": " ".join(sorted(with_.libraries - without.libraries)),
         "result entries of its own": _entries(without, with_),
         "seconds without": without.cpu_seconds,
         "seconds with": with_.cpu_seconds,
+        "spread of seconds": max(without.spread, with_.spread),
         "MB without": without.memory_bytes / 1e6,
         "MB with": with_.memory_bytes / 1e6,
         "difference of T with its code absent": difference,
@@ -130,6 +140,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     """Return the answer as Markdown."""
     free = [row["effect"] for row in rows if row["pays nothing without"]]
     paying = [row["effect"] for row in rows if not row["pays nothing without"]]
+    bare = [r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]]
     price = {
         "effect": "effect", "called for by": "called for by", "unknowns without": "unknowns without",
         "unknowns with": "with", "forms without": "forms without", "forms of its own": "forms of its own",
@@ -140,6 +151,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         {
             "effect": row["effect"],
             "modules": _listed(row["modules of its own"]),
+            "functions in other modules": _listed(row["functions of its own elsewhere"]),
             "libraries": _listed(row["libraries of its own"]),
             "result": _listed(row["result entries of its own"]),
         }
@@ -148,7 +160,8 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     proof = [
         {
             "effect": row["effect"],
-            "modules taken away": len(row["modules of its own"].split()) or "it owns none",
+            "modules taken away": len(row["modules of its own"].split()),
+            "functions taken away": len(row["functions of its own elsewhere"].split()),
             "same forms, unknowns, modules, answer": "yes" if row["pays nothing without"] else "NO",
             "largest relative difference": row["difference of T with its code absent"],
         }
@@ -160,17 +173,28 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         return [*lines, "Nothing has been measured yet."]
     lines += [
         f"**A scene without an effect runs as if its code did not exist: {len(free)} of {len(rows)} effects.**"
-        + (f" Not so: {', '.join(paying)}." if paying else ""),
+        + (f" Not so: {', '.join(paying)}." if paying else "")
+        + (f" No code of their own, only other numbers, have: {', '.join(bare)}." if bare else ""),
         "",
-        f"Made by `{command}`, thirdbody {importlib.metadata.version('thirdbody')}. Seconds are processor time of one "
-        f"process, imports included{', two at a time: rough' if quick else f', the best of {REPEATS}'}.",
+        f"Made by `{command}`, thirdbody {importlib.metadata.version('thirdbody')}. {_of_seconds(rows, quick=quick)}",
         "", "## The price of having it", "", *markdown(rows, price),
         "", "## What it alone brings in", "", *markdown(own),
-        "", "## Proof: the scene without it, run where the effect's modules cannot be imported", "",
+        "", "## Proof: the scene without it, run where its modules cannot be imported nor its functions called", "",
         "Compared with the same scene run where they can: signatures of all compiled forms, number of unknowns, the "
         "project's modules and libraries loaded, and every entry of the result.", "", *markdown(proof),
     ]  # fmt: skip
     return lines
+
+
+def _of_seconds(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
+    """Return what the table's seconds are, and how well they are known."""
+    if quick:
+        return "Seconds are processor time of one process, imports included, two at a time and watched: rough."
+    spread = max(row["spread of seconds"] for row in rows)
+    return (
+        f"Seconds are processor time of one process, imports included, the best of {REPEATS}; the longest "
+        f"took up to {100.0 * spread:.0f} % more: smaller differences are the machine's."
+    )
 
 
 def _listed(names: str) -> str:

@@ -35,6 +35,10 @@ class Account:
     cpu_seconds: float
     memory_bytes: float
     document: Mapping[str, Any]
+    functions: frozenset[str] = frozenset()
+    """The project's functions that were called, as "module:name"; none where the run was not watched."""
+    spread: float = 0.0
+    """By which part the longest of several runs took longer than this one, the shortest."""
 
     @property
     def unknowns(self) -> int:
@@ -47,18 +51,28 @@ class Account:
         return frozenset(re.sub(r"\[\d+\]", "[]", name) for name, _ in _leaves(self.document))
 
 
-def run(scene: Mapping[str, Mapping[str, object]], command: str = "solve", blocked: Sequence[str] = ()) -> Account:
-    """Run a scene in a child process without the modules named; raises `ThirdBodyError` with what it said."""
+def run(
+    scene: Mapping[str, Mapping[str, object]],
+    command: str = "solve",
+    blocked: Sequence[str] = (),
+    watched: bool = False,
+) -> Account:
+    """Run a scene in a child process without the modules and functions named; raises `ThirdBodyError`.
+
+    Calls are noted where it is ``watched``, which takes time, and where functions are taken away.
+    """
     with tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
         folder = Path(scratch)
         (folder / "scene.toml").write_text(toml(scene), encoding="utf-8")
         words = [command, str(folder / "scene.toml"), "--json", "--out", str(folder / "out")]
         if "finite_strain" in scene:
             words.append("--forms")
+        if watched or any(":" in name for name in blocked):
+            words.append("--calls")
         probe = [sys.executable, "-P", str(PROBE), str(folder / "account.json"), ",".join(blocked)]
         done = subprocess.run([*probe, *words], capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            without = f" without {', '.join(blocked)}" if blocked else ""
+            without = f" without {', '.join(blocked[:5])}" if blocked else ""
             raise ThirdBodyError(f"{command}{without} ended with {done.returncode}: {done.stderr.strip()[-2000:]}")
         found = json.loads((folder / "account.json").read_text(encoding="utf-8"))
         document = json.loads(done.stdout)
@@ -71,7 +85,17 @@ def run(scene: Mapping[str, Mapping[str, object]], command: str = "solve", block
         found["cpu_seconds"],
         found["memory_bytes"],
         document,
+        frozenset(found["functions"]),
     )
+
+
+def own_functions(without: Account, with_: Account) -> list[str]:
+    """Return the project's functions that a run with the effect calls and one without it does not.
+
+    Left out are those in modules of its own, which go with these.
+    """
+    gone = set(own_modules(without, with_))
+    return sorted(name for name in with_.functions - without.functions if name.split(":")[0] not in gone)
 
 
 def own_modules(without: Account, with_: Account) -> list[str]:

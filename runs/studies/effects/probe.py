@@ -1,7 +1,8 @@
 """A child process that runs one command and says what it loaded, compiled, solved and answered.
 
-Modules named on its command line cannot be imported in it, as if their code did not exist. Run as a file, so that
-nothing of the project is loaded before: ``python -P probe.py ACCOUNT BLOCKED COMMAND...``, BLOCKED separated by commas.
+Modules named on its command line cannot be imported in it, and functions ("module:name") not be called, as if their
+code did not exist. Run as a file, so that nothing of the project is loaded before:
+``python -P probe.py ACCOUNT BLOCKED COMMAND...``, BLOCKED separated by commas.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ import sys
 import time
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
+from inspect import CO_OPTIMIZED
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, FrameType, ModuleType
 from typing import Any
 
 OURS = ("linear_bem", "meshes", "finite_strain", "runs")
@@ -30,6 +32,29 @@ class Absent:
         if name in self.names:
             raise ModuleNotFoundError(f"No module named {name!r} (refused by the study effects)", name=name)
         return None
+
+
+class Calls:
+    """A profiler that notes which of the project's functions are called, and refuses some."""
+
+    def __init__(self, refused: Sequence[str]) -> None:
+        self.refused = frozenset(refused)
+        self.names: dict[CodeType, str] = {}
+
+    def __call__(self, frame: FrameType, event: str, _argument: Any) -> None:
+        """Note a call; raise where the function is a refused one."""
+        if event == "call" and frame.f_code not in self.names:
+            code, module = frame.f_code, frame.f_globals.get("__name__", "")
+            ours = module.split(".")[0] in OURS and not module.startswith("runs.studies")
+            # bodies of modules and classes run where they are imported: those are told by the modules
+            named = code.co_flags & CO_OPTIMIZED and not code.co_qualname.endswith(">")
+            self.names[code] = f"{module}:{code.co_qualname}" if ours and named else ""
+            if self.names[code] in self.refused:
+                raise NotImplementedError(f"{self.names[code]} (refused by the study effects)")
+
+    def found(self) -> list[str]:
+        """Return the names of all functions that were called."""
+        return sorted(set(self.names.values()) - {""})
 
 
 def watch_forms(signatures: list[str]) -> None:
@@ -49,7 +74,11 @@ def watch_forms(signatures: list[str]) -> None:
 
 def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
     """Run the command in this process and write the account as JSON."""
-    sys.meta_path.insert(0, Absent([name for name in blocked if name]))
+    sys.meta_path.insert(0, Absent([name for name in blocked if name and ":" not in name]))
+    calls = Calls([name for name in blocked if ":" in name])
+    if "--calls" in command:
+        command = [word for word in command if word != "--calls"]
+        sys.setprofile(calls)
     signatures: list[str] = []
     if "--forms" in command:
         command = [word for word in command if word != "--forms"]
@@ -62,6 +91,7 @@ def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
         cli.main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
+    sys.setprofile(None)
     loaded = sorted(name for name in sys.modules if name.split(".")[0] in OURS)
     libraries = sorted({name.split(".")[0] for name in sys.modules if "." not in name and not name.startswith("_")})
     found = {
@@ -69,6 +99,7 @@ def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
         "modules": [name for name in loaded if not name.startswith("runs.studies")],
         "libraries": [name for name in libraries if name not in sys.stdlib_module_names and name not in OURS],
         "forms": signatures,
+        "functions": calls.found(),
         "cpu_seconds": time.process_time(),
         "memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
     }
