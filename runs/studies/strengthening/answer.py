@@ -203,9 +203,8 @@ def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit
                         f"{begin}no common curve; the best measure, {best[0].variable}, misses by {best[0].misfit:.2g}"
                     )
                     continue
-                lines.append(
-                    f"{begin}S_Q = {best[0].formula()}; next best measure {best[1].variable}, within {best[1].misfit:.2g}"
-                )
+                second = f"next best measure {best[1].variable}, within {best[1].misfit:.2g}"
+                lines.append(f"{begin}S_Q = {best[0].formula()}; {second}")
     return lines if len(lines) > 3 else [*lines, "(no load path is long enough yet)"]
 
 
