@@ -91,10 +91,13 @@ class LoadPath:
         self._penalised = model.fields.copy()
 
     def steps(self, fractions: list[float]) -> Iterator[StepRecord]:
-        """Yield after each converged step; the fractions not yet reached are met, with smaller steps where needed."""
+        """Yield after each converged step; all fractions are met in turn, with smaller steps where needed.
+
+        They may fall as well as rise: unloading. Those that an earlier run has passed are not met again.
+        """
         cuts = 0
-        for goal in fractions:
-            while not self.history or self.history[-1].fraction < goal * (1.0 - 1e-12):
+        for goal in self._ahead(fractions):
+            while not self.history or abs(self.history[-1].fraction - goal) > 1e-12 * goal:
                 reached = self.history[-1].fraction if self.history else 0.0
                 fraction = goal if cuts == 0 else reached + (goal - reached) * 0.5**cuts
                 self._attempt(fraction, cuts)
@@ -113,6 +116,12 @@ class LoadPath:
                 self._remember(fraction, record)
                 cuts = max(cuts - 1, 0)
                 yield record
+
+    def _ahead(self, fractions: list[float]) -> list[float]:
+        if not self.history:
+            return fractions
+        reached = self.history[-1].fraction
+        return fractions[next((i for i, f in enumerate(fractions) if f > reached * (1.0 + 1e-12)), len(fractions)) :]
 
     def resume(self, history: list[State]) -> None:
         """Go on from the last states of an earlier run."""

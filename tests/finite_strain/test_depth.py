@@ -209,3 +209,19 @@ def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path_facto
     (record,) = rig.path.steps([0.25, 0.5, 1.0])
     assert record.fraction == 1.0
     assert record.normal_forces[0] > good.forces[0]
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.48])
+def test_unloading_and_loading_again_go_the_way_of_the_first_loading(poisson: float, tmp_path: Path) -> None:
+    plan = coarse_plan(pair(0.3, poisson=poisson), "finite_strain", Resolution(0.55, 0.55, 0.55), 0.35)
+    rig = coarse_rig(plan, tmp_path)
+    fractions = [0.25, 0.5, 1.0, 0.5, 0.25, 1.0, 0.5]
+    seen: dict[float, list[tuple[float, float, float]]] = {}
+    for record in rig.path.steps(fractions):
+        pull = rig.meter.domain(rig.contact_radii())[0, 0]
+        state = (record.normal_forces[0], pull, rig.model.strain_energy())
+        seen.setdefault(record.fraction, []).append(state)
+    assert [len(seen[fraction]) for fraction in (0.25, 0.5, 1.0)] == [2, 3, 2]
+    for states in seen.values():  # elastic and without friction: no hysteresis beyond Newton's tolerance
+        for again in states[1:]:
+            assert again == relatively(states[0], 1e-6)
