@@ -16,6 +16,7 @@ from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable
 from runs.models import Model, Run
+from runs.scene import OutputTable
 
 PAIR_ACCURACY = 1e-3
 """Relative accuracy of T in a linear table, where the scene asks for none."""
@@ -99,7 +100,8 @@ def table_of(
             settings["budget"] = dict(budget)
 
     def solve(one: Problem, workspace: Path | None) -> Result:
-        return model.solve(one, Run(asked, comm, workspace, budget=budget or {}))
+        # the workspace is removed with the run: fields in it would be written for nobody
+        return model.solve(one, Run(asked, comm, workspace, output=OutputTable(fields=()), budget=budget or {}))
 
     return PairTable(problem, model.name, solve, folder, settings)
 

@@ -212,6 +212,8 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
 
     def stand_in(problem: Problem, run: Run) -> Result:
         bounds.append(dict(run.budget))
+        assert run.output is not None
+        assert run.output.fields == ()  # nobody reads fields of a table's runs
         path = []
         for share in (0.1, 0.2, 0.4, 0.7, 1.0) if problem.size == 1 else (1.0,):
             load = Load("approach", tuple(share * v for v in problem.load.values))
