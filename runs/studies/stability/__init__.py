@@ -28,22 +28,26 @@ def run(options: Options) -> None:
 
 def present(found: Found, folder: Path, quick: bool) -> str:
     """Write stability.csv and return the table and the counts as Markdown."""
-    from runs.studies.stability.bars import path_bars  # noqa: PLC0415
+    from runs.studies.stability.bars import path_bars, told  # noqa: PLC0415
     from runs.studies.tables import markdown, save_csv  # noqa: PLC0415
 
     rows = [_row(found, case) for case in found.cases]
+    bars = path_bars(found)
     save_csv(folder / "stability.csv", rows)
+    save_csv(folder / "bars.csv", bars)
     ended = [row["ended"] for row in rows]
     counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
-    lines = ["# Hard cases: a right answer or a named refusal", ""]
-    lines += [f"**Of {len(rows)} cases times models: {counts}.**", ""]
     numbers = {key: key for key in rows[0] if key not in ("why", "words")}
-    lines += ["## What it took", "", *markdown(rows, numbers), "", "## What each case is, and why it is right", ""]
-    lines += markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"})
-    bars = path_bars(found)
-    save_csv(folder / "bars.csv", bars)
-    lines += ["", "## Whether the error bars hold on the way", "", BARS, "", *markdown(bars)]
-    return "\n".join(lines)
+    return "\n".join(
+        [
+            "# Hard cases: a right answer or a named refusal", "",
+            f"**Of {len(rows)} cases times models: {counts}.** {told(bars)}", "",
+            "## What it took", "", *markdown(rows, numbers), "",
+            "## What each case is, and why it is right", "",
+            *markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"}), "",
+            "## Whether the error bars hold on the way", "", BARS, "", *markdown(bars),
+        ]
+    )  # fmt: skip
 
 
 def _row(found: Found, case: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runs.studies.records import DONE, Found
@@ -36,6 +37,23 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def told(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return in a sentence how many bars hold at full load and how many on the way; nothing where none are known."""
+    ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
+    if not ends:
+        return ""
+    kept = sum(end <= 1.0 for end in ends)
+    before = sum(row["steps"] for row in rows) - len(ends)
+    beyond = sum(row["beyond their bar"] for row in rows) - (len(ends) - kept)
+    worst = max(rows, key=lambda row: row["largest error over bar"])
+    return (
+        f"At full load {kept} of {len(ends)} error bars of small_strain hold (the largest error is {max(ends):.2g} of "
+        f"its bar); of {before} load steps on the way {beyond} are off by more than theirs, the worst by "
+        f"{worst['largest error over bar']:.2g} times as much ({worst['error there [%]']:.2g} % at D = "
+        f"{worst['at D / R']:.2g} R)."
+    )
 
 
 def _shares(found: Found, name: str, twin: str) -> list[tuple[float, float, float]]:

@@ -11,6 +11,7 @@ from typing import Any
 from linear_bem.grid_contact import COARSEST
 from runs.studies.records import DONE, Found
 from runs.studies.stability.agreement import compared
+from runs.studies.stability.matrix import NO_LOAD
 
 BALANCE = 0.02
 """Largest relative difference of stored energy and work: the work is summed over load steps along power laws."""
@@ -84,35 +85,44 @@ def smallest(steps: Sequence[Mapping[str, Any]], key: str) -> float:
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended, in a word, and why: right, named refusal, not checked, WRONG, or its state."""
     state, steps = found.state(name), found.steps(name)
-    reason = found.records.get(name, {}).get("reason") or ""
+    # what a case leaves on its way is cleared once it ends
+    reason = (found.records.get(name, {}).get("reason") or "").split("; its finished steps are kept in ")[0]
+    notes: list[str] = []
     if state == "refused":
         return ("named refusal" if reason else "WRONG"), reason or "refused without a reason"
     if state != DONE:
         if state == NOT_CONVERGED and steps:
             faults, passed = _own_checks(steps)
+            if labels["check"] is not None and labels["check"]["at"] == NO_LOAD:
+                _agreement(found, name, labels["check"], faults, passed, notes)
             reason += f"; what it reached: {'; '.join(passed) or 'not checked'}"
             return ("WRONG", "; ".join([*faults, reason])) if faults else (state, reason)
         return state, reason
     found_faults, passed = _own_checks(
         steps, meshed_forces(found.records[name]), found.records[name].get("solved", {}).get("unknowns", 0)
     )
-    notes: list[str] = []
     residuals = found.records[name].get("solved", {}).get("certificate", {})
     if "force_balance" not in residuals and residuals:  # recomputed by linear_bem from the pressures it returns
         text = f"largest recomputed residual {max(residuals.values()):.2g}"
         (passed if max(residuals.values()) <= RESIDUAL else found_faults).append(text)
     if labels["check"] is not None:
-        outcome = compared(found, name, labels["check"])
-        words = labels["check"]["words"]
-        if outcome is None:
-            notes.append(f"not compared with {labels['check']['other']}, which has no answer with an error")
-        else:
-            difference, granted = outcome
-            text = f"{words}: T differs by {100 * difference:.2g} %, {100 * granted:.2g} % granted"
-            (passed if difference <= granted else found_faults).append(text)
+        _agreement(found, name, labels["check"], found_faults, passed, notes)
     if found_faults:
         return "WRONG", "; ".join(found_faults)
     return ("right" if passed else "not checked"), "; ".join(passed + notes)
+
+
+def _agreement(
+    found: Found, name: str, check: Mapping[str, Any], faults: list[str], passed: list[str], notes: list[str]
+) -> None:
+    """Judge a case by the one that it is checked against."""
+    outcome = compared(found, name, check)
+    if outcome is None:
+        notes.append(f"not compared with {check['other']}, which has no answer with an error")
+        return
+    difference, granted = outcome
+    text = f"{check['words']}: T differs by {100 * difference:.2g} %, {100 * granted:.2g} % granted"
+    (passed if difference <= granted else faults).append(text)
 
 
 def _own_checks(
