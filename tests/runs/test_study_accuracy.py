@@ -12,30 +12,33 @@ import pytest
 import finite_strain
 import linear_bem
 from finite_strain.schedule import load_fractions
-from runs.studies.accuracy.answer import DEFAULTS, OWN, TRUE, advice, front, measured, present
+from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
+from runs.studies.accuracy.front import OWN, TRUE, front
 from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, cases, problem
 from runs.studies.case import varied
 from runs.studies.records import Found
+from tests.launch import ROOT
 
 TRUTH = -2e-4
 
 
 def record(force: float, seconds: float, error: float = 1e-6) -> dict[str, Any]:
-    ball = {"tangential_force": [force, 0.0], "tangential_force_error": error}
+    ball = {"tangential_force": [force, 0.0], "tangential_force_error": error, "approach": 0.1, "radius": 1.0}
     return {
-        "state": "done", "steps": [{"balls": [ball]}], "cpu_seconds": seconds, "wall_seconds": seconds, "ranks": 2,
+        "state": "done", "steps": [{"balls": [ball], "record": {"fraction": 1.0}}],
+        "cpu_seconds": seconds, "wall_seconds": seconds, "ranks": 2,
         "solved": {"iterations": 3, "unknowns": 100, "seconds": seconds},
     }  # fmt: skip
 
 
 @pytest.fixture
 def found() -> Found:
-    estimates = {"point-load": 0.2}
+    estimates = {"point-load": 0.2, "linear-bem-reference": 1e-8}
     errors = {
         "finite-strain-reference": (0.0, 900.0), "finite-strain-0.1": (0.05, 10.0),
         "finite-strain-0.02": (0.004, 100.0), "finite-strain-0.05": (0.06, 40.0), "knob-3-2": (0.05 * 1.001, 15.0),
         "linear-bem-reference": (0.08, 0.3), "linear-bem-0.01": (0.081, 0.02), "linear-bem-0.0001": (0.08, 0.1),
-        "point-load": (0.3, 1e-4),
+        "point-load": (0.3, 1e-4), "small-strain-0.1": (0.0832, 12.0),
     }  # fmt: skip
     records = {
         name: record(TRUTH * (1 + e), s, estimates.get(name, 3e-3) * abs(TRUTH)) for name, (e, s) in errors.items()
@@ -75,7 +78,7 @@ def test_what_is_asked_for_by_default_is_among_the_cases() -> None:
 
 def test_errors_are_within_the_model_and_against_finite_strain(found: Found) -> None:
     rows = {row["case"]: row for row in measured(found)}
-    assert len(rows) == 9
+    assert len(rows) == 10
     assert rows["linear-bem-0.01"][TRUE] == pytest.approx(0.081)
     assert rows["linear-bem-0.01"][OWN] == pytest.approx(1.081 / 1.08 - 1.0)
     assert rows["linear-bem-reference"][OWN] is None
@@ -117,8 +120,12 @@ def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> 
     text = present(found, tmp_path, quick=False)
     assert "finite_strain, accuracy asked 0.02" in text
     assert "1 min 40 s" in text
+    # asked, steps, beyond the bar of 0.003, error over bar: (1.0832 - 1.08) / 0.003 = 1.07
+    assert "| 0.1 | 1 | 1 | 1.067 |" in text
     assert (tmp_path / "pareto.svg").stat().st_size > 5_000
     assert "no rows yet" in present(Found(found.cases, {}), tmp_path, quick=False)
+    without = {name: record for name, record in found.records.items() if name != "finite-strain-reference"}
+    assert "linear_bem" in present(Found(found.cases, without), tmp_path, quick=False)  # and no empty picture fails
 
 
 def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
@@ -130,6 +137,8 @@ def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
     together = [case.name for case in cases(quick=False) if case.parallel and not case.alone]
     assert together == ["finite-strain-all-ranks"]  # the last: a part of the study that two ranks take alone
     assert cases(quick=False)[-1].name == together[0]
+    count = len(cases(quick=False))
+    assert f"--shard {count}/{count}`" in (ROOT / "runs/studies/accuracy/README.md").read_text(encoding="utf-8")
 
 
 def test_a_knob_is_judged_by_how_it_moves_the_answer_of_one_mesh(found: Found, tmp_path: Path) -> None:

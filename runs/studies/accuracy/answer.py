@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from runs.presentation import duration
+from runs.studies.accuracy.front import LADDER, OWN, TRUE
 from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
 from runs.studies.records import DONE, Found
+from runs.studies.stability.bars import bars_of
 from runs.studies.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
-OWN, TRUE = "error within the model", "error against finite strain"
-"""Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
-LADDER = ("model", "accuracy asked")
-"""Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
 DEFAULTS = ("linear-bem-0.0001", "small-strain-0.02", "finite-strain-0.02")
 """The cases that ask for what a scene without [accuracy] asks for."""
 
@@ -26,6 +24,8 @@ def present(found: Found, folder: Path, quick: bool) -> str:
     rows = measured(found)
     if rows:
         save_csv(folder / "accuracy.csv", rows)
+        from runs.studies.accuracy.picture import draw  # noqa: PLC0415  (loads Matplotlib)
+
         draw(rows, folder)
     lines = ["# What accuracy costs", ""]
     lines += [
@@ -39,7 +39,7 @@ def present(found: Found, folder: Path, quick: bool) -> str:
     lines += ["![Error of T against processor time](pareto.svg)", ""]
     for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
         lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
-    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows)]
+    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows), *_bars(found)]
     columns = {
         "model": "model", "knob": "knob", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
         "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
@@ -142,6 +142,20 @@ def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
+def _bars(found: Found) -> list[str]:
+    """Return the section on the error bars of every load step of the elements at small strain."""
+    rows = []
+    for case in found.cases:
+        row = bars_of(found, case.name, REFERENCES["linear_bem"]) if case.model == "small_strain" else None
+        if row is not None:
+            asked = case.labels["value"]
+            rows.append({"asked of small_strain": asked if isinstance(asked, str) else f"{asked:g}", **row})
+    if not rows:
+        return []
+    text = "T of small_strain at every load step against linear_bem's; the accuracy asked for is that of full load."
+    return ["## Whether the error bars hold on the way", "", text, "", *markdown(rows), ""]
+
+
 def _percent(value: float | None) -> str:
     return "not known" if value is None else f"{100.0 * value:.2g} %"
 
@@ -163,16 +177,6 @@ def _reference(found: Found, model: str) -> dict[str, Any] | None:
     ball = found.steps(name)[-1]["balls"][0]
     force, error = ball["tangential_force"][0], ball["tangential_force_error"]
     return {"model": model, "T / E1 R²": (force, error), "known to": error / abs(force) if force else None}
-
-
-def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
-    """Return the rows that no other beats in both error and seconds, cheapest first."""
-    known = sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], r[column]))
-    best: list[Mapping[str, Any]] = []
-    for row in known:
-        if not best or row[column] < best[-1][column]:
-            best.append(row)
-    return best
 
 
 def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
@@ -207,36 +211,3 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
 
 def _relied_on(row: Mapping[str, Any], column: str) -> float:
     return max(row[column], row["estimate"] or math.inf, row[f"{column}, known to"] or math.inf)
-
-
-def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write pareto.svg and .png: error against seconds within each model, and against the finite-strain answer."""
-    from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure  # noqa: PLC0415
-
-    styles = {
-        "point_load": (PURPLE, "D"),
-        "linear_bem": (BLUE, "s"),
-        "small_strain": (GREEN, "^"),
-        "finite_strain": (ORANGE, "o"),
-    }
-    least = 1e-10  # where a case happens to meet its reference to the last digit
-    with look():
-        figure, axes = panels(5.2, 5.2, height=4.4)
-        for axis, column in zip(axes, (OWN, TRUE), strict=True):
-            for model, (color, marker) in styles.items():
-                for usual, filled in ((True, color), (False, "none")):
-                    chosen = [r for r in rows if r["model"] == model and r[column] is not None]
-                    chosen = [r for r in chosen if (r["knob"] in (*LADDER, "reference")) == usual]
-                    if chosen:
-                        x = [max(r["seconds"], 1e-6) for r in chosen]
-                        y = [max(r[column], least) for r in chosen]
-                        name = model if usual else f"{model}, inner knobs"
-                        axis.plot(x, y, marker, color=color, mfc=filled, ms=6, label=name)
-            for model, (color, _) in styles.items() if column == OWN else (("", (GREY, "")),):
-                best = front([r for r in rows if model in ("", r["model"])], column)
-                x, y = [max(r["seconds"], 1e-6) for r in best], [max(r[column], least) for r in best]
-                axis.plot(x, y, color=color, lw=1.0, drawstyle="steps-post", zorder=0)
-            axis.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="relative error of T")
-            axis.set_title(f"{column} (lines: Pareto front{'s' if column == OWN else ''})")
-        axes[0].legend(fontsize=8)
-        save_figure(figure, folder, "pareto")

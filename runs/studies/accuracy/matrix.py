@@ -8,6 +8,7 @@ from typing import Any
 from finite_strain import schedule
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.case import Case
+from runs.studies.stability.matrix import LinearPath
 
 ONE_MESH = {"finite_strain.refinement.MOST_MESHES": 1}
 """No refinement after the first two meshes: the size of the elements is then a knob of its own."""
@@ -75,7 +76,8 @@ def cases(quick: bool) -> list[Case]:
     ) -> Case:  # fmt: skip
         labels = {"knob": knob, "value": value}
         alone = alone and model in ("finite_strain", "small_strain")
-        return Case(name, problem(approach, model), model, accuracy, constants or {}, labels, alone=alone, **more)
+        kind = LinearPath if name == REFERENCES["linear_bem"] else Case
+        return kind(name, problem(approach, model), model, accuracy, constants or {}, labels, alone=alone, **more)
 
     found = [
         make("linear-bem-reference", "linear_bem", 1e-8, "reference", ""),

@@ -18,25 +18,26 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
     """Return one row per small-strain case: how its errors along the load compare with the bars that came with them."""
     rows = []
     for case in found.cases:
-        if case.model != SMALL:
-            continue
-        twin = f"{case.labels['case']}-{LINEAR.replace('_', '-')}"
-        shares = _shares(found, case.name, twin)
-        if not shares:
-            continue
-        worst = max(shares, key=lambda entry: entry[1])
-        rows.append(
-            {
-                "case": case.labels["case"],
-                "steps": len(shares),
-                "beyond their bar": sum(share > 1.0 for _, share, _ in shares),
-                "largest error over bar": worst[1],
-                "at D / R": worst[0],
-                "error there [%]": 100.0 * worst[2],
-                "error over bar at full load": shares[-1][1] if found.state(case.name) == DONE else None,
-            }
-        )
+        if case.model == SMALL:
+            row = bars_of(found, case.name, f"{case.labels['case']}-{LINEAR.replace('_', '-')}")
+            rows += [] if row is None else [{"case": case.labels["case"], **row}]
     return rows
+
+
+def bars_of(found: Found, name: str, twin: str) -> dict[str, Any] | None:
+    """Return how a case's errors along the load compare with its bars; None where its linear ``twin`` tells nothing."""
+    shares = _shares(found, name, twin)
+    if not shares:
+        return None
+    worst = max(shares, key=lambda entry: entry[1])
+    return {
+        "steps": len(shares),
+        "beyond their bar": sum(share > 1.0 for _, share, _ in shares),
+        "largest error over bar": worst[1],
+        "at D / R": worst[0],
+        "error there [%]": 100.0 * worst[2],
+        "error over bar at full load": shares[-1][1] if found.state(name) == DONE else None,
+    }
 
 
 def told(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -1,0 +1,89 @@
+"""The study's picture: error against seconds of every case, and the Pareto fronts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.studies.accuracy.front import LADDER, OWN, TRUE, front
+from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+
+STYLES = {
+    "point_load": (PURPLE, "D"),
+    "linear_bem": (BLUE, "s"),
+    "small_strain": (GREEN, "^"),
+    "finite_strain": (ORANGE, "o"),
+}
+TITLES = {OWN: "against a better solution of the same model", TRUE: "against the finite-strain answer"}
+LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
+"""Shorter times, which the clock of a process tells no better, and smaller errors are drawn here."""
+
+
+def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
+    """Write pareto.svg and .png; an error is drawn no smaller than what its reference is known to."""
+    with look():
+        figure, axes = panels(5.6, 5.6, height=4.6)
+        for axis, column in zip(axes, (OWN, TRUE), strict=True):
+            known = [row for row in rows if row[column] is not None]
+            if not known:  # the reference is not there yet
+                axis.set_axis_off()
+                continue
+            for model, (color, marker) in STYLES.items():
+                _points(axis, [row for row in known if row["model"] == model], column, (color, marker, model))
+            groups = [(color, [model]) for model, (color, _) in STYLES.items()]
+            for color, models in groups if column == OWN else [(GREY, list(STYLES))]:
+                best = front([row for row in known if row["model"] in models], column)
+                axis.plot(*_places(best, column), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
+            axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
+            axis.set_title(TITLES[column])
+            axis.margins(x=0.12, y=0.08)
+            for wanted in (0.1, 0.01, 0.001):
+                axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
+        axes[0].set_ylabel("relative error of T")
+        words = "numbers: accuracy asked\nlines: Pareto fronts"
+        axes[0].legend(fontsize=8, loc="lower right", title=words, title_fontsize=8, alignment="left")
+        save_figure(figure, folder, "pareto")
+
+
+def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tuple[str, str, str]) -> None:
+    """Draw a model's cases: those that a user chooses filled and named, the solver's own knobs small and hollow."""
+    color, marker, model = style
+    chosen = [row for row in rows if row["knob"] in LADDER]
+    others = [row for row in rows if row["knob"] not in (*LADDER, "reference")]
+    if chosen:
+        axis.plot(*_places(chosen, column), marker, color=color, ms=6, label=model)
+    if others:
+        axis.plot(
+            *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, other knobs"
+        )
+    named = [row for row in chosen if row["value"] != ""]
+    for text, x, y in _labels(named, *_places(named, column)):
+        axis.annotate(text, (x, y), (6, 3), textcoords="offset points", fontsize=8, color=color)
+
+
+def _labels(
+    rows: Sequence[Mapping[str, Any]], seconds: Sequence[float], errors: Sequence[float]
+) -> list[tuple[str, float, float]]:
+    """Return the accuracies asked with their places; cases that fall together share one label."""
+    groups: list[list[tuple[float, float, float]]] = []
+    for row, x, y in zip(rows, seconds, errors, strict=True):
+        near = [g for g in groups if abs(math.log(x / g[0][1])) < 0.3 and abs(math.log(y / g[0][2])) < 0.3]
+        if not near:
+            groups.append([])
+        (near or groups[-1:])[0].append((row["value"], x, y))
+    return [
+        (
+            f"{group[0][0]:g}" + (f" to {group[-1][0]:g}" if len(group) > 1 else ""),
+            max(x for _, x, _ in group),
+            max(y for _, _, y in group),
+        )
+        for group in groups
+    ]
+
+
+def _places(rows: Sequence[Mapping[str, Any]], column: str) -> tuple[list[float], list[float]]:
+    """Return seconds and errors as they are drawn."""
+    seconds = [max(row["seconds"], LEAST_SECONDS) for row in rows]
+    return seconds, [max(row[column], row[f"{column}, known to"] or 0.0, LEAST_ERROR) for row in rows]
