@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -280,5 +281,7 @@ def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
     assert "1 named refusal" in text
     assert "4 not run yet" in text
     assert "| too deep |" in text
-    assert (tmp_path / "stability.csv").exists()
+    with open(tmp_path / "stability.csv", encoding="utf-8") as file:
+        row = next(csv.DictReader(file))
+    assert (float(row["T"]), float(row["error of T"])) == (-1e-3, 1e-5)
     assert not [s for s in both.missing(ENDINGS) if s.startswith("deepest-finite")]

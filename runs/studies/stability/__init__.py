@@ -33,7 +33,8 @@ def present(found: Found, folder: Path, quick: bool) -> str:
 
     rows = [_row(found, case) for case in found.cases]
     bars = path_bars(found)
-    save_csv(folder / "stability.csv", rows)
+    pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
+    save_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
     save_csv(folder / "bars.csv", bars)
     ended = [row["ended"] for row in rows]
     counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
