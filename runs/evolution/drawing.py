@@ -27,24 +27,37 @@ NEIGHBOURS = 1.5
 """Starting distance over the smallest one up to which a pair's distance is drawn."""
 
 
-def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int) -> list[float]:
-    """Return ``count`` cycles from start to end between which the balls move about equally far."""
+def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBalls) -> list[float]:
+    """Return ``count`` cycles from start to end: where groups form, and between them equal ways of the balls.
+
+    Where groups form more often than there is room for, equal ways alone.
+    """
     cycle = np.array([m["cycle"] for m in path])
     x = np.array([m["positions"] for m in path])
     moved = np.concatenate([[0.0], np.cumsum(np.max(np.hypot(*np.moveaxis(np.diff(x, axis=0), -1, 0)), axis=1))])
     if moved[-1] == 0.0:
         return [float(cycle[0])]
+    sizes = [sorted(len(group) for group in balls.groups(place)) for place in x]
+    formed = [k for k in range(1, len(path)) if sizes[k] != sizes[k - 1] and 0.0 < moved[k] < moved[-1]]
+    wanted = [0.0, *(moved[formed] if len(formed) <= count - 2 else []), float(moved[-1])]
+    while len(wanted) < count:
+        widest = int(np.argmax(np.diff(wanted)))
+        wanted.insert(widest + 1, 0.5 * (wanted[widest] + wanted[widest + 1]))
     rising = np.concatenate([[True], np.diff(moved) > 0.0])
-    wanted = np.interp(np.linspace(0.0, moved[-1], count), moved[rising], cycle[rising])
-    return [float(c) for c in wanted]
+    return [float(c) for c in np.interp(wanted, moved[rising], cycle[rising])]
 
 
 def draw_top_views(
-    folder: Path, document: Document, balls: HardBalls, radii: Sequence[float], direction: Sequence[float]
+    folder: Path,
+    document: Document,
+    balls: HardBalls,
+    radii: Sequence[float],
+    direction: Sequence[float],
+    stem: str = "top_views",
 ) -> None:
-    """Write top_views.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
+    """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
-    cycles = chosen_cycles(path, 6)
+    cycles = chosen_cycles(path, 6, balls)
     with look():
         figure, axes = _grid(len(cycles), _frame(path, radii))
         force = _arrow_scale(path, radii)
@@ -58,7 +71,7 @@ def draw_top_views(
             "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
             fontsize=9, x=0.01, ha="left",
         )  # fmt: skip
-        save_figure(figure, folder, "top_views")
+        save_figure(figure, folder, stem)
 
 
 def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
@@ -103,17 +116,19 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     x = positions_at(path, sigma)
     with look():
         figure, (axis,) = _figure(1, _size(_frame(path, radii), 3.6))
+        _set_frame(axis, path, radii)
         writer = PillowWriter(fps=round(FRAMES / SECONDS))
         with replacing(folder / "evolution.gif") as draft:
             shown = draft.with_suffix(".part.gif")
             with writer.saving(figure, str(shown), dpi=80):
                 for k in [*range(FRAMES), *[FRAMES - 1] * 8]:
-                    axis.clear()
+                    for artist in [*axis.patches, *axis.texts]:
+                        artist.remove()
                     _draw_balls(axis, x[k], radii)
-                    _set_frame(axis, path, radii)
                     _draw_direction(axis, direction)
                     axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
                     writer.grab_frame()
+                    figure.set_layout_engine("none")  # which the first frame has laid out for all
             shown.replace(draft)
 
 
@@ -137,18 +152,20 @@ def _draw_balls(
 ) -> None:
     from matplotlib.patches import Circle  # noqa: PLC0415
 
+    force_at = np.zeros(x.shape) if moment is None else force * np.array(moment["tangential_force"])
+    long = np.hypot(*force_at.T) > 0.08 * min(radii)
     for number, (place, radius) in enumerate(zip(x, radii, strict=True)):
         axis.add_patch(Circle(1e3 * place, 1e3 * radius, facecolor=STEEL, edgecolor=EDGE, lw=0.8))
-        axis.text(*(1e3 * place), str(number), ha="center", va="center", fontsize=7, color=EDGE, zorder=5)
+        # behind the tail of the arrow, where no arrow covers it
+        behind = -0.55 * radius * force_at[number] / np.hypot(*force_at[number]) if long[number] else np.zeros(2)
+        axis.text(*(1e3 * (place + behind)), str(number), ha="center", va="center", fontsize=7, color=EDGE, zorder=5)
     if moment is None:
         return
     for i, j in moment["contacts"]:
         axis.plot(*(1e3 * x[[i, j]].T), color=ORANGE, lw=1.2, alpha=0.7, zorder=3)
-    arrows = force * np.array(moment["tangential_force"])
-    long = np.hypot(*arrows.T) > 0.08 * min(radii)
     if np.any(long):
         axis.quiver(
-            *(1e3 * x[long].T), *(1e3 * arrows[long].T), color=BLUE, angles="xy", scale_units="xy", scale=1.0,
+            *(1e3 * x[long].T), *(1e3 * force_at[long].T), color=BLUE, angles="xy", scale_units="xy", scale=1.0,
             width=0.008, zorder=4,
         )  # fmt: skip
 

@@ -10,8 +10,8 @@ Any number of balls then obey
     d_i + sum_j k(L_ij) Q_j = D_i,   Q_i = F(d_i),   T_i = sum_j c(L_ij) Q_i Q_j n_ij :
 
 exact for one and two balls in whatever model the table comes from, and momentum is kept (sum T = 0). What three and
-four balls do beyond that is the error, measured by `runs.evolution.additivity`. Adding bare pair
-forces would be far worse: neighbours take load from each other.
+four balls do beyond that is the error, measured in `runs.evolution.pair_table`: nothing is fitted to them. Adding
+bare pair forces would be far worse: neighbours take load from each other.
 
 Small strain at large distance is the point-load law, k = K and c = -K'. A table holds the differences from it, over
 their smooth envelopes: no quotient of quantities that change sign. Beyond the last distance these

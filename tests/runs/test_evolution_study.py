@@ -19,7 +19,7 @@ from runs.evolution.forces import at
 from runs.evolution.providers import provider
 from runs.models import MODELS, choose, standing
 from runs.scene import read_scene
-from runs.studies.experiments import cases, points, report
+from runs.studies.experiments import cases, points, report, side_by_side
 
 NAMES = {"line of four, 25 mm", "line of four, 30 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls"}
 
@@ -89,6 +89,7 @@ def test_the_answer_names_verdicts_errors_and_missing_tables(out: Path) -> None:
     assert text.count("| no table yet |") == len(points.POINTS)
     assert "mpirun -n 2 thirdbody evolve runs/scenes/experiment_pair_16mm_finite_strain.toml" in text
     assert "bare sum of pairs" in text
+    assert "Forces side by side" not in text
     assert (out / "experiments.svg").stat().st_size > 10_000
     with open(out / "experiments.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -116,22 +117,34 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
 
     monkeypatch.setitem(MODELS, "finite_strain", dataclasses.replace(MODELS["finite_strain"], solve=stand_in))
     monkeypatch.setattr(cases, "TABLES", tmp_path)
+    monkeypatch.setattr(pair_table, "MANY", pair_table.FEW)
     case = next(case for case in cases.CASES if case.name == "pair, 16 mm balls")
     scene = case.read(quick=True)
-    assert not cases.has_table(scene)
+    assert not cases.has_table(case, scene)
     written = read_scene(cases.SCENES / f"experiment_{case.finite}.toml")
     model, problem, _ = choose(standing(written))
     assert model.name == "finite_strain"
     provider(model, problem, written.tangential_force, "pairs", tmp_path)
     assert asked == [1, *[2] * len(pair_table.FEW), 3, 4]
     # the table that the shipped scene makes is the one that the study looks for
-    assert cases.has_table(scene)
+    assert cases.has_table(case, scene)
     given = provider(model, problem, written.tangential_force, "pairs", tmp_path)
     assert len(asked) == 3 + len(pair_table.FEW)
     x = np.array([ball.position for ball in problem.balls])
     linear = solve(dataclasses.replace(problem, finite_strain=None), tangential_force=1e-3).balls[0]
     state = given.forces(x)
     assert state.tangential[0, 0] == pytest.approx(1.25 * linear.tangential_force[0], rel=1e-3)
+    # side by side: four fifths of the elements' T, the same Q, and no change of sign in either
+    small = standing(scene)
+    assert side_by_side.comparisons() == []
+    provider(MODELS["linear_bem"], small.problem, small.tangential_force, "pairs", tmp_path)
+    (compared,) = side_by_side.comparisons()
+    assert compared.strength == pytest.approx((1.25,) * len(side_by_side.PLACES), rel=0.02)
+    assert compared.load == pytest.approx((1.0,) * len(side_by_side.PLACES), rel=1e-3)
+    assert compared.finite[0] == pytest.approx(state.tangential[0, 0] / state.normal[0], rel=1e-6)
+    assert compared.rests == ([], [])
+    assert "(1.25) |" in "\n".join(side_by_side.force_table([compared]))
+    assert "(+25 %), Q +0 %" in side_by_side.sentence([compared], [])
     # beyond the table it follows the linear decay
     far = np.array([[0.0, 0.0], [0.07, 0.0]])
     weak = spread(problem, far)

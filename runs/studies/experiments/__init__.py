@@ -14,7 +14,7 @@ def run(options: Options) -> None:
     from runs import interrupt  # noqa: PLC0415
     from runs.progress import tell  # noqa: PLC0415
     from runs.store import replacing  # noqa: PLC0415
-    from runs.studies.experiments import cases, report  # noqa: PLC0415
+    from runs.studies.experiments import cases, report, side_by_side  # noqa: PLC0415
     from runs.studies.publishing import publish  # noqa: PLC0415
 
     folder = options.out or Path("out") / ("study-experiments" + ("-quick" if options.quick else ""))
@@ -26,7 +26,7 @@ def run(options: Options) -> None:
             continue
         scene = case.read(options.quick)
         models = ["linear_bem"]
-        if case.finite is not None and cases.has_table(scene):
+        if case.finite is not None and cases.has_table(case, scene):
             models.append("finite_strain")
         elif case.finite is not None:
             missing[case.name] = f"mpirun -n 2 thirdbody evolve runs/scenes/experiment_{case.finite}.toml"
@@ -44,11 +44,12 @@ def run(options: Options) -> None:
             tell(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
     report.write_table(folder, found)
     report.draw(folder, found)
+    report.draw_gathering(folder, found)
     command = f"thirdbody study experiments{' --quick' if options.quick else ''}"
-    text = report.answer(found, missing, command, seconds) + "\n"
+    text = report.answer(found, missing, side_by_side.comparisons(), command, seconds) + "\n"
     with replacing(folder / "answer.md") as draft:
         draft.write_text(text, encoding="utf-8")
     print(text, end="")
     if options.publish:
-        tell(f"published in {publish('experiments', text, [folder / 'experiments.svg'])}")
+        tell(f"published in {publish('experiments', text, [folder / 'experiments.svg', folder / 'gathering.svg'])}")
     tell(f"answer.md, experiments.csv, figures, and a folder per run are in {folder}")

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem.problem import FiniteStrain
 from runs.evolution.evolving import TABLES, Evolution, rows
 from runs.evolution.forces import at
 from runs.evolution.providers import table_of
@@ -20,8 +19,6 @@ from runs.scene import Scene, read_scene
 from runs.session import Options
 
 SCENES = Path(__file__).resolve().parent.parent.parent / "scenes"
-FINITE_ACCURACY = 0.05
-"""Relative accuracy of T in the finite-strain tables; the scenes that make them ask for the same."""
 QUICK_ENSEMBLE = 3
 DIRECT_TOLERANCE = 1e-5
 """Of a step, in radii, where T is only known to a hundredth."""
@@ -91,17 +88,23 @@ CASES = (
 )
 
 
-def finite(scene: Scene) -> Scene:
-    """Return ``scene`` with the effect of finite strain, at the accuracy of the finite-strain tables."""
-    problem = dataclasses.replace(scene.problem, finite_strain=FiniteStrain())
-    effects = (*scene.effects, "finite_strain")
-    return dataclasses.replace(scene, problem=problem, effects=effects, tangential_force=FINITE_ACCURACY)
+def finite(case: Case, scene: Scene) -> Scene:
+    """Return ``scene`` with the effect of finite strain, at the accuracy of the scene that makes its table."""
+    written = read_scene(SCENES / f"experiment_{case.finite}.toml")
+    return dataclasses.replace(
+        scene,
+        problem=dataclasses.replace(scene.problem, finite_strain=written.problem.finite_strain),
+        effects=(*scene.effects, "finite_strain"),
+        tangential_force=written.tangential_force,
+        budget=written.budget,
+    )
 
 
-def has_table(scene: Scene) -> bool:
+def has_table(case: Case, scene: Scene) -> bool:
     """Return whether the finite-strain table of ``scene`` is complete."""
-    problem = standing(finite(scene)).problem
-    return table_of(MODELS["finite_strain"], problem, FINITE_ACCURACY, TABLES).missing == 0
+    asked = standing(finite(case, scene))
+    table = table_of(MODELS["finite_strain"], asked.problem, asked.tangential_force, TABLES, budget=asked.budget)
+    return table.missing == 0
 
 
 def evolve(
@@ -111,7 +114,7 @@ def evolve(
 
     None where it is not there and ``compute`` is false.
     """
-    chosen = finite(scene) if model == "finite_strain" else scene
+    chosen = finite(case, scene) if model == "finite_strain" else scene
     stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
     evolution = Evolution(chosen, model, Options(False, folder / stem, fresh))
     kept = evolution.open()

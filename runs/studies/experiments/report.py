@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runs.evolution.drawing import draw_top_views
+from runs.evolution.hard_balls import HardBalls
 from runs.store import replacing
-from runs.studies.experiments.cases import distances
-from runs.studies.experiments.points import NO, OPEN, POINTS, YES, Documents, Finding, Point
+from runs.studies.experiments import side_by_side
+from runs.studies.experiments.cases import CASES, distances
+from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
+from runs.studies.experiments.side_by_side import Comparison
 from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
@@ -23,8 +27,17 @@ def findings(point: Point, documents: Documents) -> Finding | None:
     return point.judge(documents) if all(name in documents for name in point.cases) else None
 
 
-def answer(found: Mapping[str, Documents], missing: Mapping[str, str], command: str, seconds: float) -> str:
-    """Return the answer in Markdown; ``missing`` names the command that makes each absent finite-strain table."""
+def answer(
+    found: Mapping[str, Documents],
+    missing: Mapping[str, str],
+    pairs: Sequence[Comparison],
+    command: str,
+    seconds: float,
+) -> str:
+    """Return the answer in Markdown; ``missing`` names the command that makes each absent finite-strain table.
+
+    ``pairs``: what moves two balls in both models.
+    """
     judged = {model: [findings(point, found[model]) for point in POINTS] for model in MODELS}
     lines = [_sentence(judged), "", "| the source reports | small strain | finite strain | numbers, and why |"]
     lines.append("|---|---|---|---|")
@@ -38,7 +51,11 @@ def answer(found: Mapping[str, Documents], missing: Mapping[str, str], command: 
             numbers.append(point.reason)
         cells = [f.verdict if f is not None else "no table yet" for f in (small, large)]
         lines.append(f"| {point.title} | {cells[0]} | {cells[1]} | {'. '.join(n for n in numbers if n)} |")
-    lines += ["", *_errors(found)]
+    lines.append("")
+    if pairs:
+        lines += [side_by_side.sentence(pairs, _turned(judged)), "", *side_by_side.force_table(pairs)]
+    lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**How well this is known.**", ""]
+    lines += _errors(found)
     if missing:
         lines += ["", "Finite-strain tables that are not there (each about 14 finite-element runs; resumable):", ""]
         lines += [f"- {', '.join(names)}: `{one}`" for one, names in _by_command(missing).items()]
@@ -60,20 +77,31 @@ def _sentence(judged: Mapping[str, list[Finding | None]]) -> str:
         f"Of {len(small)} reports, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
         f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
     )
-    both = [
-        (point.title, s.verdict, f.verdict)
-        for point, s, f in zip(POINTS, judged["linear_bem"], judged["finite_strain"], strict=True)
-        if s is not None and f is not None
-    ]
+    both = sum(s is not None and f is not None for s, f in zip(*judged.values(), strict=True))
     if both:
-        other = [title for title, s, f in both if s != f]
+        other = _turned(judged)
         changed = f"changes the verdict on: {'; '.join(other)}" if other else "changes no verdict"
-        text += f" Finite strain {changed} (of {len(both)} that its tables cover)."
+        text += f" Finite strain {changed} (of {both} that its tables cover)."
     return text
 
 
+def _turned(judged: Mapping[str, list[Finding | None]]) -> list[str]:
+    """Return the reports that finite strain judges otherwise."""
+    return [
+        point.title
+        for point, s, f in zip(POINTS, judged["linear_bem"], judged["finite_strain"], strict=True)
+        if s is not None and f is not None and s.verdict != f.verdict
+    ]
+
+
 def _errors(found: Mapping[str, Documents]) -> list[str]:
-    lines = []
+    lines = [
+        "Pairwise additivity: T by the pair table against the full model on touching balls, largest difference over "
+        "largest T. The table knows one ball and two balls alone and couples them through the load that each takes "
+        "from its neighbours (`pair_forces.py`); nothing in it is fitted to three or four balls, so these are tests, "
+        "and touching balls the hardest.",
+        "",
+    ]
     for model, name in MODELS.items():
         tables = {}
         for document in found[model].values():
@@ -81,12 +109,11 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
                 tables[str(document["pair_table"]["identity"]["radius"])] = document["pair_table"]["additivity"]
         for radius, rows in tables.items():
             text = "; ".join(
-                f"{row['arrangement']} {100 * row['coupled']:.2g} % (bare sum of pairs {100 * row['bare_sum']:.2g} %)"
+                f"{row['arrangement']} {100 * row['coupled']:.2g} % (bare sum of pairs {100 * row['bare_sum']:.2g} %; "
+                f"own error of the full model {100 * row['tangential_force_error'] / row['tangential_force']:.1g} %)"
                 for row in rows
             )
-            lines.append(
-                f"- {name}, R = {1e3 * float(radius):g} mm: T by the pair table against the full model: {text}"
-            )
+            lines.append(f"- {name}, R = {1e3 * float(radius):g} mm: {text}")
         shares = [
             (row["share"], case, row["at"])
             for case, document in found[model].items()
@@ -171,6 +198,16 @@ def draw(folder: Path, found: Mapping[str, Documents]) -> None:
         pair.set_title("Pairs on thin rubber" + (" (dashed: finite strain)" if found["finite_strain"] else ""))
         pair.legend(loc="center right", bbox_to_anchor=(1.0, 0.45))
         save_figure(figure, folder, "experiments")
+
+
+def draw_gathering(folder: Path, found: Mapping[str, Documents]) -> None:
+    """Write gathering.png and .svg: a line of six balls from above, by small strain, as in the source's figure 3."""
+    case = next(case for case in CASES if case.name == SIXES[0])
+    document = found["linear_bem"].get(case.name)
+    if document is not None:
+        problem = case.read(quick=True).problem
+        radii = [ball.radius for ball in problem.balls]
+        draw_top_views(folder, document, HardBalls.of(problem), radii, (1.0, 0.0), "gathering")
 
 
 def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:

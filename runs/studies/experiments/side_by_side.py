@@ -1,0 +1,188 @@
+"""Small strain and finite strain side by side: what moves two balls, and what comes of each run."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runs.evolution import equilibria
+from runs.evolution.outcome import FURTHEST
+from runs.evolution.pair_table import PairTable
+from runs.evolution.providers import table_of
+from runs.models import MODELS, standing
+from runs.studies.experiments import cases
+from runs.studies.experiments.cases import CASES, Case
+
+Documents = Mapping[str, Mapping[str, Any]]
+
+KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls")
+"""One case for every kind of ball and layer."""
+PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
+"""Distances over the touching one; a finite-strain table has a run at each."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A pair of balls in both models at `PLACES`: T/Q, error of T/Q, T and Q finite over small, distances of rest [m].
+
+    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain.
+    """
+
+    case: Case
+    radius: float
+    thickness: float
+    approach: float
+    small: tuple[float, ...]
+    finite: tuple[float, ...]
+    error: tuple[float, ...]
+    strength: tuple[float, ...]
+    load: tuple[float, ...]
+    rests: tuple[list[tuple[float, str]], list[tuple[float, str]]]
+
+
+def comparisons() -> list[Comparison]:
+    """Return every kind of pair whose tables are complete in both models; nothing is computed by finite elements."""
+    found = []
+    for case in (case for case in CASES if case.name in KINDS):
+        scene = case.read(quick=True)
+        if not cases.has_table(case, scene):
+            continue
+        linear = standing(scene)
+        small = table_of(MODELS["linear_bem"], linear.problem, linear.tangential_force, cases.TABLES)
+        asked = standing(cases.finite(case, scene))
+        finite = table_of(
+            MODELS["finite_strain"], asked.problem, asked.tangential_force, cases.TABLES, budget=asked.budget
+        )
+        if small.missing == 0:
+            found.append(_compared(case, small, finite))
+    return found
+
+
+def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
+    touch = small.touch
+    pairs = [_pair(table) for table in (small, finite)]
+    states = [[forces(_apart(place * touch)) for place in PLACES] for forces in pairs]
+    pull = np.array([[state.tangential[0, 0] for state in model] for model in states])
+    load = np.array([[state.normal[0] for state in model] for model in states])
+    rows = {row["distance"]: row["tangential_force_error"] for row in finite.data["pairs"]}
+    near = [min(rows, key=lambda d, place=place: abs(d - place * touch)) for place in PLACES]  # type: ignore[misc]
+    error = np.array([rows[d] for d in near]) / load[1]
+    rests = [equilibria.of_pair(forces, touch, FURTHEST * touch) for forces in pairs]
+    return Comparison(
+        case=case,
+        radius=small.ball.radius,
+        thickness=small.problem.layer.thickness,
+        approach=small.approach,
+        small=tuple((pull[0] / load[0]).tolist()),
+        finite=tuple((pull[1] / load[1]).tolist()),
+        error=tuple(error.tolist()),
+        strength=tuple((pull[1] / pull[0]).tolist()),
+        load=tuple((load[1] / load[0]).tolist()),
+        rests=(rests[0], rests[1]),
+    )
+
+
+def _apart(distance: float) -> np.ndarray:
+    return np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])
+
+
+def _pair(table: PairTable) -> Any:
+    """Return the forces of two balls alone; a table serves scenes of any number."""
+    balls = (table.problem.balls[0],) * 2
+    load = dataclasses.replace(table.problem.load, values=(table.approach,) * 2)
+    apart = [dataclasses.replace(ball, position=tuple(x)) for ball, x in zip(balls, _apart(table.touch), strict=True)]
+    table.problem = dataclasses.replace(table.problem, balls=tuple(apart), load=load)
+    return table.forces()
+
+
+def force_table(found: Sequence[Comparison]) -> list[str]:
+    """Return T/Q over distance in both models as lines of Markdown."""
+    if not found:
+        return []
+    lines = [
+        "**Forces side by side.** T/Q of two balls (> 0: attraction) under the experiment's approach D, small strain / "
+        "finite strain, and in brackets how T itself changes (finite over small, at equal approach):",
+        "",
+        "| balls | D/R | h/R | " + " | ".join(f"L = {place:g} L0" for place in PLACES) + " | no force at L [mm] |",
+        "|---|---|---|" + "---|" * (len(PLACES) + 1),
+    ]
+    for one in found:
+        cells = [
+            f"{small:+.2e} / {finite:+.2e} ± {error:.0e} ({strength:.2f})"
+            for small, finite, error, strength in zip(one.small, one.finite, one.error, one.strength, strict=True)
+        ]
+        rests = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        lines.append(
+            f"| R = {1e3 * one.radius:g} mm | {one.approach / one.radius:.3g} | {one.thickness / one.radius:.3g} | "
+            f"{' | '.join(cells)} | {rests} |"
+        )
+    lines += ["", "L0: touching distance; no force: T changes sign there; ±: the elements' own estimate.", ""]
+    return lines
+
+
+def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
+    """Return whether finite strain changes what is predicted; ``changed`` names the reports whose verdict it turns."""
+    parts = []
+    for one in found:
+        touch = 2.0 * one.radius
+        small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
+        words = (
+            f"R = {1e3 * one.radius:g} mm at D = {one.approach / one.radius:.2g} R: T/Q in touch {one.small[0]:+.2e} "
+            f"becomes {one.finite[0]:+.2e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
+            f"{100.0 * (one.load[0] - 1.0):+.0f} %"
+        )
+        if small and finite:
+            words += f", T changes sign at {1e3 * finite[0]:.1f} mm in place of {1e3 * small[0]:.1f} mm"
+        elif small or finite:
+            words += ", and a change of sign of T appears or goes"
+        parts.append(words)
+    verdict = f"Yes, on: {'; '.join(changed)}" if changed else "No report is judged otherwise"
+    return f"**Does finite strain change what is predicted?** {verdict}. By number it does: {'; '.join(parts)}."
+
+
+def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
+    turns = [f"{1e3 * distance:.1f} ({verdict})" for distance, verdict in rests if distance > touch * (1.0 + 1e-9)]
+    return ", ".join(turns) if turns else "none"
+
+
+def run_table(small: Documents, finite: Documents) -> list[str]:
+    """Return what comes of each run in both models as lines of Markdown."""
+    both = [name for name in small if name in finite]
+    if not both:
+        return []
+    lines = [
+        "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:",
+        "",
+        "| run | cycles to one group (median) | contacts at the end (all members) | largest distance at the end [mm] |",
+        "|---|---|---|---|",
+    ]
+    for name in both:
+        cells = [
+            [_grouped(document), _contacts(document), f"{1e3 * _widest(document):.1f}"]
+            for document in (small[name], finite[name])
+        ]
+        lines.append(f"| {name} | " + " | ".join(f"{a} / {b}" for a, b in zip(*cells, strict=True)) + " |")
+    return [*lines, ""]
+
+
+def _grouped(document: Mapping[str, Any]) -> str:
+    cycles = [m["cycles_one_group"] for m in document["ensemble"]]
+    if len(document["ensemble"][0]["positions"]) == 2:
+        return "in touch" if document["path"][-1]["contacts"] else "apart"
+    middle = float(np.median([math.inf if c is None else c for c in cycles]))
+    return f"{middle:.3g}" if math.isfinite(middle) else "never"
+
+
+def _contacts(document: Mapping[str, Any]) -> str:
+    counts = sorted({m["contacts"] for m in document["ensemble"]})
+    return ", ".join(map(str, counts))
+
+
+def _widest(document: Mapping[str, Any]) -> float:
+    x = np.array(document["path"][-1]["positions"])
+    return float(np.max(np.hypot(*(x[:, None] - x[None, :]).T)))
