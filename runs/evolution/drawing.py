@@ -21,6 +21,8 @@ Document = Mapping[str, Any]
 STEEL, EDGE = "#c9d3dc", "#3a4650"
 FRAMES, SECONDS = 60, 6.0
 """Frames of an animation, and how long it takes."""
+ALIKE = 0.03
+"""Way over the whole path's within which two configurations look alike."""
 NAMED = 8
 """Largest number of curves that a legend names."""
 NEIGHBOURS = 1.5
@@ -38,8 +40,11 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
     if moved[-1] == 0.0:
         return [float(cycle[0])]
     sizes = [sorted(len(group) for group in balls.groups(place)) for place in x]
-    formed = [k for k in range(1, len(path)) if sizes[k] != sizes[k - 1] and 0.0 < moved[k] < moved[-1]]
-    wanted = [0.0, *(moved[formed] if len(formed) <= count - 2 else []), float(moved[-1])]
+    formed = [0.0]
+    for k in range(1, len(path)):
+        if sizes[k] != sizes[k - 1] and formed[-1] + ALIKE * moved[-1] < moved[k] < (1.0 - ALIKE) * moved[-1]:
+            formed.append(float(moved[k]))
+    wanted = [*(formed if len(formed) < count else formed[:1]), float(moved[-1])]
     while len(wanted) < count:
         widest = int(np.argmax(np.diff(wanted)))
         wanted.insert(widest + 1, 0.5 * (wanted[widest] + wanted[widest + 1]))
@@ -171,11 +176,16 @@ def _draw_balls(
 
 
 def _draw_direction(axis: Any, direction: Sequence[float]) -> None:
-    """Draw the two-headed arrow of the main motion into a corner."""
-    reach = np.array(direction) * 0.09
+    """Draw the two-headed arrow of the main motion beside the title, clear of the balls."""
+    from matplotlib.transforms import offset_copy  # noqa: PLC0415
+
+    head, tail = (
+        offset_copy(axis.transAxes, axis.figure, *(np.array([-14.0, 9.0]) + side * np.array(direction)), units="points")
+        for side in (11.0, -11.0)
+    )
     axis.annotate(
-        "", tuple(0.12 + reach), tuple(0.12 - reach), xycoords="axes fraction", textcoords="axes fraction",
-        arrowprops={"arrowstyle": "<->", "color": GREY, "lw": 1.0},
+        "", (1.0, 1.0), (1.0, 1.0), xycoords=head, textcoords=tail, annotation_clip=False,
+        arrowprops={"arrowstyle": "<->", "color": GREY, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0},
     )  # fmt: skip
 
 

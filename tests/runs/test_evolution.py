@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, UnsupportedProblem, solve, solve_point_load
 from runs.evolution import equilibria, pair_table
+from runs.evolution.drawing import chosen_cycles
 from runs.evolution.drift import Drift, Moment
 from runs.evolution.forces import DirectForces, State, at
 from runs.evolution.hard_balls import HardBalls
@@ -208,6 +209,12 @@ def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
     assert sorted(touches[:2]) == [[0, 1], [2, 3]]
     assert touches[2] == [1, 2]
     assert np.array(record.moments[-1]["positions"])[:, 1] == pytest.approx(0.0, abs=ROUNDOFF)
+    # pictures show when groups form
+    shown = chosen_cycles([{**moment, "cycle": moment["sigma"]} for moment in record.moments], 6, balls)
+    formed = {event["sigma"] for event in events(record.moments, balls)}
+    assert len(shown) == 6
+    assert shown == sorted(shown)
+    assert all(min(abs(sigma - at) for at in shown) <= 1e-9 * shown[-1] for sigma in formed)
 
 
 def test_the_straight_line_is_unstable_and_the_rhomb_stable(foam: Provider) -> None:

@@ -139,12 +139,27 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
         for d in found[model].values()
         if d["rest"]["at_rest"] and d["equilibrium"] and d["equilibrium"]["verdict"] == "stable"
     ]
+    lines += _speeds(found["linear_bem"])
     if stable:
         lines.append(
             f"- {len(stable)} paths that came to rest end at a stable equilibrium found by Newton's method, "
             f"{1e3 * max(stable):.1e} mm from it at most"
         )
     return lines
+
+
+def _speeds(documents: Documents) -> list[str]:
+    """Return how many steps nine balls take in a minute of processor time, by the pair table and by the full model."""
+    texts = []
+    for name, words in (("nine, 30 mm", "by the pair table"), ("nine, 30 mm, full model", "by the full model")):
+        if name in documents:
+            solved, members = documents[name]["solved"], len(documents[name]["ensemble"])
+            texts.append(
+                f"{words} {solved['iterations']} steps of {members} member(s) in {solved['seconds']:.3g} s of "
+                "processor time with all checks of the end, "
+                f"{60.0 * solved['iterations'] / solved['seconds']:.2g} a minute"
+            )
+    return [f"- nine balls, small strain: {'; '.join(texts)}"] if texts else []
 
 
 def write_table(folder: Path, found: Mapping[str, Documents]) -> None:
