@@ -67,10 +67,12 @@ def spread(forces: Provider, problem: Problem) -> PairForces:
     return PairForces(problem, [pair.singles[0]] * problem.size, pair.law, pair.share)
 
 
-@pytest.mark.parametrize("thickness", [np.inf, 100.0])
-def test_two_balls_on_a_half_space_meet_as_the_cube_of_their_distance(thickness: float, tables: Path) -> None:
+@pytest.mark.parametrize(("model", "thickness"), [("point_load", np.inf), ("point_load", 100.0), ("full", np.inf)])
+def test_two_balls_on_a_half_space_meet_as_the_cube_of_their_distance(
+    model: str, thickness: float, tables: Path
+) -> None:
     problem = scene(line(2, 6.0 * RADIUS), Layer(1e6, 0.3, float(thickness)), 1e-4 * RADIUS)
-    forces = of("point_load", problem, tables).forces
+    forces = DirectForces(problem, 1e-3) if model == "full" else of(model, problem, tables).forces
     moments = path(forces, problem, np.inf, rest=1e-12)
     distance = np.array([np.ptp(m.positions[:, 0]) for m in moments])
     sigma = np.array([m.sigma for m in moments])
