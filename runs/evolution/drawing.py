@@ -42,8 +42,13 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
     sizes = [sorted(len(group) for group in balls.groups(place)) for place in x]
     formed = [0.0]
     for k in range(1, len(path)):
-        if sizes[k] != sizes[k - 1] and formed[-1] + ALIKE * moved[-1] < moved[k] < (1.0 - ALIKE) * moved[-1]:
+        apart = moved[k] - formed[-1] > ALIKE * moved[-1]
+        if sizes[k] == sizes[k - 1] or moved[k] >= (1.0 - ALIKE) * moved[-1]:
+            continue
+        if apart:
             formed.append(float(moved[k]))
+        elif len(formed) > 1:  # groups that form one after the other, as good as together
+            formed[-1] = float(moved[k])
     wanted = [*(formed if len(formed) < count else formed[:1]), float(moved[-1])]
     while len(wanted) < count:
         widest = int(np.argmax(np.diff(wanted)))

@@ -47,7 +47,11 @@ def _of_all(
 ) -> Finding:
     """Return the verdict of the first ``decisive`` cases; the others are other readings, told beside them."""
     found = {name: _share(documents[name], shows) for name in names if name in documents}
-    text = ", ".join(f"{name}: {round(100 * share)} % of {_count(documents[name])}" for name, share in found.items())
+    shown = [f"{round(100 * share)} % of {_count(documents[name])}" for name, share in found.items()]
+    if len(set(shown)) == 1 and len(shown) > 1:
+        text = f"{shown[0]} members in each of {len(shown)} runs"
+    else:
+        text = ", ".join(f"{name}: {text}" for name, text in zip(found, shown, strict=True))
     return Finding(YES if min(found[name] for name in names[:decisive]) >= MOST else NO, text)
 
 

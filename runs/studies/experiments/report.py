@@ -157,7 +157,7 @@ def _speeds(documents: Documents) -> list[str]:
             texts.append(
                 f"{words} {solved['iterations']} steps of {members} member(s) in {solved['seconds']:.3g} s of "
                 "processor time with all checks of the end, "
-                f"{60.0 * solved['iterations'] / solved['seconds']:.2g} a minute"
+                f"{round(60.0 * solved['iterations'] / solved['seconds'], -2):.0f} a minute"
             )
     return [f"- nine balls, small strain: {'; '.join(texts)}"] if texts else []
 

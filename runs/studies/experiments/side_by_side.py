@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from runs.evolution import equilibria
-from runs.evolution.outcome import FURTHEST
 from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.models import MODELS, standing
@@ -30,7 +29,8 @@ PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
 class Comparison:
     """A pair of balls in both models at `PLACES`: T/Q, error of T/Q, T and Q finite over small, distances of rest [m].
 
-    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain.
+    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to ``reach`` [m], where
+    the finite-strain table ends.
     """
 
     case: Case
@@ -43,6 +43,7 @@ class Comparison:
     strength: tuple[float, ...]
     load: tuple[float, ...]
     rests: tuple[list[tuple[float, str]], list[tuple[float, str]]]
+    reach: float
 
 
 def comparisons() -> list[Comparison]:
@@ -72,7 +73,7 @@ def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
     rows = {row["distance"]: row["tangential_force_error"] for row in finite.data["pairs"]}
     near = [min(rows, key=lambda d, place=place: abs(d - place * touch)) for place in PLACES]  # type: ignore[misc]
     error = np.array([rows[d] for d in near]) / load[1]
-    rests = [equilibria.of_pair(forces, touch, FURTHEST * touch) for forces in pairs]
+    rests = [equilibria.of_pair(forces, touch, max(rows)) for forces in pairs]
     return Comparison(
         case=case,
         radius=small.ball.radius,
@@ -84,6 +85,7 @@ def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
         strength=tuple((pull[1] / pull[0]).tolist()),
         load=tuple((load[1] / load[0]).tolist()),
         rests=(rests[0], rests[1]),
+        reach=max(rows),
     )
 
 
@@ -118,10 +120,15 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
         ]
         rests = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
         lines.append(
-            f"| R = {1e3 * one.radius:g} mm | {one.approach / one.radius:.3g} | {one.thickness / one.radius:.3g} | "
+            f"| {_kind(one)} | {one.approach / one.radius:.3g} | {one.thickness / one.radius:.3g} | "
             f"{' | '.join(cells)} | {rests} |"
         )
-    lines += ["", "L0: touching distance; no force: T changes sign there; ±: the elements' own estimate.", ""]
+    lines += [
+        "",
+        "L0: touching distance; no force: T changes sign there, looked for up to 3.7 L0, where the finite-strain "
+        "tables end; ±: the elements' own estimate.",
+        "",
+    ]
     return lines
 
 
@@ -132,8 +139,8 @@ def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
         touch = 2.0 * one.radius
         small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
         words = (
-            f"R = {1e3 * one.radius:g} mm at D = {one.approach / one.radius:.2g} R: T/Q in touch {one.small[0]:+.2e} "
-            f"becomes {one.finite[0]:+.2e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
+            f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q in touch {one.small[0]:+.2e} becomes "
+            f"{one.finite[0]:+.2e} ± {one.error[0]:.0e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
             f"{100.0 * (one.load[0] - 1.0):+.0f} %"
         )
         if small and finite:
@@ -143,6 +150,13 @@ def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
         parts.append(words)
     verdict = f"Yes, on: {'; '.join(changed)}" if changed else "No report is judged otherwise"
     return f"**Does finite strain change what is predicted?** {verdict}. By number it does: {'; '.join(parts)}."
+
+
+def _kind(one: Comparison) -> str:
+    """Return ball and layer in words; of the source's two layers the thick one is foam."""
+    return (
+        f"{2e3 * one.radius:g} mm balls on {1e3 * one.thickness:g} mm of {'foam' if one.thickness > 0.05 else 'rubber'}"
+    )
 
 
 def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
