@@ -12,10 +12,16 @@ LADDER = ("model", "accuracy asked")
 
 
 def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
-    """Return the rows that no other beats in both error and seconds, cheapest first."""
-    known = sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], r[column]))
+    """Return the rows that no other beats in both error and seconds, cheapest first.
+
+    Errors count no smaller than what their reference is known to.
+    """
+
+    def error(row: Mapping[str, Any]) -> float:
+        return float(max(row[column], row[f"{column}, known to"] or 0.0))
+
     best: list[Mapping[str, Any]] = []
-    for row in known:
-        if not best or row[column] < best[-1][column]:
+    for row in sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], error(r))):
+        if not best or error(row) < error(best[-1]):
             best.append(row)
     return best

@@ -22,7 +22,7 @@ LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 
 
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write pareto.svg and .png; an error is drawn no smaller than what its reference is known to."""
+    """Write pareto.svg and .png; fronts end where a smaller error could not be told from the reference's own."""
     with look():
         figure, axes = panels(5.6, 5.6, height=4.6)
         for axis, column in zip(axes, (OWN, TRUE), strict=True):
@@ -35,14 +35,15 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
             groups = [(color, [model]) for model, (color, _) in STYLES.items()]
             for color, models in groups if column == OWN else [(GREY, list(STYLES))]:
                 best = front([row for row in known if row["model"] in models], column)
-                axis.plot(*_places(best, column), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
+                axis.plot(*_places(best, column, known=True), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
+            _mark_reference(axis, known, column)
             axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
             axis.set_title(TITLES[column])
             axis.margins(x=0.12, y=0.08)
             for wanted in (0.1, 0.01, 0.001):
                 axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
         axes[0].set_ylabel("relative error of T")
-        words = "numbers: accuracy asked\nlines: Pareto fronts"
+        words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
         axes[0].legend(fontsize=8, loc="lower right", title=words, title_fontsize=8, alignment="left")
         save_figure(figure, folder, "pareto")
 
@@ -54,13 +55,18 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
     others = [row for row in rows if row["knob"] not in (*LADDER, "reference")]
     if chosen:
         axis.plot(*_places(chosen, column), marker, color=color, ms=6, label=model)
+        for row, x, y in zip(chosen, *_places(chosen, column), strict=True):
+            of_this = column == OWN or model == "finite_strain"  # an estimate says nothing of another model's answer
+            if of_this and row["estimate"] and row["estimate"] > y:
+                axis.plot([x, x], [y, row["estimate"]], color=color, lw=0.7)
+                axis.plot([x], [row["estimate"]], "_", color=color, ms=6, mew=0.9)
     if others:
         axis.plot(
             *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, other knobs"
         )
     named = [row for row in chosen if row["value"] != ""]
     for text, x, y in _labels(named, *_places(named, column)):
-        axis.annotate(text, (x, y), (6, 3), textcoords="offset points", fontsize=8, color=color)
+        axis.annotate(text, (x, y), (8, 3), textcoords="offset points", fontsize=8, color=color)
 
 
 def _labels(
@@ -83,7 +89,19 @@ def _labels(
     ]
 
 
-def _places(rows: Sequence[Mapping[str, Any]], column: str) -> tuple[list[float], list[float]]:
-    """Return seconds and errors as they are drawn."""
+def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -> None:
+    """Draw what the finite-strain reference is known to: errors below are small, but not known to be that small."""
+    known = next((row[f"{column}, known to"] for row in rows if row["model"] == "finite_strain"), None)
+    if known is not None:
+        color = STYLES["finite_strain"][0]
+        axis.axhline(known, color=color, lw=0.9, ls="--", zorder=0)
+        words = f"finite-strain reference known to {100.0 * known:.1g} %"
+        axis.annotate(words, (0.0, known), (4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
+                      fontsize=8, color=color)  # fmt: skip
+
+
+def _places(rows: Sequence[Mapping[str, Any]], column: str, known: bool = False) -> tuple[list[float], list[float]]:
+    """Return seconds and errors as they are drawn; no smaller than ``known`` where that is asked."""
     seconds = [max(row["seconds"], LEAST_SECONDS) for row in rows]
-    return seconds, [max(row[column], row[f"{column}, known to"] or 0.0, LEAST_ERROR) for row in rows]
+    least = [row[f"{column}, known to"] or 0.0 if known else 0.0 for row in rows]
+    return seconds, [max(row[column], floor, LEAST_ERROR) for row, floor in zip(rows, least, strict=True)]
