@@ -24,6 +24,9 @@ KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 
 PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
 """Distances over the touching one; a finite-strain table has a run at each."""
 
+NEAR = 0.1
+"""Part of the distance at which T changes sign within which no ratio of T is told."""
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -114,9 +117,18 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
         "|---|---|---|" + "---|" * (len(PLACES) + 1),
     ]
     for one in found:
+        turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
         cells = [
-            f"{small:+.2e} / {finite:+.2e} ± {error:.0e} ({strength:.2f})"
-            for small, finite, error, strength in zip(one.small, one.finite, one.error, one.strength, strict=True)
+            f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
+            # a ratio to what vanishes nearby tells nothing
+            + (
+                ""
+                if any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns)
+                else f" ({strength:.2f})"
+            )
+            for place, small, finite, error, strength in zip(
+                PLACES, one.small, one.finite, one.error, one.strength, strict=True
+            )
         ]
         rests = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
         lines.append(
