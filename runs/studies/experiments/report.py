@@ -99,7 +99,8 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
         "Pairwise additivity: T by the pair table against the full model on touching balls, largest difference over "
         "largest T. The table knows one ball and two balls alone and couples them through the load that each takes "
         "from its neighbours (`pair_forces.py`); nothing in it is fitted to three or four balls, so these are tests, "
-        "and touching balls the hardest.",
+        "and touching balls the hardest. The runs on rubber (R below 10 mm) are pairs, for which the table is exact: "
+        "there the numbers tell what a scene of more balls would meet.",
         "",
     ]
     for model, name in MODELS.items():
