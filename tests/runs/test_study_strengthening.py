@@ -163,4 +163,5 @@ def test_the_sentence_tells_stronger_weaker_and_undecided_apart(tmp_path: Path) 
     assert "**stronger** in 2 case(s): h = 1.16 R, L = 2 R, nu = 0.48: 1.200" in text
     assert "**weaker** in 1 case(s): h = 6 R, L = 2 R, nu = 0.48: 0.900" in text
     assert "**within its error bar of 1** in 1 case(s): h = 1.16 R, L = 3 R" in text
+    assert "**of the other sign than at small strain** in 0 case(s)" in text
     assert "for h = 1.16 R from D = 0.02 R on; for h = 6 R at no load up to D = 0.02 R" in text

@@ -16,6 +16,7 @@ from runs.studies.strengthening.ratios import cancelled, factors, on_one_mesh, s
 from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
+STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
 DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
@@ -46,14 +47,16 @@ def present(found: Found, folder: Path, quick: bool) -> str:
 
 def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     """Say where the effect is stronger at finite strain, where weaker, and where the error bar cannot tell."""
-    verdicts: dict[str, list[str]] = {"stronger": [], "weaker": [], "within its error bar of 1": []}
+    verdicts: dict[str, list[str]] = {STRONGER: [], "weaker": [], "within its error bar of 1": [], OPPOSITE: []}
     for case in found.cases:
         path = [row for row in rows.get(case.name, []) if row["S_Q"] is not None]
         if not path or case.labels["group"] not in ("headline", "distance", "poisson"):
             continue
         row = path[-1]
-        above, below = row["S_Q"] - row["S_Q_error"] > 1.0, row["S_Q"] + row["S_Q_error"] < 1.0
-        kind = "stronger" if above else "weaker" if below else "within its error bar of 1"
+        lowest, highest = row["S_Q"] - row["S_Q_error"], row["S_Q"] + row["S_Q_error"]
+        kind = STRONGER if lowest > 1.0 else "within its error bar of 1" if highest >= 1.0 else "weaker"
+        if highest < 0.0:  # where T changes its sign with the load, at another load than at small strain
+            kind = OPPOSITE
         verdicts[kind].append(f"{_words(case)}: {with_error(row['S_Q'], row['S_Q_error'])} at D = {number(row['D'])} R")
     if not any(verdicts.values()):
         return ["No load path is there yet."]
