@@ -11,7 +11,7 @@ from runs.studies.verification.part import COARSE, Part, cases_of, pair
 
 NAME = "timing"
 DEPTHS, ASKED = (0.1, 0.3), (0.05, 0.02, 0.01)
-UNKNOWNS = 150e3
+UNKNOWNS = 60e3
 """Budget: enough for 1 %, and what a machine of 8 GB holds."""
 
 
