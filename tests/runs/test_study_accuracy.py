@@ -14,7 +14,7 @@ import linear_bem
 from finite_strain.schedule import load_fractions
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.front import OWN, TRUE, front
-from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, cases, problem
+from runs.studies.accuracy.matrix import REFERENCES, USUAL_CASE, cases, knobs, problem
 from runs.studies.case import varied
 from runs.studies.records import Found
 from tests.launch import ROOT
@@ -61,7 +61,7 @@ def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned(
 def test_fewer_or_more_load_steps_leave_the_mesh_as_it_is() -> None:
     load = problem(0.1, "finite_strain").load
     usual = load_fractions("approach", load.values[0], 1.0)
-    for wanted, constants in KNOBS["load steps (6)"].items():
+    for wanted, constants in knobs()["load steps (6)"].items():
         with varied(constants):
             turned = load_fractions("approach", load.values[0], 1.0)
         assert len(usual) == 6

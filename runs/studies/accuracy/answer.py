@@ -9,7 +9,7 @@ from typing import Any
 
 from runs.presentation import duration
 from runs.studies.accuracy.front import LADDER, OWN, TRUE
-from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
+from runs.studies.accuracy.matrix import ALL_RANKS, REFERENCES, USUAL_CASE, knobs
 from runs.studies.records import DONE, Found
 from runs.studies.stability.bars import bars_of
 from runs.studies.tables import markdown, save_csv
@@ -110,7 +110,7 @@ def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
             "time over the default's": row["seconds"] / usual["seconds"],
         }
         for row in rows
-        if row["knob"] in KNOBS
+        if row["knob"] in knobs()
     ]
     text = (
         f"Each turned alone on the meshes for an accuracy of {usual['value']:g}, whose own error is "

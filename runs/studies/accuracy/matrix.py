@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
-from finite_strain import schedule
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.case import Case
 from runs.studies.stability.matrix import LinearPath
@@ -26,31 +26,31 @@ REFERENCE_ACCURACY = 0.012
 ALL_RANKS = "all ranks"
 
 
-def steps_in_all(usual: int) -> dict[str, float]:
-    """Return constants that make one load step of ``usual`` ones; the first, which sizes the meshes, stays."""
-    return {"finite_strain.schedule.GROWTH": schedule.GROWTH**usual, "finite_strain.schedule.LARGEST_STEP": 10.0}
+@cache
+def knobs() -> dict[str, dict[str, Mapping[str, float]]]:
+    """Return the solver's constants that are turned one at a time from their default, which the knob's name holds."""
+    from finite_strain.schedule import GROWTH  # noqa: PLC0415  (no DOLFINx, but not for every command)
+
+    # the first load step, which sizes the meshes, stays where growth is a root or a power of the usual one
+    five_in_one = {"finite_strain.schedule.GROWTH": GROWTH**5, "finite_strain.schedule.LARGEST_STEP": 10.0}
+    return {
+        "degree of the contact's quadrature (10)": {
+            f"{d}": {"finite_strain.contact.QUADRATURE_DEGREE": d} for d in (4, 6, 14)
+        },
+        "change of Q by which augmentations end (0.05)": {
+            f"{c:g}": {"finite_strain.loading.INDENTATION_CHANGE": c} for c in (0.5, 0.005)
+        },
+        "penalty (8)": {f"{p:g}": {"finite_strain.penalty.PENALTY": p} for p in (2.0, 32.0)},
+        "residual at which Newton's method stops (1e-9)": {
+            f"{r:g}": {"finite_strain.loading.RESIDUAL": r} for r in (1e-4, 1e-6, 1e-11)
+        },
+        "load steps (6)": {"11": {"finite_strain.schedule.GROWTH": GROWTH**0.5}, "2": five_in_one},
+        "size of the companion's elements (1.4)": {
+            f"{r:g}": {"finite_strain.simulation.COARSENING": r} for r in (1.2, 2.0)
+        },
+    }
 
 
-KNOBS: dict[str, dict[str, Mapping[str, float]]] = {
-    "degree of the contact's quadrature (10)": {
-        f"{d}": {"finite_strain.contact.QUADRATURE_DEGREE": d} for d in (4, 6, 14)
-    },
-    "change of Q by which augmentations end (0.05)": {
-        f"{c:g}": {"finite_strain.loading.INDENTATION_CHANGE": c} for c in (0.5, 0.005)
-    },
-    "penalty (8)": {f"{p:g}": {"finite_strain.penalty.PENALTY": p} for p in (2.0, 32.0)},
-    "residual at which Newton's method stops (1e-9)": {
-        f"{r:g}": {"finite_strain.loading.RESIDUAL": r} for r in (1e-4, 1e-6, 1e-11)
-    },
-    "load steps (6)": {
-        "11": {"finite_strain.schedule.GROWTH": schedule.GROWTH**0.5},
-        "2": steps_in_all(5),
-    },
-    "size of the companion's elements (1.4)": {
-        f"{r:g}": {"finite_strain.simulation.COARSENING": r} for r in (1.2, 2.0)
-    },
-}  # fmt: skip
-"""Constants of the solver, turned one at a time from their default, which the name of the knob holds."""
 REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-reference",
               "finite_strain": "finite-strain-reference", "point_load": "linear-bem-reference"}  # fmt: skip
 """The better solution that each model's error is measured against; small strain has one by other means."""
@@ -98,7 +98,7 @@ def cases(quick: bool) -> list[Case]:
                      budget={"unknowns": COARSE_UNKNOWNS})
             )  # fmt: skip
     if not quick:
-        for number, (knob, values) in enumerate(KNOBS.items(), start=1):
+        for number, (knob, values) in enumerate(knobs().items(), start=1):
             found += [
                 make(f"knob-{number}-{v}", "finite_strain", USUAL, knob, v, {**ONE_MESH, **constants})
                 for v, constants in values.items()

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from finite_strain.domain import expected_indentation
-from finite_strain.schedule import GROWTH, load_fractions
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import Result, Step
 from runs.models import MODELS, Run
@@ -71,6 +69,9 @@ class LinearPath(Case):
 
     def solve(self, run: Run) -> Result:
         """Return the answer at full load, with those at the load steps before."""
+        from finite_strain.domain import expected_indentation  # noqa: PLC0415  (no DOLFINx, but not for every command)
+        from finite_strain.schedule import load_fractions  # noqa: PLC0415
+
         load = self.problem.load
         deepest, radius = max(
             (approach, ball.radius)
@@ -104,6 +105,8 @@ def pair(
 
 def hard_cases() -> list[Hard]:
     """Return every hard case; those that others are checked against come first, the longest last."""
+    from finite_strain.schedule import GROWTH  # noqa: PLC0415
+
     one_step = {f"{STEPS}.LARGEST_STEP": 10.0, f"{STEPS}.GROWTH": 1e9}
     # five usual steps in one: the first step, which sizes the meshes, stays what it was
     leap = {f"{STEPS}.LARGEST_STEP": 10.0, f"{STEPS}.GROWTH": GROWTH**5}
