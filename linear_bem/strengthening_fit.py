@@ -1,43 +1,51 @@
 """How much finite strain changes the tangential force, as a fit: to look ahead with, not to report.
 
-Provisional: fitted to the thin pair (h = 1.16 R, L = 2 R, nu = 0.48, exact spheres, D = 0.011 to 0.32 R) and held
-against the thick one (h = 6 R). Source: `thirdbody compare` on runs/scenes/paper_thin_pair.toml and
-paper_thick_pair.toml; the study ``strengthening`` renews the coefficients.
+S_Q, T at finite strain over T at small strain and equal normal force, of two exact spheres (nu = 0.48, substrate 1000
+times as stiff) next to each other. Source: the study ``strengthening``, cases headline-thin and headline-thick.
 """
 
 from __future__ import annotations
 
-import math
-
-COEFFICIENTS = (-0.213, 1.259)
-"""Of sqrt(D/h) and of D/h in S_Q - 1."""
-ERROR, ERROR_SLOPE = 0.03, 0.13
-"""Largest distance of S_Q from the fit where it is known, and how steeply it vanishes with sqrt(D/h)."""
-LARGEST_APPROACH = 0.28
-"""Approach over thickness up to which the fit has been held against anything."""
-DISTANCES = (2.0, 2.5)
-"""Distances of neighbours over the radius for which it holds."""
-POISSONS = (0.45, 0.49)
+CURVES = {1.16: (0.490, 0.221, 3.384), 6.0: (-0.070, 0.123, 0.0)}
+"""Thickness over R: coefficients of D/R, (D/R)^2 and (D/R)^3 in S_Q - 1."""
+ERROR, ERROR_GROWTH = 0.005, 0.2
+"""Largest distance of S_Q from the fit: the first at no load, and by how much it grows with (D/R)^2."""
+LARGEST_APPROACH = 0.5
+"""Approach over R up to which the fits go."""
+THICKNESSES = {1.16: (1.0, 1.3), 6.0: (5.0, 8.0)}
+"""Thicknesses over R that each curve is taken for; between them, T changes its sign."""
+DISTANCES = (2.0, 2.1)
+"""Distances of neighbours over R: at 3 R the same layers have S_Q = 0.97 and 0.98 at the largest approach."""
+POISSONS = (0.47, 0.49)
+"""At nu = 0.4999 S_Q is smaller by 0.17 at the largest approach; at 0.4 and below T of the thin layer changes sign."""
 
 
 def strengthening_at_force(approach: float, thickness: float) -> float:
-    """Return S_Q, T at finite strain over T at small strain and equal normal force, for spheres next to each other."""
-    x = approach / thickness
-    return 1.0 + COEFFICIENTS[0] * math.sqrt(x) + COEFFICIENTS[1] * x
+    """Return S_Q for an approach and a thickness, both over R, by the nearer curve."""
+    x = min(max(approach, 0.0), LARGEST_APPROACH)
+    coefficients = CURVES[_nearest(thickness)]
+    return 1.0 + sum(c * x**power for power, c in enumerate(coefficients, start=1))
 
 
-def fit_error(approach: float, thickness: float) -> float:
-    """Return how far S_Q may be from the fit, inside its range."""
-    return min(ERROR, ERROR_SLOPE * math.sqrt(approach / thickness))
+def fit_error(approach: float) -> float:
+    """Return how far S_Q may be from the fit at an approach over R, inside its range."""
+    return ERROR + ERROR_GROWTH * min(approach, LARGEST_APPROACH) ** 2
 
 
 def outside(approach: float, thickness: float, distance: float, poisson: float) -> list[str]:
-    """Return what about a scene lies outside the fit's range, in words; ``distance`` of neighbours is over R."""
+    """Return what about a scene lies outside the fits' range, in words; lengths are over R."""
     faults = []
-    if approach > LARGEST_APPROACH * thickness:
-        faults.append(f"D = {approach / thickness:.2g} h is more than {LARGEST_APPROACH:g} h")
+    if approach > LARGEST_APPROACH * (1.0 + 1e-9):
+        faults.append(f"D = {approach:.2g} R is more than {LARGEST_APPROACH:g} R")
+    if not any(low <= thickness <= high for low, high in THICKNESSES.values()):
+        ranges = " or ".join(f"{low:g} to {high:g} R" for low, high in THICKNESSES.values())
+        faults.append(f"h = {thickness:.3g} R is not {ranges}")
     if not DISTANCES[0] * (1.0 - 1e-9) <= distance <= DISTANCES[1]:
         faults.append(f"L = {distance:.3g} R is not {DISTANCES[0]:g} to {DISTANCES[1]:g} R")
     if not POISSONS[0] <= poisson <= POISSONS[1]:
         faults.append(f"nu = {poisson:g} is not {POISSONS[0]:g} to {POISSONS[1]:g}")
     return faults
+
+
+def _nearest(thickness: float) -> float:
+    return min(CURVES, key=lambda known: abs(1.0 / known - 1.0 / thickness))

@@ -92,15 +92,16 @@ class Adviser:
     def _finite_strain(self) -> Advice:
         present = self.given.finite_strain is not None
         ball, scene_ball = self.ahead.balls[self.ball], self.problem.balls[self.ball]
-        thickness = self.problem.layer.thickness
+        radius = scene_ball.radius
+        approach, thickness = ball.approach / radius, self.problem.layer.thickness / radius
         distance = min(
             math.dist(scene_ball.position, other.position)
             for i, other in enumerate(self.problem.balls)
             if i != self.ball
         )
-        change = strengthening_at_force(ball.approach, thickness) - 1.0
-        beyond = outside(ball.approach, thickness, distance / scene_ball.radius, self.problem.layer.poisson)
-        error = fit_error(ball.approach, thickness)
+        change = strengthening_at_force(approach, thickness) - 1.0
+        beyond = outside(approach, thickness, distance / radius, self.problem.layer.poisson)
+        error = fit_error(approach)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:
             matters = True

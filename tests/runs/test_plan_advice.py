@@ -18,10 +18,11 @@ SUBSTRATE = Elastic(1e3, 0.3)
 PRECISION = 5e-3
 """Of changes that both sides compute to 1e-3 of T."""
 KNOWN = (
-    (1.16, 0.02502, 0.997, 0.011), (1.16, 0.0563, 1.014, 0.029), (1.16, 0.1267, 1.061, 0.024),
-    (1.16, 0.19, 1.11, 0.04), (1.16, 0.255, 1.17, 0.03), (1.16, 0.32, 1.245, 0.027), (6.0, 0.32, 0.991, 0.01),
+    (1.16, 0.02634, 1.012, 0.004), (1.16, 0.05926, 1.031, 0.006), (1.16, 0.1333, 1.082, 0.011),
+    (1.16, 0.2, 1.138, 0.011), (1.16, 0.3, 1.255, 0.014), (1.16, 0.4, 1.440, 0.019), (1.16, 0.5, 1.77, 0.06),
+    (6.0, 0.05926, 0.9964, 0.0018), (6.0, 0.2, 0.9905, 0.0014), (6.0, 0.5, 0.996, 0.005),
 )  # fmt: skip
-"""Thickness and approach over R, S_Q and its error, as `thirdbody compare` gave them."""
+"""Thickness and approach over R, S_Q and its error, as the study ``strengthening`` has them."""
 
 
 def pair(
@@ -42,19 +43,19 @@ def force(problem: Problem) -> float:
 
 def test_the_fit_meets_what_is_known_within_its_error() -> None:
     for thickness, approach, ratio, error in KNOWN:
-        assert abs(strengthening_at_force(approach, thickness) - ratio) <= fit_error(approach, thickness) + error
+        assert abs(strengthening_at_force(approach, thickness) - ratio) <= fit_error(approach) + error
         assert not outside(approach, thickness, 2.0, 0.48)
     assert strengthening_at_force(0.0, 1.0) == 1.0
-    assert len(outside(0.5, 1.0, 4.0, 0.3)) == 3
+    assert len(outside(0.6, 2.0, 4.0, 0.3)) == 4
 
 
 def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> None:
     found = advice(pair(0.32))["finite_strain"]
-    assert found.change == pytest.approx(0.245, abs=0.03)
+    assert found.change == pytest.approx(0.29, abs=0.01)
     assert found.matters is True
     assert not found.present
     assert found.text.endswith("add [finite_strain]")
-    deep = advice(pair(0.32), 0.25)["finite_strain"]
+    deep = advice(pair(0.32), 0.28)["finite_strain"]
     assert deep.matters is None  # its error bar reaches over the accuracy asked
     loose = advice(pair(0.02), 0.05)["finite_strain"]
     assert loose.matters is False
@@ -70,7 +71,7 @@ def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
 
 
 def test_outside_its_range_the_fit_decides_nothing() -> None:
-    found = advice(pair(0.35))["finite_strain"]
+    found = advice(pair(0.55))["finite_strain"]
     assert found.matters is None
     assert "outside the fit's range" in found.text
 
