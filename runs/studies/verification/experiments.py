@@ -16,6 +16,8 @@ SCENES = Path(__file__).parents[2] / "scenes"
 DIAMETERS = (7, 10, 16)
 """Diameters [mm] of the balls on 10 mm of rubber, pressed in by 1.5 mm [the paper, section 2.2]."""
 ACCURACY = 0.1
+DEEP_ACCURACY = 0.05
+"""Of the thick layer at nu = 0.48: elements of a companion mesh made for 0.1 fold before full load there."""
 
 
 def cases(quick: bool) -> list[Case]:
@@ -32,13 +34,20 @@ def cases(quick: bool) -> list[Case]:
     for poisson in (0.3, 0.48):
         # balls of 10 mm 25 mm apart pressed 12 mm into 80 mm of foam [the paper, section 2.1]
         problem = pair(1.2, 8.0, distance=2.5, poisson=poisson, substrate=None)
-        found.append(_case(f"thick-nu{poisson:g}", f"thick: h = 8 R, L = 2.5 R, D = 1.2 R, nu = {poisson:g}", problem))
+        found.append(
+            _case(
+                f"thick-nu{poisson:g}",
+                f"thick: h = 8 R, L = 2.5 R, D = 1.2 R, nu = {poisson:g}",
+                problem,
+                DEEP_ACCURACY if poisson > 0.45 else ACCURACY,
+            )
+        )
     return found
 
 
-def _case(name: str, words: str, problem: Any) -> Case:
+def _case(name: str, words: str, problem: Any, accuracy: float = ACCURACY) -> Case:
     labels = {"part": NAME, "words": words, "check": None}
-    return Case(f"{NAME}-{name}", problem, "finite_strain", ACCURACY, labels=labels)
+    return Case(f"{NAME}-{name}", problem, "finite_strain", accuracy, labels=labels)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
