@@ -53,10 +53,9 @@ def main() -> None:
     except Stopped:
         raise SystemExit(STOPPED) from None
     except ThirdBodyError as error:
-        for rank in range(comm.size):
-            comm.barrier()
-            if rank == comm.rank:
-                print(f"rank {rank}: {type(error).__name__}: {error}", flush=True)
+        said = comm.gather(f"rank {comm.rank}: {type(error).__name__}: {error}", root=0)
+        if said is not None:  # a launcher mixes the lines of several ranks
+            print("\n".join(said), flush=True)
         raise SystemExit(1) from None
     if comm.rank == 0:
         meshes = sorted({attempt["mesh"] for attempt in observer.attempts})
