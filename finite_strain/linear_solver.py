@@ -47,6 +47,7 @@ def install(options: Mapping[str, str]) -> None:
 
 def choose_for(model: Model) -> Choice:
     """Return the solver for a model's systems, by its size and form and the user's options."""
+    PETSc.Options(PREFIX).hasName("direct_up_to")  # ours alone: PETSc would report an option that nobody asked for
     return choose(model.unknowns, model.is_mixed, given_options())
 
 
@@ -56,6 +57,7 @@ class LinearSolver:
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
+        self._fallback: set[str] = set()
         if choice.direct:
             return
         motions = self._rigid_motions()
@@ -66,9 +68,15 @@ class LinearSolver:
             self._split(motions)
 
     def close(self) -> None:
-        """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too."""
+        """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too.
+
+        Options of ours leave the database: PETSc 3.22 reports at its end those that no solver asked for.
+        """
         for item in (self.ksp, *self._owned):
             item.destroy()
+        install({})
+        for key in self._fallback:
+            PETSc.Options(FALLBACK).delValue(key)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> int:
         """Solve with the operator that was set; return 1 if factors stood in, else 0. Raises `NotConverged`."""
@@ -91,6 +99,7 @@ class LinearSolver:
         for key, value in DIRECT.items():
             if not database.hasName(key):
                 database[key] = value
+                self._fallback.add(key)
         ksp = PETSc.KSP().create(self.model.comm)
         ksp.setOptionsPrefix(FALLBACK)
         ksp.setFromOptions()

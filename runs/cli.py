@@ -163,9 +163,12 @@ def doctor(as_json: JsonOption = False) -> None:
 def main() -> None:
     """Run the command line; exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
     from runs.ending import run_to_end  # noqa: PLC0415
+    from runs.forwarding import forward_whole_lines  # noqa: PLC0415
 
     if not ranks.is_root():
         sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (rank 0 speaks for all)
+    elif ranks.launched():
+        forward_whole_lines()
     run_to_end(app)
 
 

@@ -23,12 +23,21 @@ _farewell: Any = None
 
 def rank_and_size() -> tuple[int, int]:
     """Return this process's rank and the number of ranks, as the launcher's environment tells them."""
+    return _told() or (0, 1)
+
+
+def launched() -> bool:
+    """Return whether a launcher started this process, and so reads what it prints."""
+    return _told() is not None
+
+
+def _told() -> tuple[int, int] | None:
     for rank, size in LAUNCHERS:
         try:
             return int(os.environ[rank]), int(os.environ[size])
         except (KeyError, ValueError):
             continue
-    return 0, 1
+    return None
 
 
 def is_root() -> bool:
