@@ -92,7 +92,8 @@ def solve_smooth(
 ) -> SmoothSolution:
     """Return the solution at one degree of p^2, from a guess or from another degree's solution.
 
-    ``precision`` is the relative one of forces and approaches that many balls' iteration stops at.
+    ``precision`` is what the iteration stops at: the relative one of forces and approaches for many balls, the last
+    relative step of the pressure's coefficients for few (not below 1e-9).
     """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
     zones = [z.reframed(degree) for z in old]
@@ -112,7 +113,7 @@ def solve_smooth(
     shapes = [height(problem.balls[i]) for i in touching]
     if len(touching) > DENSE:
         return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision, 30 if degree == 2 else 60)
-    return solve_zones(kernel, shapes, zones, approaches[touching], groups, 1e-9)
+    return solve_zones(kernel, shapes, zones, approaches[touching], groups, max(precision, 1e-9))
 
 
 def overlap(nodes: tuple[Nodes, ...]) -> bool:
