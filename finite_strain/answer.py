@@ -6,11 +6,13 @@ T at given force is the root of the sum of squares of two estimates of what T / 
 either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
 the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
 so far, whichever is more. To it come what is left of the far field, and where the approach is prescribed
-the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it on the path so far.
+the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it on the path so far,
+and not less than what elements of that size at the contact's edge are known to leave.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +20,13 @@ import numpy as np
 
 from finite_strain.companion import MeshRecord
 from finite_strain.extent import STIFFENING
-from finite_strain.extrapolation import force_ratio, indentation
+from finite_strain.extrapolation import (
+    EDGE_ERROR,
+    FORCE_EXPONENT,
+    INDENTATION_ORDER,
+    force_ratio,
+    indentation,
+)
 from finite_strain.far_field import REMAINS, SHIFT_REMAINS, FarField
 from finite_strain.planning import RunPlan
 from linear_bem.result import BallResult, Step
@@ -60,6 +68,11 @@ class Answer:
         ratio = self.sizes[1] / self.sizes[0]
         forces, force_error = indentation(np.array(row["normal_forces"]), others[0].normal_forces, ratio)
         approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
+        edge = self._edge_error(states)
+        if self.plan.problem.load.kind == "approach":
+            force_error = np.maximum(force_error, edge * forces)
+        else:
+            approach_error = np.maximum(approach_error, edge / FORCE_EXPONENT * np.abs(approaches))
         force_error = self._at_least(force_error, forces, earlier, "normal_force")
         approach_error = self._at_least(approach_error, approaches, earlier, "approach")
         away = self._distance(forces, approaches)
@@ -114,6 +127,14 @@ class Answer:
                 )
             )
         return Step(tuple(balls), record)
+
+    def _edge_error(self, states: list[dict[str, float]]) -> np.ndarray:
+        """Return what the elements at the contacts' edges leave of Q at given approach (balls,), over Q."""
+        assert self.plan.resolution is not None
+        resolution = self.plan.resolution.coarser(self.sizes[0])
+        radii = [math.sqrt(state["contact_area"] / math.pi) for state in states]
+        sizes = [resolution.at_edge(radius, self.plan.smallest_contact) if radius > 0.0 else 0.0 for radius in radii]
+        return np.array(EDGE_ERROR * np.array(sizes) ** INDENTATION_ORDER)
 
     def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
         """Return the error (balls,) of Q or D, raised to the largest share that it had of it at an earlier step."""

@@ -221,17 +221,6 @@ class Contact:
             residual += sign * shifted / (2.0 * step)
         self.approach = approach
 
-    def shift_derivative(self, displacement: np.ndarray, axis: int, residual: np.ndarray) -> None:
-        """Add the residual's derivative by an in-plane shift of the ball [N/m] to a local vector (nodes, 3)."""
-        step = 1e-6 * self.radius
-        reference = self.reference
-        for sign in (1.0, -1.0):
-            self.reference = reference - sign * step * np.eye(3)[axis]
-            shifted = np.zeros_like(residual)
-            self.add_residual(displacement, shifted)
-            residual += sign * shifted / (2.0 * step)
-        self.reference = reference
-
     def pressure_moment(self, displacement: np.ndarray) -> np.ndarray:
         """Return this rank's share of int p and int p (X - X_ball), int p (Y - Y_ball) over the undeformed surface."""
         pressure = self.surface.weights * self.pressure(displacement)

@@ -157,8 +157,13 @@ class Resolution:
     @classmethod
     def for_accuracy(cls, tangential_force: float) -> Resolution:
         """Return the resolution that experience gives for a relative accuracy of T."""
-        scale = float(np.clip((tangential_force / 0.02) ** 0.4, 0.4, 1.6))
+        share = tangential_force / USUAL_ACCURACY
+        scale = float(np.clip(share ** (0.4 if share > 1.0 else 0.25), 0.5, 1.6))
         return cls(inner=0.21 * scale, outer=0.17 * scale, finest=0.21 * scale)
+
+    def at_edge(self, contact_radius: float, smallest_contact: float) -> float:
+        """Return the element size over the contact radius at its edge, for radii [m] now and at first; at most 1."""
+        return min(max(self.inner, self.finest * smallest_contact / contact_radius), 1.0)
 
     def coarser(self, ratio: float) -> Resolution:
         """Return the resolution whose elements are larger by a ratio everywhere."""

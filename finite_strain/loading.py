@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from finite_strain.domain import LEAST_SHARE
 from finite_strain.fields import Values
@@ -235,11 +236,11 @@ class LoadPath:
         """Return dQ_i/dD_j [N/m] of the model's balls at the present equilibrium, by linearisation."""
         model, count = self.model, len(self.balls)
         copies = np.array([ball.copies for ball in self.balls])
-        columns, responses = [], []
+        columns, responses = list[PETSc.Vec](), list[PETSc.Vec]()
         for contact in model.contacts:
             column, response = self.solver.new_vector(), self.solver.new_vector()
             model.approach_derivative([contact], column)
-            self.solver.solve_linear(column, response)
+            self.solver.solve_linear(column, response, refactor=not responses)
             columns.append(column)
             responses.append(response)
         local = [contact.stiffness(model.nodal) for contact in model.contacts]

@@ -52,10 +52,9 @@ class MeshRun:
 
     def _compare_routes(self) -> None:
         """Note by how much traction and domain integral differ, as T / Q^2, before the first augmentation."""
-        forces = self.path.normal_forces()
-        states = self.contact_states()
-        traction = self.traction.per_squared_force(_radii(states))
-        self._route_difference = traction - self._domain_per_squared_force(forces, states)
+        excess = self.traction.excess(_radii(self.contact_states()))
+        squared = self.path.normal_forces()[:, None] ** 2
+        self._route_difference = np.divide(excess, squared, out=np.zeros_like(excess), where=squared > 0.0)
 
     def contact_states(self) -> list[dict[str, float]]:
         """Return penetration, peak pressure, contact area of every model ball, whole balls (collective)."""
@@ -71,9 +70,7 @@ class MeshRun:
 
     def per_squared_force(self, states: list[dict[str, float]]) -> np.ndarray:
         """Return the domain integral's T / Q^2 (balls, 2) [1/N]."""
-        return self._domain_per_squared_force(np.array(self.path.history[-1].forces), states)
-
-    def _domain_per_squared_force(self, forces: np.ndarray, states: list[dict[str, float]]) -> np.ndarray:
+        forces = np.array(self.path.history[-1].forces)
         squared = forces[:, None] ** 2
         domain = self.meter.domain(_radii(states))
         return np.divide(domain, squared, out=np.zeros((len(forces), 2)), where=squared > 0.0)
@@ -100,6 +97,7 @@ class MeshRun:
             "iterations": record.newton_iterations,
             "augmentations": record.augmentations,
             "force_iterations": record.force_iterations,
+            "route_iterations": self.traction.iterations,
             "cuts": record.cuts,
             "residual": record.residual,
             "penetration": max(s["penetration"] for s in states),

@@ -223,15 +223,6 @@ class Model:
 
         self._store_free(self._summed(fill), b)
 
-    def shift_derivative(self, contact: Contact, axis: int, b: PETSc.Vec) -> None:
-        """Assemble the residual's derivative by an in-plane shift of a ball [N/m] into b."""
-
-        def fill(work: PETSc.Vec) -> None:
-            with work.localForm() as form:
-                contact.shift_derivative(self.nodal, axis, form.array.reshape(-1, 3))
-
-        self._store_free(self._summed(fill), b)
-
     def base_reaction(self) -> float:
         """Return the normal force [N] that the bottom returns to the simulated part."""
         residual = self.bulk_residual()

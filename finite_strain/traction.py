@@ -2,109 +2,118 @@
 
 The integral of the traction is the derivative of the discrete potential by the ball's position on a mesh
 that stays behind. Its neighbours' field puts the contact a little off the ball's axis: at the offset X, the
-first moment of the pressure over the undeformed surface divided by the force. On a mesh that is
-mirror-symmetric about the axis the discrete potential is even in X, with a curvature k that an elastic
-layer, which is the same everywhere, does not have: the mesh pins the contact. The traction integral is
-therefore T - k X, off by a few per cent on affordable meshes.
+first moment of the pressure over the undeformed surface divided by the force. The mesh is mirror-symmetric
+about the axis, so the discrete potential is even in the place of the contact on the mesh, with a dependence
+on it that an elastic layer, which is the same everywhere, does not have: the mesh pins the contact. On
+affordable meshes the traction integral is off by up to a fifth of T for that.
 
-How tractions A, offset M and the domain integral's force B change when the ball alone is moved follows from
-one linear solve. The force itself changes with the distance of the neighbours, by B, and the rest of A is
-the pinning of a contact that moves by M: A = B - k M. So k = (B - A) / M, and k X is added back. B and M
-matter when the ball is deep: at an approach of the radius, leaving them out costs 5 to 10 % of T.
+The pinning vanishes where the contact lies on the mesh's mirror axis. So every ball is moved by -X, which is
+about a hundredth of the contact radius or less, equilibrium is found again, and the two routes are compared
+there. What is left of the offset (the contact does not follow the ball exactly) is taken off by the straight
+line through the differences before and after. How the pinning depends on the offset does not matter then;
+its slope at X, which jumps with every quadrature point that gains or loses contact, would leave a hundredth
+of T or more, where this leaves a few thousandths.
 
-For k to be the mesh's own the contact must be a plain penalty, so this is done before the first
-augmentation, where multipliers are zero.
+Multipliers would carry the contact's old place into the new equilibrium, so this is done before the first
+augmentation, where they are zero.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from finite_strain.contact import Contact
 from finite_strain.domain import ModelBall
 from finite_strain.forces import ForceMeter
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
+from linear_bem.errors import NotConverged
 
-_STEP = 1e-5
-"""By how much of the contact radius a ball is moved to and fro to see what changes: so little that no point of the
-surface gains or loses contact, whose jump the linear solve does not know."""
+CENTRED = 0.1
+"""Part of the offset that may be left after a move; a straight line takes it off."""
+MOST_MOVES = 3
+SMALLEST_PART = 0.1
+"""Part of a move below which it is given up."""
 
 
 class TractionRoute:
-    """Evaluates the freed traction forces on the model's balls."""
+    """Compares the traction forces on the model's balls with the domain integral's."""
 
     def __init__(self, model: Model, meter: ForceMeter, solver: NewtonSolver) -> None:
         self.model, self.meter, self.solver = model, meter, solver
+        self.iterations = 0
+        """Newton iterations that the last comparison took."""
 
-    def per_squared_force(self, contact_radii: list[float]) -> np.ndarray:
-        """Return T / Q^2 (balls, 2) [1/N]; the contact radii [m] place the domain integral's ramp.
+    def excess(self, contact_radii: list[float]) -> np.ndarray:
+        """Return by how much T (balls, 2) [N] by traction exceeds the domain integral's, on whole balls.
 
-        The model must be in equilibrium with multipliers of zero, and is so again afterwards (collective).
+        The contact radii [m] place the domain integral's ramp. The model must be in equilibrium with multipliers of
+        zero, and is so again afterwards (collective). Where no equilibrium is found with the balls moved, the
+        excess is that of the pinned contact, which is larger.
+        """
+        contacts = self.model.contacts
+        present, references = self.model.fields.copy(), [contact.reference for contact in contacts]
+        moved = np.zeros((len(contacts), 2))
+        pinned_offset, pinned = offset, excess = self._compare(moved, contact_radii)
+        self.iterations = 0
+        try:
+            for _ in range(MOST_MOVES):
+                if np.all(np.abs(offset) <= CENTRED * np.abs(pinned_offset)):
+                    break
+                self._move(references, moved, moved - offset)
+                moved = moved - offset
+                offset, excess = self._compare(moved, contact_radii)
+        except NotConverged:
+            offset, excess = np.zeros_like(pinned), pinned
+        for contact, reference in zip(contacts, references, strict=True):
+            contact.reference = reference
+        self.model.fields.restore(present)
+        # a contact that does not follow its ball is left to what was found: the line would reach too far
+        left = np.where(np.abs(offset) <= CENTRED * np.abs(pinned_offset), offset, 0.0)
+        run = left - pinned_offset
+        slope = np.divide(excess - pinned, run, out=np.zeros_like(run), where=run != 0.0)
+        return np.asarray(excess - slope * left)
+
+    def _move(self, references: list[np.ndarray], start: np.ndarray, end: np.ndarray) -> None:
+        """Take all balls from one displacement (balls, 2) [m] to another, in parts where Newton's method needs them."""
+        reached, part = 0.0, 1.0
+        while reached < 1.0:
+            good, aim = self.model.fields.copy(), min(reached + part, 1.0)
+            for contact, reference, (x, y) in zip(
+                self.model.contacts, references, start + aim * (end - start), strict=True
+            ):
+                contact.reference = reference - np.array([x, y, 0.0])
+            try:
+                self.iterations += self.solver.solve(self.solver.tolerance).iterations
+                reached = aim
+            except NotConverged:
+                self.model.fields.restore(good)
+                part *= 0.5
+                if part < SMALLEST_PART:
+                    raise
+
+    def _compare(self, moved: np.ndarray, contact_radii: list[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the contacts' offsets (balls, 2) [m] from the mesh's mirror axes, and the excess there.
+
+        Both are zero for a ball without force, and along axes that a symmetry fixes.
         """
         balls = self.model.reduction.balls
-        answer = np.zeros((len(balls), 2))
+        offsets, excess = np.zeros((len(balls), 2)), np.zeros((len(balls), 2))
         for number, (contact, ball) in enumerate(zip(self.model.contacts, balls, strict=True)):
-            normal, force, offset = self._state(contact, ball)
             free = [axis for axis in (0, 1) if axis not in ball.fixed_axes]
+            normal, force, offset = self._state(contact, ball)
             if normal > 0.0 and free:
-                force[free] += self.pinning(number, free, contact_radii) @ offset[free]
-                answer[number, free] = force[free] / normal**2
-        return answer
-
-    def pinning(self, number: int, axes: list[int], contact_radii: list[float]) -> np.ndarray:
-        """Return k (axes, axes) [N/m] of one ball, whole."""
-        traction, offset, domain = self.rates(number, axes, contact_radii)
-        return (domain - traction) @ np.linalg.inv(offset)
-
-    def rates(self, number: int, axes: list[int], contact_radii: list[float]) -> tuple[np.ndarray, ...]:
-        """Return by how much traction force, contact offset and domain force change as one whole ball is moved.
-
-        Three matrices (axes, axes) [N/m], [-], [N/m]; the ball's mirror images move with it.
-        """
-        model = self.model
-        contact, ball = model.contacts[number], model.reduction.balls[number]
-        step = _STEP * contact_radii[number]
-        present, reference = model.fields.copy(), contact.reference
-        rows: list[np.ndarray] = []
-        for column, axis in enumerate(axes):
-            response = self._response(contact, axis, refactor=column == 0)
-            direction = np.eye(3)[axis]
-            change = np.zeros((3, 2))
-            for sign in (1.0, -1.0):
-                self._displace(response, -sign * step)
-                contact.reference = reference - sign * step * direction
-                _, force, offset = self._state(contact, ball)
-                offset += sign * step * direction[:2]  # about the undisplaced axis
-                change += sign * np.array([force, offset, self.meter.domain_force(number, ball, contact_radii)])
-                contact.reference = reference
-                model.fields.restore(present)
-            response.destroy()
-            rows.append(change[:, axes] / (2.0 * step))
-        traction, offset, domain = np.array(rows).transpose(1, 2, 0)
-        return traction, offset, domain
-
-    def _response(self, contact: Contact, axis: int, refactor: bool) -> PETSc.Vec:
-        """Return minus the change of the fields per length that the ball moves along an axis [-]."""
-        column, response = self.solver.new_vector(), self.solver.new_vector()
-        self.model.shift_derivative(contact, axis, column)
-        self.solver.solve_linear(column, response, refactor=refactor)
-        column.destroy()
-        return response
-
-    def _displace(self, response: PETSc.Vec, length: float) -> None:
-        moved = self.solver.new_vector()
-        self.model.get_state(moved)
-        moved.axpy(length, response)
-        self.model.set_state(moved)
-        moved.destroy()
+                domain = np.array(self.meter.domain_force(number, ball, contact_radii))
+                offsets[number, free] = (offset + moved[number])[free]
+                excess[number, free] = (force - domain)[free]
+        return offsets, excess
 
     def _state(self, contact: Contact, ball: ModelBall) -> tuple[float, np.ndarray, np.ndarray]:
         """Return normal force [N] and in-plane force (2,) [N] of a whole ball by traction, and its contact's offset.
 
-        The offset (2,) is in m; along axes that a symmetry fixes both are meaningless, of the cut ball.
+        The offset (2,) [m] is from the ball's axis; along axes that a symmetry fixes both are meaningless, of the
+        cut ball.
         """
         model = self.model
         local = np.concatenate([contact.force(model.nodal), contact.pressure_moment(model.nodal)])

@@ -130,7 +130,7 @@ def test_factors_take_the_place_of_a_krylov_method_that_fails_and_the_record_say
     rig = coarse_rig(plan, tmp_path)
     assert rig.press()[-1].normal_forces[0] == relatively(expected, SOLVER)
     b, x, r = (rig.solver.new_vector() for _ in range(3))
-    rig.model.shift_derivative(rig.model.contacts[0], 0, b)
+    rig.model.approach_derivative(rig.model.contacts, b)
     solved_before = rig.solver.effort.fallbacks
     rig.solver.solve_linear(b, x)
     rig.model.matrix.mult(x, r)

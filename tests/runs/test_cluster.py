@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -69,6 +70,8 @@ def test_a_scene_is_solved_once_by_all_ranks(cluster: Cluster, tmp_path: Path) -
     done = cluster.run(
         "solve", "runs/scenes/paper_thin_pair_linear.toml", "--out", str(tmp_path / "out"),
         VENV=str(Path(sys.executable).parent.parent), LAUNCHER="mpirun --bind-to none --oversubscribe",
+        # Open MPI 5 ends where a job of Slurm lacks these
+        SLURM_NODELIST=platform.node(), SLURM_TASKS_PER_NODE="2",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["model"] == "linear_bem"
