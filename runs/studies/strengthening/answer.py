@@ -132,7 +132,8 @@ def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     """Fit how every curve leaves 1: by the curve itself, and by pairs of runs on one mesh where they are there."""
     shown = []
     for case in found.cases:
-        if case.labels["group"] == "sign" or case.name not in rows:
+        # the deeper curves are the headline's, apart from which they end
+        if case.labels["group"] in ("sign", "deeper") or case.name not in rows:
             continue
         paths: dict[str, Rows] = {"against linear_bem": rows[case.name]}
         partner = small_strain_partner(found, case)
