@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import importlib.metadata
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +23,11 @@ def run(options: Options) -> None:
     from runs.progress import tell  # noqa: PLC0415
     from runs.store import RunFolder  # noqa: PLC0415
     from runs.studies.benchmarks import pair, sphere  # noqa: PLC0415
+    from runs.studies.publishing import publish  # noqa: PLC0415
 
     identity = {"command": "study", "study": "benchmarks", "quick": options.quick}
     folder = RunFolder(options.out or Path("out/study-benchmarks"), identity, "", fresh=options.fresh)
+    before = os.getloadavg()[0]
     rows: list[dict[str, Any]] = []
     for cells in GRIDS[:1] if options.quick else GRIDS:
         ours = 0.0
@@ -45,10 +49,9 @@ def run(options: Options) -> None:
         "growth": "Touching balls under one holder, T to 1e-3",
     }
     lines = [
-        "# Benchmarks",
-        "",
-        f"One run on one thread of {os.cpu_count()} cores; load of the machine over the "
-        f"last minute {os.getloadavg()[0]:.1f}: above 1, something else ran too, and ratios tell more than seconds.",
+        f"One run on one thread of {os.cpu_count()} cores; load of the machine over the last minute "
+        f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, something else ran too, and "
+        f"ratios tell more than seconds. Codes: {', '.join(_versions())}.",
     ]
     for name, table_rows in tables.items():
         _save(folder.path / f"{name}.csv", table_rows)
@@ -56,8 +59,19 @@ def run(options: Options) -> None:
     text = "\n".join(lines) + "\n"
     (folder.path / "benchmarks.md").write_text(text, encoding="utf-8")
     print(text)
+    if options.publish:
+        tell(f"published in {publish('benchmarks', text, [])}")
     folder.finish()
     folder.close()
+
+
+def _versions() -> list[str]:
+    """Return the codes and the libraries they stand on with their versions, where they are installed."""
+    found = []
+    for name in ("thirdbody", "tamaas", "aspher", "numpy", "scipy"):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found.append(f"{name} {importlib.metadata.version(name)}")
+    return found
 
 
 def _save(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -63,13 +63,18 @@ def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
 def growth(counts: list[int]) -> list[dict[str, Any]]:
     """Return time and memory for lattices of balls, T asked to 1e-3; each count in a process of its own.
 
-    ``GiB`` is the peak of that process, ``GiB_of_it_before`` what Python, numpy and the kernel's table take.
+    ``GiB`` is the peak of that process, ``GiB_of_it_before`` what Python, numpy and the kernel's table take;
+    ``time_goes_like`` the power of the count that the time went like since the row before.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for count in counts:
         # spawned, not forked: a fork would start with this process's memory
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            rows.append(process.submit(_measured, count).result())
+            row = process.submit(_measured, count).result()
+        power = np.nan
+        if rows:
+            power = float(np.log(row["seconds"] / rows[-1]["seconds"]) / np.log(count / rows[-1]["balls"]))
+        rows.append({**row, "time_goes_like": power})
     return rows
 
 
