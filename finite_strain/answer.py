@@ -6,8 +6,8 @@ T at given force is the root of the sum of squares of two estimates of what T / 
 either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
 the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
 so far, whichever is more. To it come what is left of the far field, and where the approach is prescribed
-the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it on the path so far,
-and not less than what elements of that size at the contact's edge are known to leave.
+the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it that the meshes
+differed by on the path so far, and not less than what elements such as those at the contact's edge leave.
 """
 
 from __future__ import annotations
@@ -68,13 +68,14 @@ class Answer:
         ratio = self.sizes[1] / self.sizes[0]
         forces, force_error = indentation(np.array(row["normal_forces"]), others[0].normal_forces, ratio)
         approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
-        edge = self._edge_error(states)
-        if self.plan.problem.load.kind == "approach":
+        force_change = self._at_least(force_error, forces, earlier, "normal_force")
+        approach_change = self._at_least(approach_error, approaches, earlier, "approach")
+        kind, edge = self.plan.problem.load.kind, self._edge_error(states)
+        force_error, approach_error = force_change, approach_change
+        if kind == "approach" or (kind == "total_force" and len(forces) > 1):
             force_error = np.maximum(force_error, edge * forces)
-        else:
+        if kind != "approach":
             approach_error = np.maximum(approach_error, edge / FORCE_EXPONENT * np.abs(approaches))
-        force_error = self._at_least(force_error, forces, earlier, "normal_force")
-        approach_error = self._at_least(approach_error, approaches, earlier, "approach")
         away = self._distance(forces, approaches)
         forces, approaches = forces * away.force_factor, approaches - away.approach
         squared, value = forces**2, mesh.value - away.ratio
@@ -96,6 +97,8 @@ class Answer:
             "route_difference": difference.tolist(),
             "normal_force_error": self._per_ball(force_error),
             "approach_error": self._per_ball(approach_error),
+            "normal_force_change": self._per_ball(force_change),
+            "approach_change": self._per_ball(approach_change),
             "far_field_error": self._per_ball(far_error + shift),
             "far_field_correction": self._per_ball(squared * np.abs(away.ratio).max(axis=1)),
             "tangential_force_error_at_force": self._per_ball(at_force),
@@ -137,11 +140,12 @@ class Answer:
         return np.array(EDGE_ERROR * np.array(sizes) ** INDENTATION_ORDER)
 
     def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
-        """Return the error (balls,) of Q or D, raised to the largest share that it had of it at an earlier step."""
+        """Return what two meshes differ by in Q or D (balls,), raised to the largest share of it at an earlier step."""
+        error = error.copy()
         for step in earlier:
             for b, ball in enumerate(self.plan.reduction.balls):
                 before = getattr(step.balls[ball.index], name)
-                share = step.record[f"{name}_error"][ball.index] / before if before > 0.0 else 0.0
+                share = step.record[f"{name}_change"][ball.index] / before if before > 0.0 else 0.0
                 error[b] = max(error[b], share * values[b])
         return error
 

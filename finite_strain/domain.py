@@ -162,8 +162,11 @@ class Resolution:
         return cls(inner=0.21 * scale, outer=0.17 * scale, finest=0.21 * scale)
 
     def at_edge(self, contact_radius: float, smallest_contact: float) -> float:
-        """Return the element size over the contact radius at its edge, for radii [m] now and at first; at most 1."""
-        return min(max(self.inner, self.finest * smallest_contact / contact_radius), 1.0)
+        """Return how element sizes grow with the distance at a contact's edge, over the contact radius [m]; at most 1.
+
+        ``inner`` for a contact that the mesh was made for; more for one that is smaller than ``smallest_contact`` [m].
+        """
+        return min(self.inner * max(1.0, smallest_contact / contact_radius), 1.0)
 
     def coarser(self, ratio: float) -> Resolution:
         """Return the resolution whose elements are larger by a ratio everywhere."""

@@ -25,6 +25,8 @@ FALLBACK = f"{PREFIX}fallback_"
 """Prefix of the options of the factors that stand in where the Krylov method fails."""
 _written: dict[str, str] = {}
 """Options of ours in PETSc's database, which a solver of another form or size replaces; a user's own stay."""
+_open: set[int] = set()
+"""Solvers that are not closed yet and may still ask the database."""
 
 
 def given_options() -> dict[str, str]:
@@ -58,6 +60,7 @@ class LinearSolver:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
         self._fallback: set[str] = set()
+        _open.add(id(self))
         if choice.direct:
             return
         motions = self._rigid_motions()
@@ -70,11 +73,13 @@ class LinearSolver:
     def close(self) -> None:
         """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too.
 
-        Options of ours leave the database: PETSc 3.22 reports at its end those that no solver asked for.
+        Options of ours leave the database with the last solver: PETSc 3.22 reports at its end those nobody asked for.
         """
         for item in (self.ksp, *self._owned):
             item.destroy()
-        install({})
+        _open.discard(id(self))
+        if not _open:
+            install({})
         for key in self._fallback:
             PETSc.Options(FALLBACK).delValue(key)
 

@@ -98,6 +98,7 @@ class MeshRun:
             "augmentations": record.augmentations,
             "force_iterations": record.force_iterations,
             "route_iterations": self.traction.iterations,
+            "route_pinned": self.traction.pinned,
             "cuts": record.cuts,
             "residual": record.residual,
             "penetration": max(s["penetration"] for s in states),

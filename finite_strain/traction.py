@@ -20,6 +20,8 @@ augmentation, where they are zero.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from mpi4py import MPI
 
@@ -30,11 +32,15 @@ from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
 from linear_bem.errors import NotConverged
 
-CENTRED = 0.1
-"""Part of the offset that may be left after a move; a straight line takes it off."""
+CENTRED, CENTRED_RADII = 0.1, 1e-4
+"""Parts of the offset before, and of the contact radius, that a move may leave; a straight line takes them off."""
 MOST_MOVES = 3
+FARTHEST = 0.2
+"""Contact radii beyond which a contact lies on a neighbour's dent rather than under its ball; it stays pinned."""
+LONGEST_PART = 0.02
+"""Contact radii that a ball is moved by at once; a longer move is divided, and each part predicts the next."""
 SMALLEST_PART = 0.1
-"""Part of a move below which it is given up."""
+"""Fraction of the first part below which a move is given up."""
 
 
 class TractionRoute:
@@ -44,53 +50,72 @@ class TractionRoute:
         self.model, self.meter, self.solver = model, meter, solver
         self.iterations = 0
         """Newton iterations that the last comparison took."""
+        self.pinned = False
+        """Whether the last comparison found no equilibrium with the balls moved."""
 
     def excess(self, contact_radii: list[float]) -> np.ndarray:
         """Return by how much T (balls, 2) [N] by traction exceeds the domain integral's, on whole balls.
 
         The contact radii [m] place the domain integral's ramp. The model must be in equilibrium with multipliers of
-        zero, and is so again afterwards (collective). Where no equilibrium is found with the balls moved, the
-        excess is that of the pinned contact, which is larger.
+        zero, and is so again afterwards (collective). Where no equilibrium is found with the balls moved, and for a
+        ball that then lifts off or whose contact is too far from its axis, the excess is that of the pinned contact,
+        which is larger.
         """
-        contacts = self.model.contacts
+        contacts, radii = self.model.contacts, np.array(contact_radii)[:, None]
         present, references = self.model.fields.copy(), [contact.reference for contact in contacts]
         moved = np.zeros((len(contacts), 2))
-        pinned_offset, pinned = offset, excess = self._compare(moved, contact_radii)
-        self.iterations = 0
+        first, pinned = self._compare(moved, contact_radii)
+        held = (np.abs(first) > FARTHEST * radii).any(axis=1, keepdims=True)
+        near = np.maximum(CENTRED * np.abs(first), CENTRED_RADII * radii)
+        offset, excess = np.where(held, 0.0, first), pinned
+        self.iterations, self.pinned = 0, False
         try:
             for _ in range(MOST_MOVES):
-                if np.all(np.abs(offset) <= CENTRED * np.abs(pinned_offset)):
+                if np.all(np.abs(offset) <= near):
                     break
-                self._move(references, moved, moved - offset)
+                self._move(references, moved, moved - offset, radii)
                 moved = moved - offset
                 offset, excess = self._compare(moved, contact_radii)
+                held |= (self._normal_forces() <= 0.0)[:, None]
+                offset = np.where(held, 0.0, offset)
         except NotConverged:
-            offset, excess = np.zeros_like(pinned), pinned
-        for contact, reference in zip(contacts, references, strict=True):
-            contact.reference = reference
-        self.model.fields.restore(present)
+            self.pinned = True
+        finally:
+            for contact, reference in zip(contacts, references, strict=True):
+                contact.reference = reference
+            self.model.fields.restore(present)
         # a contact that does not follow its ball is left to what was found: the line would reach too far
-        left = np.where(np.abs(offset) <= CENTRED * np.abs(pinned_offset), offset, 0.0)
-        run = left - pinned_offset
-        slope = np.divide(excess - pinned, run, out=np.zeros_like(run), where=run != 0.0)
-        return np.asarray(excess - slope * left)
+        left = np.where(np.abs(offset) <= near, offset, 0.0)
+        run = left - first
+        slope = np.divide(excess - pinned, run, out=np.zeros_like(run), where=np.abs(run) > near)
+        return np.where(held | self.pinned, pinned, excess - slope * left)
 
-    def _move(self, references: list[np.ndarray], start: np.ndarray, end: np.ndarray) -> None:
-        """Take all balls from one displacement (balls, 2) [m] to another, in parts where Newton's method needs them."""
-        reached, part = 0.0, 1.0
-        while reached < 1.0:
-            good, aim = self.model.fields.copy(), min(reached + part, 1.0)
-            for contact, reference, (x, y) in zip(
-                self.model.contacts, references, start + aim * (end - start), strict=True
-            ):
+    def _normal_forces(self) -> np.ndarray:
+        balls = self.model.reduction.balls
+        return np.array([self._state(c, ball)[0] for c, ball in zip(self.model.contacts, balls, strict=True)])
+
+    def _move(self, references: list[np.ndarray], start: np.ndarray, end: np.ndarray, radii: np.ndarray) -> None:
+        """Take all balls from one displacement (balls, 2) [m] to another, in as many parts as Newton's method needs."""
+        fields = self.model.fields
+        way = np.divide(np.abs(end - start), radii, out=np.zeros_like(start), where=radii > 0.0)
+        part = 1.0 / max(math.ceil(float(way.max()) / LONGEST_PART), 1)
+        reached, before, smallest = 0.0, None, SMALLEST_PART * part
+        while reached < 1.0 - 1e-9:
+            good, aim = fields.copy(), min(reached + part, 1.0)
+            shifts = start + aim * (end - start)
+            for contact, reference, (x, y) in zip(self.model.contacts, references, shifts, strict=True):
                 contact.reference = reference - np.array([x, y, 0.0])
             try:
+                if before is not None:
+                    fields.restore(tuple(2.0 * new - old for new, old in zip(good, before, strict=True)))
                 self.iterations += self.solver.solve(self.solver.tolerance).iterations
-                reached = aim
+                if not math.isfinite(self.model.energy()):
+                    raise NotConverged("the equilibrium found has elements turned inside out")
+                reached, before = aim, good
             except NotConverged:
-                self.model.fields.restore(good)
-                part *= 0.5
-                if part < SMALLEST_PART:
+                fields.restore(good)
+                part, before = 0.5 * part, None
+                if part < smallest:
                     raise
 
     def _compare(self, moved: np.ndarray, contact_radii: list[float]) -> tuple[np.ndarray, np.ndarray]:

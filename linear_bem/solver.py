@@ -151,7 +151,8 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
     def score(reached: float, settled: float) -> float:
         return max(reached / wanted, settled / enough)
 
-    precision = min(1e-6, (1e-3 if problem.size > DENSE else 1e-4) * wanted)
+    many = len(guess.touching) > DENSE
+    precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
     for degree in (2, 4, 6, 8, 10, 12):
         try:
             after = smooth_state(problem, kernel, degree, guess if before is None else before, precision)
@@ -169,7 +170,7 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
         else:
             error, settled = _change(before, after)
             error = np.maximum(error, np.max(np.abs(after.mutual_force - after.slope_force), axis=1))
-            if after.smooth.residual > (precision if problem.size > DENSE else 0.0):
+            if after.smooth.residual > (precision if many else 0.0):
                 error = error + 3.0 * after.smooth.residual * _pulls(after)
             reached = float(np.max(error)) / _size(after)
             if certified and (best is None or score(reached, settled) < score(*best[2:])):

@@ -29,6 +29,7 @@ class WholeLines(io.TextIOBase):
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._waiting = ""
+        self._patience = PATIENCE
 
     def writable(self) -> bool:
         """Return True."""
@@ -57,20 +58,33 @@ class WholeLines(io.TextIOBase):
         self._send(text.encode())
 
     def _send(self, piece: bytes) -> None:
+        if not piece:
+            return
         while piece:
             piece = piece[os.write(self._descriptor, piece) :]
-        deadline = time.monotonic() + PATIENCE
-        while _unread(self._descriptor) and time.monotonic() < deadline:
+        deadline = time.monotonic() + self._patience
+        while _unread(self._descriptor):
+            if time.monotonic() > deadline:
+                self._patience = 0.0  # not a launcher that reads at once
+                return
             time.sleep(2e-4)
 
 
 def _unread(descriptor: int) -> int:
-    """Return how many bytes of a pipe wait to be read."""
-    return int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)), sys.byteorder)
+    """Return how many bytes of a pipe wait to be read; none where the descriptor has become something else."""
+    try:
+        return int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)), sys.byteorder)
+    except OSError:
+        return 0
 
 
 def forward_whole_lines() -> None:
     """Have this process's standard output handed over line by line, where a launcher reads it through a pipe."""
-    if stat.S_ISFIFO(os.fstat(sys.stdout.fileno()).st_mode):
+    try:
+        descriptor = sys.stdout.fileno()
+        pipe = stat.S_ISFIFO(os.fstat(descriptor).st_mode)
+    except (AttributeError, OSError, ValueError):  # closed, or not a file
+        return
+    if pipe:
         sys.stdout.flush()
-        sys.stdout = WholeLines(sys.stdout.fileno())
+        sys.stdout = WholeLines(descriptor)

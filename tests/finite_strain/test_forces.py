@@ -204,21 +204,49 @@ def test_comparing_the_routes_leaves_the_model_as_it_was(pressed: Rig) -> None:
             assert np.array_equal(contact.reference, place)
 
 
+def pinned_excess(rig: Rig, number: int, axis: int) -> float:
+    ball, contact = rig.model.reduction.balls[number], rig.model.contacts[number]
+    domain = rig.meter.domain_force(number, ball, rig.contact_radii())[axis]
+    return float(ball.copies * contact.force(rig.model.nodal)[axis] - domain)
+
+
 def test_where_no_equilibrium_is_found_with_moved_balls_the_excess_is_that_of_the_pinned_contact(
     pressed: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_tolerance: float) -> None:
+        pressed.model.fields.clear()
         raise NotConverged("told to")
 
     monkeypatch.setattr(pressed.solver, "solve", fail)
-    radii = pressed.contact_radii()
-    before = pressed.model.fields.copy()
-    excess = pressed.traction.excess(radii)
+    before, places = pressed.model.fields.copy(), [contact.reference for contact in pressed.model.contacts]
+    excess = pressed.traction.excess(pressed.contact_radii())
+    assert pressed.traction.pinned
     for number, axis in free_directions(pressed):
-        ball, contact = pressed.model.reduction.balls[number], pressed.model.contacts[number]
-        domain = pressed.meter.domain_force(number, ball, radii)[axis]
-        assert excess[number, axis] == pytest.approx(ball.copies * contact.force(pressed.model.nodal)[axis] - domain)
+        assert excess[number, axis] == pytest.approx(pinned_excess(pressed, number, axis))
     assert all(np.array_equal(now, then) for now, then in zip(pressed.model.fields.copy(), before, strict=True))
+    assert all(now.reference is then for now, then in zip(pressed.model.contacts, places, strict=True))
+
+
+def test_a_contact_far_from_its_balls_axis_stays_pinned(pressed: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("finite_strain.traction.FARTHEST", 0.0)
+    excess = pressed.traction.excess(pressed.contact_radii())
+    for number, axis in free_directions(pressed):
+        assert excess[number, axis] == pytest.approx(pinned_excess(pressed, number, axis))
+
+
+def test_a_move_in_parts_ends_where_one_at_once_does(pressed: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = pressed.model
+    with unharmed(pressed):
+        for contact in model.contacts:
+            contact.multiplier = np.zeros_like(contact.multiplier)
+        settle(pressed)
+        found = []
+        for part in (1.0, 2e-4):
+            monkeypatch.setattr("finite_strain.traction.LONGEST_PART", part)
+            found.append(pressed.traction.excess(pressed.contact_radii()))
+        assert not pressed.traction.pinned
+        force = np.abs(pressed.meter.domain(pressed.contact_radii())).max()
+        assert np.abs(found[1] - found[0]).max() < 1e-3 * force  # what the solver leaves open, over T
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -51,6 +51,13 @@ def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: st
         assert b <= GROWTH * a * (1.0 + 1e-12)
 
 
+def test_a_contact_smaller_than_the_mesh_was_made_for_has_coarser_elements_at_its_edge() -> None:
+    resolution = Resolution(0.2, 0.2, 0.2)
+    assert resolution.at_edge(1.0, 0.5) == resolution.at_edge(0.5, 0.5) == 0.2
+    assert resolution.at_edge(0.25, 0.5) == 0.4
+    assert resolution.at_edge(0.01, 0.5) == 1.0
+
+
 def test_a_coarser_resolution_is_coarser_everywhere_by_one_ratio() -> None:
     fine = Resolution(0.25, 0.2, 0.3)
     assert fine.coarser(1.5) == Resolution(pytest.approx(0.375), pytest.approx(0.3), pytest.approx(0.45))

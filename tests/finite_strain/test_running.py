@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 import finite_strain
 from finite_strain.catalogue import CATALOGUE
+from finite_strain.extrapolation import EDGE_ERROR
 from finite_strain.planning import plan_run
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STOPPED
@@ -67,6 +68,14 @@ def test_two_mirrored_balls_feel_opposite_forces_to_the_last_bit(result: Any) ->
                 "domain_main_mesh",
                 "domain_companion_mesh",
             }
+
+
+def test_forces_are_not_said_to_be_known_better_than_elements_at_the_contacts_edge_let_them(result: Any) -> None:
+    growth = plan_run(light_pair(), ACCURACY, "finite_strain").resolution.inner
+    for step in result.steps:
+        for ball, error in zip(step.balls, step.record["normal_force_error"], strict=True):
+            assert error >= 0.999 * EDGE_ERROR * growth**3 * ball.normal_force  # the model's end is taken off Q later
+            assert ball.tangential_force_error >= 2.0 * error / ball.normal_force * abs(ball.tangential_force[0]) * 0.99
 
 
 def test_every_step_answers_for_the_prescribed_approach(result: Any) -> None:

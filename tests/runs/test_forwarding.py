@@ -6,6 +6,7 @@ import json
 import os
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -68,9 +69,21 @@ def test_a_reader_that_does_not_read_is_not_waited_for_without_end(monkeypatch: 
     stream = WholeLines(end)
     stream.write("one\n")
     stream.write("two\n")
-    os.close(end)
     assert os.read(entrance, BLOCK) == b"one\ntwo\n"
     os.close(entrance)
+    os.close(end)
+    stream.flush()  # nothing waits: nothing to write
+
+
+def test_a_descriptor_that_was_turned_to_another_file_takes_text_as_before(tmp_path: Path) -> None:
+    entrance, end = os.pipe()
+    stream = WholeLines(end)
+    with open(tmp_path / "file", "wb") as file:
+        os.dup2(file.fileno(), end)  # as a console does when nobody reads any more
+    stream.write("to the file\n")
+    os.close(end)
+    os.close(entrance)
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "to the file\n"
 
 
 @pytest.mark.mpi
