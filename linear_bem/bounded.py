@@ -3,7 +3,8 @@ r"""Non-negative pressures on a grid by preconditioned, constrained conjugate gr
 The method of [Polonsky and Keer 1999, Wear 231, 206, doi 10.1016/S0043-1648(99)00113-1] with two
 changes: the search direction is preconditioned by the periodic inverse of the influence matrix
 (iterations then hardly grow with the grid), and any groups of balls may have their forces prescribed,
-each with its own unknown approach. It stops when, relative to the largest approach, the gap in contact and
+each with its own unknown approach. Forces are kept by projecting the direction; where a group's balls have
+cells of different size (one holder for unequal balls), in the preconditioner's own metric. It stops when, relative to the largest approach, the gap in contact and
 the penetration outside are both below the tolerance.
 """
 
@@ -52,6 +53,7 @@ class _Joined:
         self.area = np.concatenate(
             [np.full(a * b, p.cell**2) for (a, b), p in zip(self.shapes, patches.patches, strict=True)]
         )
+        self.equal = len({p.cell for p in patches.patches}) == 1
 
     def split(self, v: Array) -> list[Array]:
         return [part.reshape(s) for part, s in zip(np.split(v, self.ends[:-1]), self.shapes, strict=True)]
@@ -128,7 +130,7 @@ def solve_bounded(
     for iteration in range(limit):
         contact = p > 0.0
         for _ in range(2):
-            _rest_on_contact(approaches, w - depth, contact, label[owner], groups)
+            _rest_on_contact(approaches, w - depth, contact, label[owner], groups, joined)
             depth, owner = joined.envelope(approaches)
         gap = w - depth
         scale = float(np.max(np.abs(approaches)))
@@ -183,27 +185,48 @@ def _rest_on_contact(
     contact: NDArray[np.bool_],
     kind: NDArray[np.intp],
     groups: list[tuple[list[int], float]],
+    joined: _Joined,
 ) -> None:
-    """Shift the groups' approaches so that the gap vanishes on average over their contacts."""
+    """Shift the groups' approaches so that the gap vanishes on average over the area of their contacts."""
     for g, (members, _) in enumerate(groups):
         mine = contact & (kind == g)
         if not np.any(mine):
             raise NotConverged("grid contact: a ball under a prescribed force lost its contact on the way")
-        approaches[members] += np.mean(misfit[mine])
+        approaches[members] += np.average(misfit[mine], weights=None if joined.equal else joined.area[mine])
 
 
 def _descent(
     joined: _Joined, residual: Array, contact: NDArray[np.bool_], kind: NDArray[np.intp], groups: int
 ) -> tuple[Array, float]:
-    """Return a direction of descent that keeps the groups' forces, and its product with the residual."""
-    for z in (np.where(contact, joined.precondition(residual), 0.0), residual.copy()):
-        for g in range(groups):
-            mine = contact & (kind == g)
-            z[mine] -= np.sum((z * joined.area)[mine]) / np.sum(joined.area[mine])
-        slope = float(residual @ (z * joined.area))
-        if slope > 0.0:
-            break
-    return z, slope
+    """Return a direction of descent that keeps the groups' forces, and its product with the residual.
+
+    Forces are <1_g, p> in the product weighted by area, in which the influence K and the preconditioner M are symmetric.
+    Where a group's cells are of one size the mean of M r is subtracted, an orthogonal projection. A constant is a poor
+    change of pressure where they are not: a small contact takes more pressure for the same approach. There z and the
+    change d of the approaches solve the saddle point of K p - D = r with M^-1 for K,
+    z = M (r - sum_g d_g 1_g), <1_g, z> = 0; <r, z> >= 0 by Schwarz's inequality for any approach.
+    """
+    masks = [contact & (kind == g) for g in range(groups)]
+    z = np.where(contact, joined.precondition(residual), 0.0)
+    if not joined.equal and any(np.ptp(joined.area[mine]) > 0.0 for mine in masks):
+        responses = [np.where(contact, joined.precondition(mine.astype(float)), 0.0) for mine in masks]
+        forces = np.array([[np.sum((m * joined.area)[mine]) for m in responses] for mine in masks])
+        excess = np.array([np.sum((z * joined.area)[mine]) for mine in masks])
+        for d, m in zip(np.linalg.solve(forces, excess), responses, strict=True):
+            z -= d * m
+    else:
+        _subtract_means(z, masks, joined.area)
+    slope = float(residual @ (z * joined.area))
+    if slope > 0.0:
+        return z, slope
+    z = residual.copy()
+    _subtract_means(z, masks, joined.area)
+    return z, float(residual @ (z * joined.area))
+
+
+def _subtract_means(z: Array, masks: list[NDArray[np.bool_]], area: Array) -> None:
+    for mine in masks:
+        z[mine] -= np.sum((z * area)[mine]) / np.sum(area[mine])
 
 
 def _scaled(p: Array, kind: NDArray[np.intp], wanted: Array, area: Array) -> Array:
