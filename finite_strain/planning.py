@@ -168,8 +168,11 @@ def _check_supported(problem: Problem, model: str) -> None:
     if model not in MODELS:
         raise UnsupportedProblem(f"model: the finite-element models are {' and '.join(MODELS)}, got {model}")
     faults = []
-    if not math.isfinite(problem.layer.thickness):
-        faults.append(f"layer.thickness: {model} meshes the layer and needs a finite one, got inf; use linear_bem")
+    if not 0.0 < problem.layer.thickness < math.inf:
+        thickness = f"{problem.layer.thickness:g}"
+        faults.append(
+            f"layer.thickness: {model} meshes the layer and needs a finite one, got {thickness}; use linear_bem"
+        )
     faults += form_faults(problem, model)
     values = problem.load.values
     if problem.load.kind == "force" and min(values) <= 0.0:

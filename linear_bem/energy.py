@@ -19,6 +19,13 @@ from linear_bem.solver import Solution, solve_contact
 Array = NDArray[np.float64]
 
 
+class _Passable(Problem):
+    """A problem whose balls may pass through each other."""
+
+    def _overlaps(self) -> list[str]:
+        return []
+
+
 def elastic_energy(solution: Solution) -> float:
     """Return the elastic energy [J], half the work of the contact pressure."""
     contacts = solution.contacts
@@ -39,8 +46,8 @@ def elastic_energy(solution: Solution) -> float:
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
-    ``step`` [m] of the difference: by default 1 % of the distance to the nearest neighbour. The balls must have room
-    for two steps (axes no closer than 2 sqrt(R_i R_j)).
+    ``step`` [m] of the difference: by default 1 % of the distance to the nearest neighbour. Touching balls may be
+    moved into each other: the layer knows their contacts only.
     """
     problem = solution.problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)
@@ -51,7 +58,7 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     def energy(dx: float, dy: float) -> float:
         moved = list(problem.balls)
         moved[ball] = replace(moved[ball], position=(float(here[0] + dx), float(here[1] + dy)))
-        shifted = Problem(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
+        shifted = _Passable(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
         return elastic_energy(solve_contact(shifted, 1e-6))
 
     out = []

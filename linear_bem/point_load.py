@@ -89,6 +89,7 @@ def _estimate(problem: Problem, ball: Ball, **given: float) -> tuple[float, floa
 
 def solve_point_load(problem: Problem) -> Result:
     """Return the point-load law's answer for any number of balls and any kind of load."""
+    problem = problem.without_empty_layer()
     if problem.finite_strain is not None:
         raise UnsupportedProblem("point_load: the effect finite_strain is not part of this model; drop the table")
     begun = time.perf_counter()

@@ -46,7 +46,7 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Layer(Elastic):
-    """The elastic layer: elastic constants and thickness [m] (``inf``: a homogeneous half-space)."""
+    """The elastic layer: elastic constants and thickness [m] (``inf``: a half-space; 0: the substrate alone)."""
 
     thickness: float
 
@@ -123,10 +123,19 @@ class Problem:
         """Return the same bodies under another load."""
         return replace(self, load=Load(kind, tuple(values)))
 
+    def without_empty_layer(self) -> Problem:
+        """Return the same problem on the half-space of the substrate where the layer has no thickness."""
+        if self.layer.thickness > 0.0:
+            return self
+        assert self.substrate is not None
+        return replace(self, layer=Layer(self.substrate.young, self.substrate.poisson, math.inf), substrate=None)
+
     def _material_faults(self) -> list[str]:
         faults = []
-        if not self.layer.thickness > 0.0:
-            faults.append(f"layer.thickness: must be greater than 0, got {self.layer.thickness:g} m")
+        thickness = self.layer.thickness
+        if not (thickness > 0.0 or (thickness == 0.0 and self.substrate is not None)):
+            rule = "must be greater than 0" if self.substrate is None else "must not be negative"
+            faults.append(f"layer.thickness: {rule}, got {thickness:g} m")
         for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
             if solid is None:
                 continue
@@ -147,6 +156,10 @@ class Problem:
                 faults.append(f"balls.positions[{i}]: must be finite, got {ball.position}")
             if isinstance(ball.shape, str) and ball.shape not in ("paraboloid", "sphere"):
                 faults.append(f'balls.shape: must be "paraboloid" or "sphere", got "{ball.shape}"')
+        return faults + self._overlaps()
+
+    def _overlaps(self) -> list[str]:
+        faults = []
         for (i, a), (j, b) in combinations(enumerate(self.balls), 2):
             # balls that rest on one plane touch when their axes are 2 sqrt(R_a R_b) apart
             gap = math.dist(a.position, b.position)

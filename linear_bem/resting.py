@@ -27,6 +27,11 @@ def rested(contacts: Contacts) -> Contacts:
 
 def rest_height(contacts: SmoothContacts | GridContacts, ball: int) -> float:
     """Return the approach [m] at which an unloaded ball just touches the deformed surface."""
+    return rest(contacts, ball)[0]
+
+
+def rest(contacts: SmoothContacts | GridContacts, ball: int) -> tuple[float, tuple[float, float]]:
+    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and where [m]."""
     f = height(contacts.problem.balls[ball])
     x0, y0 = contacts.problem.balls[ball].position
     centre, reach = np.array([x0, y0]), 0.1 * contacts.problem.balls[ball].radius
@@ -38,4 +43,4 @@ def rest_height(contacts: SmoothContacts | GridContacts, ball: int) -> float:
         best = np.unravel_index(int(np.argmin(gap)), gap.shape)
         value = min(value, float(gap[best]))
         centre, reach = np.array([x[best], y[best]]), 0.4 * reach
-    return value
+    return value, (float(centre[0]), float(centre[1]))

@@ -85,9 +85,9 @@ class Solved:
     """How the answer was reached: iterations, size, wall time [s], ranks and library versions.
 
     ``notes`` are plain sentences the reader must see (accuracy not reached, ...); ``certificate``
-    holds recomputed residuals of the returned state. ``accuracy``, where a model refines, tells what was
-    asked and reached, the meshes used and why it stopped. ``linear_solver`` names what solved its linear systems,
-    where that is chosen by their size.
+    holds recomputed residuals of the returned state, ``tolerances`` what they were held to. ``accuracy``, where a
+    model refines, tells what was asked and reached, the meshes used and why it stopped. ``linear_solver`` names what
+    solved its linear systems, where that is chosen by their size.
     """
 
     converged: bool
@@ -98,12 +98,14 @@ class Solved:
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     certificate: Mapping[str, float] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, Any] = field(default_factory=dict)
     linear_solver: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of this account."""
         told: dict[str, Any] = {"accuracy": dict(self.accuracy)} if self.accuracy else {}
+        told |= {"tolerances": dict(self.tolerances)} if self.tolerances else {}
         told |= {"linear_solver": self.linear_solver} if self.linear_solver else {}
         return {
             "converged": self.converged,

@@ -13,8 +13,9 @@ from linear_bem.linearised import LinearisedContacts, LinearState
 from linear_bem.problem import Problem
 from linear_bem.smooth_contact import Start, first_guess
 from linear_bem.solution import SmoothContacts
-from linear_bem.solver import smooth_state, solve_contact
+from linear_bem.solver import solve_contact
 from linear_bem.tangential import half_space_pulls
+from linear_bem.touching import smooth_state
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,7 @@ class ContactSequence:
 
     def solve(self, problem: Problem) -> SequenceState:
         """Return the state of one scene, from the scene before where that is near."""
+        problem = problem.without_empty_layer()
         if self._contacts is not None and self._before is not None and _alike(self._before, problem):
             try:
                 state = self._warm(problem, self._contacts)

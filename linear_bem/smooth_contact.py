@@ -62,6 +62,16 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     return Start(touching, zones, state.approaches)
 
 
+def light_touch(problem: Problem, kernel: LayeredKernel, ball: int, place: tuple[float, float], depth: float) -> Zone:
+    """Return Hertz's ellipse of a ball that overlaps the surface by a small depth [m] about a point [m]."""
+    radius = float(np.sqrt(problem.balls[ball].radius * depth))
+    bend, turn = np.linalg.eigh(curvature(problem.balls[ball], radius))
+    shape = (bend * problem.balls[ball].radius) ** (-2.0 / 3.0)
+    # Hertz: p0 = 2 a E* / (pi R), and singular is 1 / (pi E*)
+    peak = 2.0 * radius / (np.pi**2 * problem.balls[ball].radius)
+    return _hertz_zone(place, turn * (radius * shape), peak)
+
+
 def _sphere_radius(parabolic: float, radius: float) -> float:
     """Return the contact radius [m] of a sphere where a paraboloid's would be ``parabolic``, at equal approach.
 

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 EVALUATED = 1e-7
 """Relative exactness of the displacement that residuals are recomputed with."""
+RINGS = (1.05, 1.25, 2.0)
+"""Where penetration outside a contact is looked for, over its outline's distance from its centre."""
 
 
 @dataclass(frozen=True)
@@ -121,13 +123,13 @@ class SmoothContacts:
             xi, eta, _, p = zone.quadrature(3, 5)
             x, y = zone.points(xi, eta)
             ox, oy = zone.outline(7)
-            for ring in (1.25, 2.0):
+            for ring in RINGS:
                 x = np.append(x, zone.centre[0] + ring * (ox - zone.centre[0]))
                 y = np.append(y, zone.centre[1] + ring * (oy - zone.centre[1]))
             xs.append(x)
             ys.append(y)
             depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
-            pressures.append(np.append(p / np.max(n.pressure), np.zeros(14)))
+            pressures.append(np.append(p / np.max(n.pressure), np.zeros(len(x) - len(p))))
         p = np.concatenate(pressures)
         gap = np.concatenate(displacement_around(self.kernel, self.smooth.nodes, xs, ys, EVALUATED))
         gap = gap - np.concatenate(depths)

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid_contact import GridContacts, grid_levels
 from linear_bem.kernel import LayeredKernel
-from linear_bem.newton import SmoothSolution
 from linear_bem.problem import Problem
-from linear_bem.resting import rest_height, rested
+from linear_bem.resting import rested
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.smooth_contact import DENSE, Start, first_guess, overlap, solve_smooth
+from linear_bem.smooth_contact import DENSE, Start, first_guess
 from linear_bem.solution import SmoothContacts
 from linear_bem.tangential import half_space_pulls
+from linear_bem.touching import Touched, missed_pulls, places, smooth_state
 
 Array = NDArray[np.float64]
 
@@ -86,6 +86,7 @@ class Solution:
             versions={"numpy": np.__version__, "scipy": scipy.__version__},
             notes=self.notes,
             certificate=c.certificate,
+            tolerances=dict.fromkeys(c.certificate, CERTIFIED),
         )
         return Result(model="linear_bem", balls=balls, solved=solved)
 
@@ -114,6 +115,7 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     begun = time.perf_counter()
+    problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     contacts, error, notes = _refined(problem, kernel, tangential_force)
     notes = notes or _cancelled(contacts, error, tangential_force)
@@ -153,9 +155,15 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
 
     many = len(guess.touching) > DENSE
     precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
-    for degree in (2, 4, 6, 8, 10, 12):
+    degrees = [2, 4, 6, 8, 10, 12]
+    while degrees:
+        degree = degrees.pop(0)
         try:
             after = smooth_state(problem, kernel, degree, guess if before is None else before, precision)
+        except Touched as touched:
+            guess, before, best = touched.added_to(guess), None, None
+            degrees = [2, 4, 6, 8, 10, 12]
+            continue
         except NotConverged:
             if degree > 2:
                 break
@@ -193,16 +201,17 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
             error, settled = _change(previous, contacts)
             reached = float(np.max(error)) / _size(contacts)
             if reached <= wanted and settled <= _enough(wanted):
-                return rested(contacts), error, ()
+                return rested(contacts), error + missed_pulls(contacts), ()
         previous = contacts
     assert previous is not None
+    missed = missed_pulls(previous)
     if not np.all(np.isfinite(error)):
         # one grid was all that fits: the routes' difference is what there is to judge by
         error = np.maximum(np.max(np.abs(previous.mutual_force - previous.slope_force), axis=1), _floor(previous))
         reached = float(np.max(error)) / _size(previous)
         note = f"only one grid fits: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
-        return rested(previous), error, (note,)
-    return rested(previous), error, (_note("finest grid", wanted, reached, settled),)
+        return rested(previous), error + missed, (note,)
+    return rested(previous), error + missed, (_note("finest grid", wanted, reached, settled),)
 
 
 def _cancelled(contacts: SmoothContacts | GridContacts, error: Array, wanted: float) -> tuple[str, ...]:
@@ -238,8 +247,7 @@ def _note(limit: str, wanted: float, reached: float, settled: float) -> str:
 
 
 def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0, fading: float = math.inf) -> Array:
-    positions = np.array([ball.position for ball in contacts.problem.balls], dtype=float)
-    return half_space_pulls(contacts.kernel, positions, contacts.normal_forces, softest, fading)
+    return half_space_pulls(contacts.kernel, places(contacts), contacts.normal_forces, softest, fading)
 
 
 def _size(contacts: SmoothContacts | GridContacts) -> float:
@@ -286,25 +294,3 @@ def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridC
         ):
             settled = max(settled, 0.1 * float(np.max(np.abs(new - old)[touching] / new[touching])))
     return error, settled
-
-
-def smooth_state(
-    problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts | GridContacts, precision: float
-) -> SmoothContacts:
-    """Return the contacts at one degree, with the balls that touch found on the way."""
-    assert not isinstance(start, GridContacts)
-    touching = list(start.touching)
-    origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
-    approaches = start.approaches.copy()
-    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision)
-    if overlap(smooth.nodes):
-        raise NotConverged("linear_bem: contacts of neighbouring balls merge")
-    approaches[touching] = smooth.approaches
-    if problem.load.kind == "total_force":
-        approaches[:] = smooth.approaches[0]
-    contacts = SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, precision)
-    contacts = rested(contacts)
-    lifted = [i for i in range(problem.size) if i not in touching]
-    if any(contacts.approaches[i] > rest_height(contacts, i) + 1e-9 * np.max(np.abs(approaches)) for i in lifted):
-        raise NotConverged("linear_bem: a ball taken for lifted touches the surface")
-    return contacts

@@ -53,6 +53,15 @@ def test_three_routes_to_the_tangential_force_agree(unlike):
         assert energy_force(unlike, ball) == pytest.approx(tuple(mutual[ball]), abs=1e-5 * size)
 
 
+def test_the_energy_route_holds_for_touching_balls_too():
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    touching = solve_contact(
+        Problem(Layer(1.0, 0.48, 1.16), balls, Load("force", (2.66666e-3,) * 2), Elastic(1e3, 0.3)), 1e-6
+    )
+    mutual = touching.contacts.mutual_force[0, 0]
+    assert energy_force(touching, 0)[0] == pytest.approx(mutual, rel=1e-5)
+
+
 def test_vertical_stress_on_the_axis_is_hertz(hertz):
     peak = hertz.result().balls[0].peak_pressure
     for depth in (0.003, 0.05, 0.3):

@@ -4,6 +4,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import linear_bem.smooth_contact
+import linear_bem.solver
 from linear_bem import (
     Ball,
     Elastic,
@@ -25,6 +26,7 @@ from linear_bem.closed_forms import (
 )
 from linear_bem.grid_contact import GridContacts
 from linear_bem.problem import FiniteStrain
+from linear_bem.resting import rest_height
 from linear_bem.solution import SmoothContacts
 
 
@@ -46,6 +48,17 @@ def test_a_vanishing_layer_leaves_the_substrates_force(ratio):
     film = pull(pair(Layer(1.0, 0.48, 1e-5), substrate, force=force))
     bare = pull(pair(Layer(substrate.young, 0.3, np.inf), force=force))
     assert film == pytest.approx(bare, rel=2e-3)
+
+
+def test_no_layer_at_all_is_the_substrate_alone_and_needs_one():
+    substrate = Elastic(1e3, 0.3)
+    none, bare = pair(Layer(1.0, 0.48, 0.0), substrate, force=2.0), pair(Layer(1e3, 0.3, np.inf), force=2.0)
+    assert solve(none).balls == solve(bare).balls
+    assert solve_point_load(none).balls == solve_point_load(bare).balls
+    with pytest.raises(InvalidProblem, match="must be greater than 0, got 0 m"):
+        pair(Layer(1.0, 0.48, 0.0))
+    with pytest.raises(InvalidProblem, match="must not be negative, got -1 m"):
+        pair(Layer(1.0, 0.48, -1.0), substrate)
 
 
 @pytest.mark.parametrize("ratio", [1e-6, 1.0, 1e6])
@@ -196,6 +209,37 @@ def test_an_elliptic_profile_meets_hertz():
     ball = solve(Problem(Layer(1.0, 0.3, np.inf), (Ball((0.2, 0.1), 1.0, profile),), Load("force", (load,)))).balls[0]
     assert ball.contact_area == pytest.approx(area, rel=1e-6)
     assert ball.approach == pytest.approx(approach, rel=1e-6)
+
+
+def beside_a_deep_ball(overlap):
+    """A ball that its deep neighbour's dent would leave without force, pressed in beyond that by a little."""
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    layer, substrate, deep = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 0.0768
+    lifted = solve_contact(Problem(layer, balls, Load("approach", (deep, -0.5)), substrate), 1e-6)
+    height = rest_height(lifted.contacts, 1)
+    return Problem(layer, balls, Load("approach", (deep, height + overlap)), substrate)
+
+
+@pytest.mark.parametrize("overlap", [1e-8, 1e-6, 1e-4])
+def test_a_ball_that_barely_touches_is_not_taken_for_lifted(overlap):
+    light = solve(beside_a_deep_ball(overlap), 1e-4)
+    deep, ball = light.balls
+    # Hertz on a layer that is thick against so small a contact
+    assert ball.normal_force == pytest.approx(hertz_force(overlap, 1.0, 1.0 / (1.0 - 0.48**2)), rel=0.02)
+    assert ball.tangential_force[0] == pytest.approx(-deep.tangential_force[0], rel=1e-6)
+    # T goes like the force
+    heavier = solve(beside_a_deep_ball(2.0 * overlap), 1e-4).balls[1]
+    ratio = heavier.tangential_force[0] / ball.tangential_force[0]
+    assert ratio == pytest.approx(heavier.normal_force / ball.normal_force, rel=0.01)
+
+
+def test_a_contact_that_a_grid_does_not_see_is_in_the_error_of_its_forces(monkeypatch):
+    problem = beside_a_deep_ball(1e-6)
+    exact = solve(problem, 1e-4).balls
+    monkeypatch.setattr(linear_bem.solver, "_by_polynomials", lambda *_: None)
+    for ball, known in zip(solve(problem, 1e-2).balls, exact, strict=True):
+        off = abs(ball.tangential_force[0] - known.tangential_force[0])
+        assert off <= ball.tangential_force_error < 100.0 * abs(known.tangential_force[0])
 
 
 def test_what_cannot_be_solved_is_refused_by_name():

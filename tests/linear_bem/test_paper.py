@@ -103,7 +103,11 @@ def test_the_bar_of_the_point_load_law_holds_under_deep_balls_too(thickness, dep
 
 
 def test_certificate_is_recomputed_and_small(paper_pair):
-    certificate = solve(paper_pair()).solved.certificate
+    solved = solve(paper_pair()).solved
+    certificate = solved.certificate
+    assert set(solved.tolerances) == set(certificate)
+    assert all(residual <= solved.tolerances[name] for name, residual in certificate.items())
+    assert solved.to_dict()["tolerances"] == solved.tolerances
     assert set(certificate) == {
         "gap_in_contact", "penetration_outside", "complementarity", "negative_pressure", "load",
     }  # fmt: skip
