@@ -4,8 +4,8 @@ The method of [Polonsky and Keer 1999, Wear 231, 206, doi 10.1016/S0043-1648(99)
 changes: the search direction is preconditioned by the periodic inverse of the influence matrix
 (iterations then hardly grow with the grid), and any groups of balls may have their forces prescribed,
 each with its own unknown approach. Forces are kept by projecting the direction; where a group's balls have
-cells of different size (one holder for unequal balls), in the preconditioner's own metric. It stops when, relative to the largest approach, the gap in contact and
-the penetration outside are both below the tolerance.
+cells of different size (one holder for unequal balls), in the preconditioner's own metric. It stops when, relative
+to the largest approach, the gap in contact and the penetration outside are both below the tolerance.
 """
 
 from __future__ import annotations
@@ -200,11 +200,11 @@ def _descent(
 ) -> tuple[Array, float]:
     """Return a direction of descent that keeps the groups' forces, and its product with the residual.
 
-    Forces are <1_g, p> in the product weighted by area, in which the influence K and the preconditioner M are symmetric.
-    Where a group's cells are of one size the mean of M r is subtracted, an orthogonal projection. A constant is a poor
-    change of pressure where they are not: a small contact takes more pressure for the same approach. There z and the
-    change d of the approaches solve the saddle point of K p - D = r with M^-1 for K,
-    z = M (r - sum_g d_g 1_g), <1_g, z> = 0; <r, z> >= 0 by Schwarz's inequality for any approach.
+    Forces are <1_g, p> in the product weighted by area, in which influence K and preconditioner M are symmetric.
+    Where a group's cells are of one size the mean of M r is subtracted, an orthogonal projection. Where they are not, a
+    constant is a poor change of pressure: a small contact takes more pressure for the same approach. There z and the
+    changes d of the approaches solve K p - D = r with M for K's inverse, z = M (r - sum_g d_g 1_g) and <1_g, z> = 0;
+    then <r, z> >= 0 by Schwarz's inequality, wherever the approaches are.
     """
     masks = [contact & (kind == g) for g in range(groups)]
     z = np.where(contact, joined.precondition(residual), 0.0)

@@ -191,6 +191,18 @@ def solve_zones(
     )
 
 
+def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
+    """Return the solution of equations with rows and columns of these sizes; `NotConverged` where singular."""
+    try:
+        solution = np.linalg.solve(matrix / size[:, None] / size, (right.T / size).T)
+    except np.linalg.LinAlgError as singular:
+        raise NotConverged(
+            "smooth contact: the equations of Newton's method are singular, as where contacts merge or vanish on "
+            "the way; press balls less deep or closer to equal depth"
+        ) from singular
+    return np.asarray((solution.T / size).T)
+
+
 def _newton_step(
     kernel: LayeredKernel,
     shapes: list[Shape],
@@ -229,7 +241,7 @@ def _newton_step(
         reach = np.max(np.abs(matrix[at, : count * terms] / size[: count * terms]))
         size[at] = reach if reach > 0.0 else 1.0
         del members
-    delta = np.linalg.solve(matrix / size[:, None] / size, right / size) / size
+    delta = solve_scaled(matrix, right, size)
     change = np.zeros(count)
     for g, (members, _) in enumerate(groups):
         change[members] = delta[count * terms + g]

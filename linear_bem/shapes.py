@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
 
+APEX = 1e-12
+"""Height over the radius that a callable profile may have at the ball's axis: roundoff."""
+
 
 def height(ball: Ball) -> Height:
     """Return the height [m] of a ball's surface above its lowest point, as a function of global x, y [m].
@@ -24,6 +27,7 @@ def height(ball: Ball) -> Height:
     radius, shape = ball.radius, ball.shape
     if callable(shape):
         profile = shape
+        _check_apex(ball)
 
         def custom(x: Array, y: Array) -> Array:
             values = np.asarray(profile(x - x0, y - y0), dtype=float)
@@ -50,6 +54,21 @@ def height(ball: Ball) -> Height:
     return paraboloid
 
 
+def _check_apex(ball: Ball) -> None:
+    """Raise `InvalidProblem` where a callable is not 0 at the ball's axis: approaches are counted from there."""
+    assert callable(ball.shape)
+    apex = np.asarray(ball.shape(np.zeros(1), np.zeros(1)), dtype=float)
+    if apex.shape != (1,):
+        raise InvalidProblem(
+            f"balls.shape: a profile must return one height per point, shape (1,), got {apex.shape}; use numpy"
+        )
+    if not abs(float(apex[0])) <= APEX * ball.radius:
+        raise InvalidProblem(
+            f"balls.shape: a profile must be 0 at the ball's axis, that of the ball at {ball.position} is "
+            f"{float(apex[0]):g} m there; subtract it, and lower the approach by as much"
+        )
+
+
 def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
     """Return df/dx and df/dy at surface points; a callable is differenced to fourth order."""
     dx, dy = x - ball.position[0], y - ball.position[1]
@@ -58,6 +77,9 @@ def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
     if ball.shape == "sphere":
         depth = np.sqrt(np.maximum(ball.radius**2 - dx**2 - dy**2, 1e-300))
         return dx / depth, dy / depth
+    if x.size == 0:
+        # a ball that does not touch has no slope to difference
+        return dx, dy
     f = height(ball)
     step = 1e-3 * max(float(np.ptp(x)), float(np.ptp(y)), 1e-9 * ball.radius)
 

@@ -24,7 +24,7 @@ from linear_bem.disc import Zone
 from linear_bem.errors import NotConverged
 from linear_bem.kernel import LayeredKernel
 from linear_bem.multipole import Interaction
-from linear_bem.newton import Nodes, Rule, Shape, SmoothSolution, stalled
+from linear_bem.newton import Nodes, Rule, Shape, SmoothSolution, solve_scaled, stalled
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ def _alone(
     total = test.sum(axis=1)
     size = np.sqrt(np.abs(np.diag(matrix)))
     right = np.stack([-test @ (potential + outside + shape(here.x, here.y)), total], axis=1)
-    u, v = (np.linalg.solve(matrix / size[:, None] / size, right / size[:, None]) / size[:, None]).T
+    u, v = (solve_scaled(matrix, right, size)).T
     # c = u + D v keeps the force where total.c = force - present force
     reach = float(total @ v)
     approach = (force - here.force - float(total @ u)) / reach
