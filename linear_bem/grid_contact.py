@@ -97,6 +97,12 @@ class GridContacts:
             out[ball] = float(np.count_nonzero(mine)) * patch.cell**2
         return out
 
+    @cached_property
+    def coarseness(self) -> float:
+        """Largest side of a cell over the radius of the contact that it belongs to."""
+        sides = [(patch.cell, np.sqrt(self.contact_areas[ball] / np.pi)) for ball, patch, _, _ in self._cells()]
+        return max(side / radius for side, radius in sides if radius > 0.0)
+
     def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] on the edge of one ball's contact, to about half a cell."""
         for owner, patch, p, mine in self._cells():

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 EVALUATED = 1e-7
 """Relative exactness of the displacement that residuals are recomputed with."""
 RINGS = (1.12, 2.0)
-"""Where penetration outside a contact is looked for, over the distance of its outline; nearer takes finer quadrature."""
+"""Where penetration outside a contact is looked for, over its outline's distance; nearer takes finer quadrature."""
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,9 @@ STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
 """Contact radius over a sphere's, or over the layer's thickness, from which on up to so many balls go to a grid at once
 where no more is asked."""
 
+CHANCE = 1e-2
+"""Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -196,9 +199,19 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
     """Return contacts on the coarsest grid that is exact enough, or on the finest that fits."""
     previous: GridContacts | None = None
     error, reached, settled = np.full(problem.size, np.inf), np.inf, np.inf
-    for contacts in grid_levels(problem, kernel, guess):
+    levels, fits = grid_levels(problem, kernel, guess), "fits"
+    while True:
+        try:
+            contacts = next(levels, None)
+        except NotConverged:
+            if previous is None:
+                raise
+            contacts, fits = None, "converges"
+        if contacts is None:
+            break
         if previous is not None:
             error, settled = _change(previous, contacts)
+            error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
             reached = float(np.max(error)) / _size(contacts)
             if reached <= wanted and settled <= _enough(wanted):
                 return rested(contacts), error + missed_pulls(contacts), ()
@@ -206,12 +219,12 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
     assert previous is not None
     missed = missed_pulls(previous)
     if not np.all(np.isfinite(error)):
-        # one grid was all that fits: the routes' difference is what there is to judge by
+        # there is one grid: the routes' difference is what there is to judge by
         error = np.maximum(np.max(np.abs(previous.mutual_force - previous.slope_force), axis=1), _floor(previous))
         reached = float(np.max(error)) / _size(previous)
-        note = f"only one grid fits: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
+        note = f"only one grid {fits}: T was asked to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
         return rested(previous), error + missed, (note,)
-    return rested(previous), error + missed, (_note("finest grid", wanted, reached, settled),)
+    return rested(previous), error + missed, (_note(f"finest grid that {fits}", wanted, reached, settled),)
 
 
 def _cancelled(contacts: SmoothContacts | GridContacts, error: Array, wanted: float) -> tuple[str, ...]:
