@@ -88,3 +88,19 @@ def test_stress_response_of_equal_materials_is_boussinesqs():
 def test_stress_outside_the_layer_is_refused(unlike):
     with pytest.raises(InvalidProblem, match=r"between 0 and 0\.6"):
         vertical_stress(unlike, 0.0, 0.0, 0.7)
+
+
+def test_stress_on_a_grid_meets_polynomials_from_one_cell_on_and_is_refused_above():
+    balls = (Ball((0.0, 0.0), 1.0), Ball((2.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.4, 0.3), balls, Load("force", (0.05, 0.02)))
+    grid, smooth = solve_contact(problem, 1e-3), solve_contact(problem, 1e-5)
+    cell = max(patch.cell for patch in grid.contacts.patches.patches)
+    ball = smooth.result().balls[0]
+    r = 1.2 * np.sqrt(ball.contact_area / np.pi) * np.linspace(-1.0, 1.0, 21)
+    for depth in (cell, 2.0 * cell):
+        stress = [vertical_stress(s, r, 0.3 * r, depth) / ball.peak_pressure for s in (grid, smooth)]
+        # pressures that step from cell to cell are felt within a cell or two
+        assert stress[0] == pytest.approx(stress[1], abs=0.015 * cell / depth)
+    with pytest.raises(InvalidProblem, match=rf"at least one cell .* {cell:g} m, got 0\.001 m; go deeper"):
+        vertical_stress(grid, 0.0, 0.0, 0.001)
+    assert vertical_stress(grid, 0.01, 0.02, 0.0) == -grid.pressure(0.01, 0.02)
