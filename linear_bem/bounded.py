@@ -141,6 +141,11 @@ def solve_bounded(
                 joined.split(p), joined.split(w), joined.split_owner(owner), approaches,
                 iteration, worst, penetration,
             )  # fmt: skip
+        if not np.any(contact):
+            # all was lost in one step: take up again what penetrates
+            p = np.maximum(-0.5 * gap / diagonal, 0.0)
+            w, restart = joined.apply(p), True
+            continue
         residual = np.where(contact, gap, 0.0)
         z, new = _descent(joined, residual, contact, label[owner], len(groups))
         direction = np.where(contact, z + (0.0 if restart else new / old) * direction, 0.0)
@@ -152,7 +157,11 @@ def solve_bounded(
             image = joined.apply(direction)
             curvature = float(direction @ (image * joined.area))
         if not curvature > 0.0:
-            raise NotConverged(f"grid contact: no descent left at a gap of {worst:.1e} of the approach")
+            raise NotConverged(
+                f"grid contact: after {iteration} steps no direction of descent is left, at a gap of {worst:.1e} and a "
+                f"penetration of {penetration:.1e} of the approach, tolerance {tolerance:.1e}: roundoff exceeds the "
+                "tolerance; take a smaller load, a thicker film or a lower E1/E2"
+            )
         if worst < 0.9 * best:
             best, since, progress = worst, 0, iteration
         if iteration - progress > HOPELESS:

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""
+SPARSE = 0.3
+"""Share of a patch's half width under which a contact gets a smaller patch before grids are refined."""
 MOST_CELLS = 1_200_000
 """No refinement beyond this number of cells in all patches."""
 
@@ -207,6 +209,8 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
             for i in small:
                 reach[i] *= 1.4
             continue
+        if before is None and _shrunk(contacts, reach):
+            continue
         yield contacts
         count, before = 2 * count, contacts
     if before is None:
@@ -278,6 +282,25 @@ def _solve(
         heights.append(np.array([height(problem.balls[b])(x, y) for b in patch.members]))
     state = solve_bounded(patches, heights, pressures, approaches, groups)
     return GridContacts(problem, kernel, patches, state, state.approaches)
+
+
+def _shrunk(contacts: GridContacts, reach: dict[int, float]) -> bool:
+    """Shrink patches whose contact fills a small part of them (flat profiles are overestimated); return whether any."""
+    extent = {}
+    for ball, patch, _, mine in contacts._cells():
+        if np.any(mine):
+            x, y = np.broadcast_arrays(patch.x, patch.y)
+            (bx, by), half = contacts.problem.balls[ball].position, 0.5 * patch.cell
+            extent[ball] = float(max(np.max(np.abs(x[mine] - bx)), np.max(np.abs(y[mine] - by)))) + half
+    if not extent:
+        # nothing penetrates a cell's centre: the contact is smaller than a cell
+        for ball in reach:
+            reach[ball] *= 0.25
+        return True
+    small = [ball for ball, far in extent.items() if far < SPARSE * reach[ball]]
+    for ball in small:
+        reach[ball] = 1.3 * extent[ball]
+    return bool(small)
 
 
 def _at_the_edge(contacts: GridContacts) -> list[int]:

@@ -152,10 +152,10 @@ def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
         for patch, p in zip(contacts.patches.patches, contacts.state.pressures, strict=True):
             loaded = p > 0.0
             # four Gauss points a cell where the plane is near, its middle where it is not
-            off = 0.5 * patch.cell / np.sqrt(3.0) if depth < 1.5 * patch.cell else 0.0
+            off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
             places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
-            for u, v in places:
-                x.append(np.broadcast_to(patch.x + u, p.shape)[loaded])
-                y.append(np.broadcast_to(patch.y + v, p.shape)[loaded])
+            for right, up in places:
+                x.append(np.broadcast_to(patch.x + right, p.shape)[loaded])
+                y.append(np.broadcast_to(patch.y + up, p.shape)[loaded])
                 load.append(p[loaded] * patch.cell**2 / contacts.kernel.singular / len(places))
     return np.concatenate(x), np.concatenate(y), np.concatenate(load)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import gamma
 
 from linear_bem import Ball, Elastic, InvalidProblem, Layer, Load, Problem, solve, solve_contact
 from linear_bem.grid_contact import GridContacts
@@ -51,3 +52,21 @@ def test_a_profile_that_starts_above_its_axis_is_refused():
     balls = (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), 1.0, lambda x, y: 0.5 * (x**2 + y**2) + 0.02))
     with pytest.raises(InvalidProblem, match=r"must be 0 at the ball's axis, .* is 0\.02 m there; subtract it"):
         solve(Problem(Layer(1.0, 0.3, np.inf), balls, Load("total_force", (1e-3,))))
+
+
+@pytest.mark.parametrize("power", [4, 6, 8])
+@pytest.mark.parametrize("load", [Load("approach", (0.05,)), Load("force", (0.01,))])
+def test_flat_profiles_meet_the_power_law(power, load):
+    """f = r^n on a half-space: D = sqrt(pi) G(n/2 + 1)/G(n/2 + 1/2) a^n, Q = 2 E* n/(n + 1) D a [Sneddon 1965].
+
+    The first guess takes a flat contact for up to fifteen times as wide as it is.
+    """
+    ball = Ball((0.0, 0.0), 1.0, lambda x, y: (x**2 + y**2) ** (power // 2))
+    solution = solve(Problem(Layer(1.0, 0.3, np.inf), (ball,), load))
+    assert not solution.solved.notes
+    found = solution.balls[0]
+    radius = (found.approach * gamma(0.5 * power + 0.5) / gamma(0.5 * power + 1.0) / np.sqrt(np.pi)) ** (1.0 / power)
+    force = 2.0 / 0.91 * found.approach * radius * power / (power + 1.0)
+    # forces and approaches are asked to change by 1e-4 at most with the last refinement
+    assert found.normal_force == pytest.approx(force, rel=4e-4)
+    assert found.contact_area == pytest.approx(np.pi * radius**2, rel=0.01)
