@@ -92,7 +92,8 @@ class TractionRoute:
 
     def _normal_forces(self) -> np.ndarray:
         balls = self.model.reduction.balls
-        return np.array([self._state(c, ball)[0] for c, ball in zip(self.model.contacts, balls, strict=True)])
+        forces = [self._state(c, ball)[0] for c, ball in zip(self.model.contacts, balls, strict=True)]
+        return np.array(self.model.comm.bcast(forces, root=0))
 
     def _move(self, references: list[np.ndarray], start: np.ndarray, end: np.ndarray, radii: np.ndarray) -> None:
         """Take all balls from one displacement (balls, 2) [m] to another, in as many parts as Newton's method needs."""
@@ -132,7 +133,9 @@ class TractionRoute:
                 domain = np.array(self.meter.domain_force(number, ball, contact_radii))
                 offsets[number, free] = (offset + moved[number])[free]
                 excess[number, free] = (force - domain)[free]
-        return offsets, excess
+        # every rank must go the same way, to the last bit
+        shared: tuple[np.ndarray, np.ndarray] = self.model.comm.bcast((offsets, excess), root=0)
+        return shared
 
     def _state(self, contact: Contact, ball: ModelBall) -> tuple[float, np.ndarray, np.ndarray]:
         """Return normal force [N] and in-plane force (2,) [N] of a whole ball by traction, and its contact's offset.

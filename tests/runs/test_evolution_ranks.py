@@ -43,7 +43,7 @@ def test_two_ranks_make_a_table_and_follow_the_balls_to_rest(tmp_path: Path) -> 
     file = tmp_path / "pair.toml"
     file.write_text(SCENE, encoding="utf-8")
     out = tmp_path / "out"
-    done = mpirun(2, "-m", "tests.runs.test_evolution_ranks", "evolve", file, "--out", out, timeout=280.0)
+    done = mpirun(2, "-m", "tests.runs.test_evolution_ranks", "evolve", file, "--out", out, timeout=900.0)
     assert done.returncode == 0, done.stderr
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
     table = document["pair_table"]
@@ -56,7 +56,7 @@ def test_two_ranks_make_a_table_and_follow_the_balls_to_rest(tmp_path: Path) -> 
     assert np.ptp(document["path"][-1]["positions"], axis=0)[0] == pytest.approx(2.0, rel=1e-9)
     assert (out / "evolution.gif").is_file()
     # complete, and known as such to both ranks: the same command shows it without a new run
-    again = mpirun(2, "-m", "tests.runs.test_evolution_ranks", "evolve", file, "--out", out, "--json", timeout=100.0)
+    again = mpirun(2, "-m", "tests.runs.test_evolution_ranks", "evolve", file, "--out", out, "--json", timeout=400.0)
     assert again.returncode == 0, again.stderr
     assert "complete already" in again.stderr
     assert json.loads(again.stdout) == document
