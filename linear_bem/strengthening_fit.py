@@ -6,9 +6,9 @@ times as stiff) next to each other. Source: the study ``strengthening``, cases h
 
 from __future__ import annotations
 
-CURVES = {1.16: (0.490, 0.221, 3.384), 6.0: (-0.070, 0.123, 0.0)}
-"""Thickness over R: coefficients of D/R, (D/R)^2 and (D/R)^3 in S_Q - 1."""
-ERROR, ERROR_GROWTH = 0.005, 0.2
+CURVES = {1.16: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
+"""Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
+ERROR, ERROR_GROWTH = 0.005, 0.06
 """Largest distance of S_Q from the fit: the first at no load, and by how much it grows with (D/R)^2."""
 LARGEST_APPROACH = 0.5
 """Approach over R up to which the fits go."""

@@ -18,9 +18,9 @@ SUBSTRATE = Elastic(1e3, 0.3)
 PRECISION = 5e-3
 """Of changes that both sides compute to 1e-3 of T."""
 KNOWN = (
-    (1.16, 0.02634, 1.012, 0.004), (1.16, 0.05926, 1.031, 0.006), (1.16, 0.1333, 1.082, 0.011),
-    (1.16, 0.2, 1.138, 0.011), (1.16, 0.3, 1.255, 0.014), (1.16, 0.4, 1.440, 0.019), (1.16, 0.5, 1.77, 0.06),
-    (6.0, 0.05926, 0.9964, 0.0018), (6.0, 0.2, 0.9905, 0.0014), (6.0, 0.5, 0.996, 0.005),
+    (1.16, 0.02634, 1.010, 0.005), (1.16, 0.05926, 1.029, 0.005), (1.16, 0.1333, 1.080, 0.006),
+    (1.16, 0.2, 1.136, 0.007), (1.16, 0.3, 1.250, 0.010), (1.16, 0.4, 1.435, 0.012), (1.16, 0.5, 1.773, 0.018),
+    (6.0, 0.05926, 0.9962, 0.0013), (6.0, 0.2, 0.9905, 0.0013), (6.0, 0.5, 0.9963, 0.0013),
 )  # fmt: skip
 """Thickness and approach over R, S_Q and its error, as the study ``strengthening`` has them."""
 
@@ -51,7 +51,7 @@ def test_the_fit_meets_what_is_known_within_its_error() -> None:
 
 def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> None:
     found = advice(pair(0.32))["finite_strain"]
-    assert found.change == pytest.approx(0.29, abs=0.01)
+    assert found.change == pytest.approx(0.28, abs=0.01)
     assert found.matters is True
     assert not found.present
     assert found.text.endswith("add [finite_strain]")

@@ -17,6 +17,7 @@ from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
+PAIRED = "two runs on one mesh"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
 DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
@@ -129,29 +130,30 @@ def _ladder(rows: Mapping[str, Rows]) -> list[str]:
 
 
 def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    """Fit how every curve leaves 1: by the curve itself, and by pairs of runs on one mesh where they are there."""
-    shown = []
+    """Fit how every curve leaves 1: by pairs of runs on one mesh where they are there, else by the curve itself."""
+    shown, paired = [], set()
     for case in found.cases:
-        # the deeper curves are the headline's, apart from which they end
-        if case.labels["group"] in ("sign", "deeper") or case.name not in rows:
+        # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
+        if case.labels["group"] in ("sign", "deeper", "paraboloid") or case.name not in rows:
             continue
         paths: dict[str, Rows] = {"against linear_bem": rows[case.name]}
         partner = small_strain_partner(found, case)
         if partner is not None and on_one_mesh(found, case, partner):
-            paths["two runs on one mesh"] = cancelled(found.steps(case.name), found.steps(partner.name))
+            paths = {PAIRED: cancelled(found.steps(case.name), found.steps(partner.name))}
+            paired.add(_words(case))
         for how, path in paths.items():
             slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
             if all(slopes.values()):
                 both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
                 c, e = both["D/R"]
                 resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
-                shown.append(
-                    {"case": _words(case), "curve": case.labels["group"], "from": how, **both, "leaves 1": resolved}
-                )
+                shown.append({"case": _words(case), "from": how, **both, "leaves 1": resolved})
+    shown = [row for row in shown if row["from"] == PAIRED or row["case"] not in paired]
     text = (
         f"S_Q - 1 = c x + c' x² fitted to D <= {fitting.SMALL_LOAD:g} R, with x = sqrt(D/R) and with x = D/R: c and "
         "its error. Forces and contact radii depart from linear theory like sqrt(D/R); where that root's c is small "
-        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D. Whether it does is told by c of D/R."
+        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D. Whether it does is told by c of D/R. In a "
+        "pair of runs on one mesh, finite over small strain, the mesh error cancels."
     )
     return ["", "## How the curves leave 1", "", text, "", *markdown(shown)]
 
