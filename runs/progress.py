@@ -58,13 +58,13 @@ class Progress:
         interrupt.check()
 
     def step_done(self, step: Step, fields: Any) -> None:
-        """Tell the step and hand it on."""
+        """Hand the step on and tell it: what was told is written, however soon the run is killed."""
         if self.root:
             now = time.monotonic()
             text = self._line(step) + f"   {duration(now - self._step_began)}, {duration(now - self._began)} in all"
+            self.take(step, fields)
             tell(text)
             self.log(text)
-            self.take(step, fields)
             self._step_began = time.monotonic()
         interrupt.check()
 
