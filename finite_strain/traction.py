@@ -64,7 +64,7 @@ class TractionRoute:
         contacts, radii = self.model.contacts, np.array(contact_radii)[:, None]
         present, references = self.model.fields.copy(), [contact.reference for contact in contacts]
         moved = np.zeros((len(contacts), 2))
-        first, pinned = self._compare(moved, contact_radii)
+        first, pinned, _ = self._compare(moved, contact_radii)
         held = (np.abs(first) > FARTHEST * radii).any(axis=1, keepdims=True)
         near = np.maximum(CENTRED * np.abs(first), CENTRED_RADII * radii)
         offset, excess = np.where(held, 0.0, first), pinned
@@ -75,8 +75,8 @@ class TractionRoute:
                     break
                 self._move(references, moved, moved - offset, radii)
                 moved = moved - offset
-                offset, excess = self._compare(moved, contact_radii)
-                held |= (self._normal_forces() <= 0.0)[:, None]
+                offset, excess, lifted = self._compare(moved, contact_radii)
+                held |= lifted[:, None]
                 offset = np.where(held, 0.0, offset)
         except NotConverged:
             self.pinned = True
@@ -89,11 +89,6 @@ class TractionRoute:
         run = left - first
         slope = np.divide(excess - pinned, run, out=np.zeros_like(run), where=np.abs(run) > near)
         return np.where(held | self.pinned, pinned, excess - slope * left)
-
-    def _normal_forces(self) -> np.ndarray:
-        balls = self.model.reduction.balls
-        forces = [self._state(c, ball)[0] for c, ball in zip(self.model.contacts, balls, strict=True)]
-        return np.array(self.model.comm.bcast(forces, root=0))
 
     def _move(self, references: list[np.ndarray], start: np.ndarray, end: np.ndarray, radii: np.ndarray) -> None:
         """Take all balls from one displacement (balls, 2) [m] to another, in as many parts as Newton's method needs."""
@@ -119,22 +114,24 @@ class TractionRoute:
                 if part < smallest:
                     raise
 
-    def _compare(self, moved: np.ndarray, contact_radii: list[float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the contacts' offsets (balls, 2) [m] from the mesh's mirror axes, and the excess there.
+    def _compare(self, moved: np.ndarray, contact_radii: list[float]) -> tuple[np.ndarray, ...]:
+        """Return the contacts' offsets (balls, 2) [m] from the mesh's mirror axes, the excess there, and who lifts.
 
-        Both are zero for a ball without force, and along axes that a symmetry fixes.
+        Both are zero for a ball without force, which has lifted (balls,), and along axes that a symmetry fixes.
         """
         balls = self.model.reduction.balls
         offsets, excess = np.zeros((len(balls), 2)), np.zeros((len(balls), 2))
+        lifted = np.zeros(len(balls), dtype=bool)
         for number, (contact, ball) in enumerate(zip(self.model.contacts, balls, strict=True)):
             free = [axis for axis in (0, 1) if axis not in ball.fixed_axes]
             normal, force, offset = self._state(contact, ball)
+            lifted[number] = not normal > 0.0
             if normal > 0.0 and free:
                 domain = np.array(self.meter.domain_force(number, ball, contact_radii))
                 offsets[number, free] = (offset + moved[number])[free]
                 excess[number, free] = (force - domain)[free]
         # every rank must go the same way, to the last bit
-        shared: tuple[np.ndarray, np.ndarray] = self.model.comm.bcast((offsets, excess), root=0)
+        shared: tuple[np.ndarray, ...] = self.model.comm.bcast((offsets, excess, lifted), root=0)
         return shared
 
     def _state(self, contact: Contact, ball: ModelBall) -> tuple[float, np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from linear_bem.errors import NotConverged
 from linear_bem.indentation import estimates
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import Nodes, SmoothSolution, solve_zones
-from linear_bem.problem import Problem
+from linear_bem.problem import Ball, Problem
 from linear_bem.shapes import curvature, height
 from linear_bem.sweeps import sweep_zones
 
@@ -54,22 +54,27 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         force, radius = float(state.forces[i]), float(contact_radii[i])
         if problem.balls[i].shape == "sphere":
             radius = _sphere_radius(radius, problem.balls[i].radius)
-        bend, turn = np.linalg.eigh(curvature(problem.balls[i], radius))
-        # axes of Hertz's ellipse go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28]
-        shape = (bend * problem.balls[i].radius) ** (-2.0 / 3.0)
+        axes, shape = _hertz_axes(problem.balls[i], radius)
         peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
-        zones.append(_hertz_zone(problem.balls[i].position, turn * (radius * shape), peak))
+        zones.append(_hertz_zone(problem.balls[i].position, axes, peak))
     return Start(touching, zones, state.approaches)
 
 
-def light_touch(problem: Problem, kernel: LayeredKernel, ball: int, place: tuple[float, float], depth: float) -> Zone:
+def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     """Return Hertz's ellipse of a ball that overlaps the surface by a small depth [m] about a point [m]."""
-    radius = float(np.sqrt(problem.balls[ball].radius * depth))
-    bend, turn = np.linalg.eigh(curvature(problem.balls[ball], radius))
-    shape = (bend * problem.balls[ball].radius) ** (-2.0 / 3.0)
-    # Hertz: p0 = 2 a E* / (pi R), and singular is 1 / (pi E*)
-    peak = 2.0 * radius / (np.pi**2 * problem.balls[ball].radius)
-    return _hertz_zone(place, turn * (radius * shape), peak)
+    radius = float(np.sqrt(ball.radius * depth))
+    # p0 = 2 a E* / (pi R), and pressures are in units of pi E*
+    return _hertz_zone(place, _hertz_axes(ball, radius)[0], 2.0 * radius / (np.pi**2 * ball.radius))
+
+
+def _hertz_axes(ball: Ball, radius: float) -> tuple[Array, Array]:
+    """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m], and their lengths over it.
+
+    They go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28].
+    """
+    bend, turn = np.linalg.eigh(curvature(ball, radius))
+    shape = (bend * ball.radius) ** (-2.0 / 3.0)
+    return turn * (radius * shape), shape
 
 
 def _sphere_radius(parabolic: float, radius: float) -> float:

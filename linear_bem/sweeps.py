@@ -134,7 +134,7 @@ def _alone(
     total = test.sum(axis=1)
     size = np.sqrt(np.abs(np.diag(matrix)))
     right = np.stack([-test @ (potential + outside + shape(here.x, here.y)), total], axis=1)
-    u, v = (solve_scaled(matrix, right, size)).T
+    u, v = solve_scaled(matrix, right, size).T
     # c = u + D v keeps the force where total.c = force - present force
     reach = float(total @ v)
     approach = (force - here.force - float(total @ u)) / reach

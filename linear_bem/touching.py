@@ -67,7 +67,7 @@ def smooth_state(
     contacts = rested(contacts)
     overlapping = _overlapping(contacts)
     if overlapping:
-        raise Touched({i: light_touch(problem, kernel, i, place, d) for i, (d, place) in overlapping.items()})
+        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in overlapping.items()})
     return contacts
 
 
