@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.bulk import nothing_where_idle
+from finite_strain.lagged_factors import LaggedFactors
 from finite_strain.model import Model
 from finite_strain.solver_choice import DIRECT, PREFIX, Choice, choose
 from finite_strain.volumetric import Mixed
@@ -54,15 +55,20 @@ def choose_for(model: Model) -> Choice:
 
 
 class LinearSolver:
-    """The Krylov method or factors of one model's tangent; ``fallbacks`` counts how often factors stood in."""
+    """The Krylov method or factors of one model's tangent, for Newton's solver and by itself."""
 
-    def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
-        self.model, self.ksp, self.choice = model, ksp, choice
+    def __init__(self, model: Model, snes: PETSc.SNES, choice: Choice) -> None:
+        install(choice.options)
+        self.model, self.choice = model, choice
         self._owned: list[Any] = []
         self._fallback: set[str] = set()
+        self.lagged = LaggedFactors(model.comm, PREFIX) if choice.direct else None
         _open.add(id(self))
-        if choice.direct:
+        if self.lagged is not None:
+            self.ksp = self.lagged.ksp
+            snes.setKSP(self.lagged.outer)
             return
+        self.ksp = snes.getKSP()
         motions = self._rigid_motions()
         self._owned.append(motions)
         if not model.is_mixed:
@@ -75,6 +81,8 @@ class LinearSolver:
 
         Options of ours leave the database with the last solver: PETSc 3.22 reports at its end those nobody asked for.
         """
+        if self.lagged is not None:
+            self.lagged.close()
         for item in (self.ksp, *self._owned):
             item.destroy()
         _open.discard(id(self))

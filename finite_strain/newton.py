@@ -14,6 +14,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from finite_strain.lagged_factors import NEAR
 from finite_strain.linear_solver import LinearSolver, choose_for, install, slowest
 from finite_strain.merit import Merit
 from finite_strain.model import Model
@@ -71,7 +72,7 @@ class NewtonSolver:
         self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
-        self.linear = LinearSolver(model, self.snes.getKSP(), self.choice)
+        self.linear = LinearSolver(model, self.snes, self.choice)
         self.snes.setFunction(self._function, self._b)
         self.snes.setJacobian(self._jacobian, model.matrix)
         self._merit = Merit(model) if model.is_mixed else None
@@ -188,6 +189,8 @@ class NewtonSolver:
         with self._assembling():
             self.model.set_state(x)
             self.model.tangent()
+        if self.linear.lagged is not None:
+            self.linear.lagged.near = snes.getFunctionNorm() < NEAR * self.tolerance
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         with self._assembling():

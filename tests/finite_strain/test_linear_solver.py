@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 from petsc4py import PETSc
 
-from finite_strain import linear_solver
+from finite_strain import lagged_factors, linear_solver, newton
 from finite_strain.domain import Resolution
 from finite_strain.solver_choice import choose, given_in, solver_notes
 from linear_bem import Elastic, NotConverged
@@ -99,6 +100,45 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
     assert account["seconds_solve"] > 0.0
     assert account["residuals"][-1] < 1e-6 * account["residuals"][0]
     assert forces[1] == relatively(forces[0], SOLVER)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_factors_that_serve_several_iterations_find_the_same_equilibrium_as_new_ones(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    form, poisson, _ = CASES[case]
+    found = {}
+    for near in (0.0, lagged_factors.NEAR):
+        monkeypatch.setattr(newton, "NEAR", near)
+        rig = deep_rig(form, poisson, tmp_path)
+        records = rig.press()
+        assert rig.solver.linear.lagged is not None
+        found[near] = (
+            records[-1].normal_forces[0],
+            rig.solver.linear.lagged.made,
+            sum(record.newton_iterations for record in records),
+        )
+        rig.solver.close()
+    (new, made_always, iterations_always), (lagged, made, iterations) = found.values()
+    assert made_always >= iterations_always  # and those of steps that were cut back
+    assert made < 0.8 * made_always
+    assert iterations <= iterations_always + len(records)
+    assert lagged == relatively(new, SOLVER)
+
+
+def test_old_factors_that_do_not_fit_are_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = coarse_plan(pair(0.05, poisson=0.48), "finite_strain", COARSE, 0.35)
+    rig = coarse_rig(plan, tmp_path)
+    expected = rig.press()[-1].normal_forces[0]
+    rig.solver.close()
+    monkeypatch.setattr(newton, "NEAR", math.inf)
+    monkeypatch.setattr(lagged_factors, "MOST_ITERATIONS", 2)
+    rig = coarse_rig(plan, tmp_path)
+    records = rig.press()
+    assert records[-1].normal_forces[0] == relatively(expected, SOLVER)
+    assert rig.solver.linear.lagged is not None
+    assert rig.solver.linear.lagged.made > len(records)  # the first state of all, and more
+    rig.solver.close()
 
 
 def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(
