@@ -18,7 +18,7 @@ from finite_strain import compat
 from finite_strain.bulk import nothing_where_idle
 from finite_strain.lagged_factors import LaggedFactors
 from finite_strain.model import Model
-from finite_strain.solver_choice import DIRECT, PREFIX, Choice, choose
+from finite_strain.solver_choice import FACTORS, PREFIX, Choice, choose
 from finite_strain.volumetric import Mixed
 from linear_bem.errors import NotConverged
 
@@ -57,18 +57,14 @@ def choose_for(model: Model) -> Choice:
 class LinearSolver:
     """The Krylov method or factors of one model's tangent, for Newton's solver and by itself."""
 
-    def __init__(self, model: Model, snes: PETSc.SNES, choice: Choice) -> None:
-        install(choice.options)
-        self.model, self.choice = model, choice
+    def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
+        self.model, self.ksp, self.choice = model, ksp, choice
+        self.lagged = LaggedFactors(ksp) if choice.lags else None
         self._owned: list[Any] = []
         self._fallback: set[str] = set()
-        self.lagged = LaggedFactors(model.comm, PREFIX) if choice.direct else None
         _open.add(id(self))
-        if self.lagged is not None:
-            self.ksp = self.lagged.ksp
-            snes.setKSP(self.lagged.outer)
+        if choice.direct:
             return
-        self.ksp = snes.getKSP()
         motions = self._rigid_motions()
         self._owned.append(motions)
         if not model.is_mixed:
@@ -81,8 +77,6 @@ class LinearSolver:
 
         Options of ours leave the database with the last solver: PETSc 3.22 reports at its end those nobody asked for.
         """
-        if self.lagged is not None:
-            self.lagged.close()
         for item in (self.ksp, *self._owned):
             item.destroy()
         _open.discard(id(self))
@@ -90,6 +84,11 @@ class LinearSolver:
             install({})
         for key in self._fallback:
             PETSc.Options(FALLBACK).delValue(key)
+
+    def renew(self) -> None:
+        """Have the next system solved with the model's present tangent, by factors or a preconditioner of its own."""
+        self.ksp.getPC().setReusePreconditioner(False)
+        self.ksp.setOperators(self.model.matrix)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> int:
         """Solve with the operator that was set; return 1 if factors stood in, else 0. Raises `NotConverged`."""
@@ -109,7 +108,7 @@ class LinearSolver:
     def factors(self) -> PETSc.KSP:
         """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""
         database = PETSc.Options(FALLBACK)
-        for key, value in DIRECT.items():
+        for key, value in FACTORS.items():
             if not database.hasName(key):
                 database[key] = value
                 self._fallback.add(key)

@@ -72,7 +72,7 @@ class NewtonSolver:
         self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
-        self.linear = LinearSolver(model, self.snes, self.choice)
+        self.linear = LinearSolver(model, self.snes.getKSP(), self.choice)
         self.snes.setFunction(self._function, self._b)
         self.snes.setJacobian(self._jacobian, model.matrix)
         self._merit = Merit(model) if model.is_mixed else None
@@ -130,7 +130,7 @@ class NewtonSolver:
         if refactor:
             with self._assembling():
                 self.model.tangent()
-            self.linear.ksp.setOperators(self.model.matrix)
+            self.linear.renew()
         began = time.perf_counter()
         self.effort.fallbacks += self.linear.solve(b, x)
         self.effort.seconds_solve += time.perf_counter() - began
@@ -157,12 +157,19 @@ class NewtonSolver:
         self.snes.setFromOptions()
 
     def _iterate(self) -> int:
-        """Run Newton's method from ``_x``, with factors from where the Krylov method fails; return its iterations."""
+        """Run Newton's method from ``_x``; return its iterations.
+
+        It goes on with new factors where old ones do not do, and with factors where the Krylov method fails.
+        """
         began, assembled = time.perf_counter(), self.effort.seconds_assembly
-        self.snes.solve(None, self._x)
-        iterations, effort = self.snes.getIterationNumber(), self.effort
-        effort.linear_iterations += self.snes.getLinearSolveIterations()
-        failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+        effort, iterations, again = self.effort, 0, True
+        while again:
+            self.snes.solve(None, self._x)
+            iterations += self.snes.getIterationNumber()
+            effort.linear_iterations += self.snes.getLinearSolveIterations()
+            failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+            lagged = self.linear.lagged
+            again = failed and lagged is not None and lagged.outdated() and iterations < self.max_iterations
         if failed and not self.choice.direct:
             effort.fallbacks += 1
             factors = self.linear.factors()
@@ -190,7 +197,7 @@ class NewtonSolver:
             self.model.set_state(x)
             self.model.tangent()
         if self.linear.lagged is not None:
-            self.linear.lagged.near = snes.getFunctionNorm() < NEAR * self.tolerance
+            self.linear.lagged.update(J, near=snes.getFunctionNorm() < NEAR * self.tolerance)
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         with self._assembling():

@@ -10,7 +10,7 @@ from typing import Any
 from linear_bem.errors import InvalidProblem
 from runs.studies import Options
 
-SIZES = (12_000, 25_000, 60_000)
+SIZES = (12_000, 25_000, 60_000, 120_000, 250_000)
 """Unknowns aimed at; meshes meet them within some 20 %."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 HEADINGS = {
@@ -49,10 +49,11 @@ def run(options: Options) -> None:
                 interrupt.check()
                 if any((row["form"], row["target"]) == (form, target) for row in rows):
                     continue
-                rows += measure(form, target, comm)
-                if comm.rank == 0:
-                    for row in rows[-2:]:
+                for row in measure(form, target, comm):
+                    rows.append(row)
+                    if comm.rank == 0:
                         tell(", ".join(f"{key} {tables.written(value)}" for key, value in row.items()))
+                if comm.rank == 0:
                     folder.mkdir(parents=True, exist_ok=True)
                     tables.save_csv(file, rows)
     if not ranks.is_root():
