@@ -5,9 +5,11 @@ prescribed (D where the force is). What the model's end does to first order is t
 T at given force is the root of the sum of squares of two estimates of what T / Q^2 may be off by, since
 either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
 the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
-so far, whichever is more. To it come what is left of the far field, and where the approach is prescribed
+so far, whichever is more. Two meshes may agree by chance, so the first is not less than what elements such as
+those at the contact's edge leave. To it come what is left of the far field, and where the approach is prescribed
 the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it that the meshes
-differed by on the path so far, and not less than what elements such as those at the contact's edge leave.
+differed by on the path so far, again not less than what such elements leave. Where the balls' T do not add up to
+zero, as action and reaction must, all errors of T are raised by the share that they do not explain.
 """
 
 from __future__ import annotations
@@ -19,11 +21,14 @@ from typing import Any
 import numpy as np
 
 from finite_strain.companion import MeshRecord
-from finite_strain.extent import STIFFENING
+from finite_strain.extent import STIFFENING, scale_of_force
 from finite_strain.extrapolation import (
     EDGE_ERROR,
+    FORCE_ERROR,
+    FORCE_ERROR_ORDER,
     FORCE_EXPONENT,
     INDENTATION_ORDER,
+    MOST_CANCELLED,
     force_ratio,
     indentation,
 )
@@ -70,7 +75,8 @@ class Answer:
         approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
         force_change = self._at_least(force_error, forces, earlier, "normal_force")
         approach_change = self._at_least(approach_error, approaches, earlier, "approach")
-        kind, edge = self.plan.problem.load.kind, self._edge_error(states)
+        kind, growth = self.plan.problem.load.kind, self._growth_at_edge(states)
+        edge = EDGE_ERROR * growth**INDENTATION_ORDER
         force_error, approach_error = force_change, approach_change
         if kind == "approach" or (kind == "total_force" and len(forces) > 1):
             force_error = np.maximum(force_error, edge * forces)
@@ -85,14 +91,20 @@ class Answer:
         past = [np.array(s.record["route_difference"]) for s in earlier]
         route_error = np.maximum(difference, np.median([*past, difference], axis=0))
         far_error = squared * REMAINS * away.ratio_size
-        at_force = squared * np.hypot(mesh_error, route_error) + far_error + tolerance
+        cancelled = np.clip(self._scale(forces), size, MOST_CANCELLED * size)
+        least = FORCE_ERROR * growth**FORCE_ERROR_ORDER * cancelled
+        at_force = np.hypot(np.maximum(squared * mesh_error, least), squared * route_error) + far_error + tolerance
         through_force = 2.0 * size * _share(force_error, forces)
         shift = 2.0 * size * SHIFT_REMAINS * STIFFENING * away.shift_size
         error = np.hypot(at_force, through_force) + shift
+        imbalance, doubt = self._imbalance(squared[:, None] * value, error)
+        error, at_force = doubt * error, doubt * at_force
         record = {
             "step": len(earlier) + 1,
             **details,
             "mesh_error": mesh_error.tolist(),
+            "least_error": self._per_ball(least),
+            "imbalance": imbalance,
             "mesh_order": [[None if np.isnan(o) else float(o) for o in orders] for orders in mesh.order],
             "route_difference": difference.tolist(),
             "normal_force_error": self._per_ball(force_error),
@@ -131,13 +143,27 @@ class Answer:
             )
         return Step(tuple(balls), record)
 
-    def _edge_error(self, states: list[dict[str, float]]) -> np.ndarray:
-        """Return what the elements at the contacts' edges leave of Q at given approach (balls,), over Q."""
+    def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+        """Return the size of the sum of T (balls, 2) [N] over the scene, and by how much it raises all errors (balls,).
+
+        An endless layer is the same everywhere, so the sum is zero: by symmetry in many scenes, by chance in none.
+        """
+        reduction = self.plan.reduction
+        turned = [reduction.to_scene(i, tuple(forces[im.model_ball])) for i, im in enumerate(reduction.images)]
+        imbalance, granted = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
+        return imbalance, math.hypot(1.0, imbalance / granted) if granted > 0.0 else 1.0
+
+    def _scale(self, forces: np.ndarray) -> float:
+        """Return what T near its zero is measured against [N], for forces of the model's balls [N]."""
+        return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
+
+    def _growth_at_edge(self, states: list[dict[str, float]]) -> np.ndarray:
+        """Return how element sizes grow with the distance at the contacts' edges (balls,); 0 without contact."""
         assert self.plan.resolution is not None
         resolution = self.plan.resolution.coarser(self.sizes[0])
         radii = [math.sqrt(state["contact_area"] / math.pi) for state in states]
         sizes = [resolution.at_edge(radius, self.plan.smallest_contact) if radius > 0.0 else 0.0 for radius in radii]
-        return np.array(EDGE_ERROR * np.array(sizes) ** INDENTATION_ORDER)
+        return np.array(sizes)
 
     def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
         """Return what two meshes differ by in Q or D (balls,), raised to the largest share of it at an earlier step."""

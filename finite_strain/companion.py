@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ class MeshRecord:
 
     ``size`` is its element size over the main mesh's; ``rows`` hold T / Q^2 [1/N], Q [N] and D [m] of the
     model's balls at each load fraction; ``steps`` the answers, where a coarser mesh allows any; ``reached``
-    the largest error of T at full load over ``scale`` [N].
+    the largest error of T at full load over ``scale`` [N]; ``stopped`` says why the mesh did not come to full load.
     """
 
     size: float
@@ -41,25 +42,17 @@ class MeshRecord:
     steps: list[dict[str, Any]] = field(default_factory=list)
     reached: float = math.nan
     scale: float = math.nan
+    stopped: str = ""
 
     def at(self, fraction: float) -> CoarseState:
-        """Return the mesh's answer at a load fraction, interpolated in its logarithm between load steps.
+        """Return the mesh's answer at a load fraction that it met; finer meshes answer at no other."""
+        row = next(row for row in self.rows if row["fraction"] == fraction)
+        return CoarseState(*(np.array(row[name]) for name in ("per_squared_force", "normal_forces", "approaches")))
 
-        Q and D follow powers of the fraction, so their logarithms are interpolated where they have one.
-        """
-        x = np.log([row["fraction"] for row in self.rows])
-
-        def interpolated(name: str) -> np.ndarray:
-            values = np.array([row[name] for row in self.rows])
-            columns = []
-            for column in values.reshape(len(x), -1).T:
-                if name != "per_squared_force" and np.all(column > 0.0):
-                    columns.append(math.exp(np.interp(math.log(fraction), x, np.log(column))))
-                else:
-                    columns.append(float(np.interp(math.log(fraction), x, column)))
-            return np.array(columns).reshape(values.shape[1:])
-
-        return CoarseState(*(interpolated(name) for name in ("per_squared_force", "normal_forces", "approaches")))
+    def goals(self, planned: Sequence[float]) -> list[float]:
+        """Return the load fractions that finer meshes answer at: the planned ones, as far as this mesh came."""
+        met = [row["fraction"] for row in self.rows]
+        return [fraction for fraction in planned if fraction in met] + ([met[-1]] if met[-1] not in planned else [])
 
 
 def text_of(key: str, records: list[MeshRecord]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -85,21 +85,21 @@ class MeshRun:
             "approaches": list(self.path.history[-1].approaches),
         }
 
-    def details(self, record: StepRecord, states: list[dict[str, float]]) -> dict[str, Any]:
-        """Return the solver's account of a finished step (collective)."""
-        reduction = self.plan.reduction
+    def details(self, records: Sequence[StepRecord], states: list[dict[str, float]]) -> dict[str, Any]:
+        """Return the solver's account of a finished step, the last of those since the last account (collective)."""
+        reduction, record = self.plan.reduction, records[-1]
         now, began = time.monotonic(), self._began
         self._began = now
         reaction = self.model.base_reaction()
         pressed = sum(f / ball.copies for f, ball in zip(record.normal_forces, reduction.balls, strict=True))
         return {
             "fraction": record.fraction,
-            "iterations": record.newton_iterations,
-            "augmentations": record.augmentations,
-            "force_iterations": record.force_iterations,
+            "iterations": sum(each.newton_iterations for each in records),
+            "augmentations": sum(each.augmentations for each in records),
+            "force_iterations": sum(each.force_iterations for each in records),
             "route_iterations": self.traction.iterations,
             "route_pinned": self.traction.pinned,
-            "cuts": record.cuts,
+            "cuts": max(each.cuts for each in records),
             "residual": record.residual,
             "penetration": max(s["penetration"] for s in states),
             "open_gap": max(s["open_gap"] for s in states),

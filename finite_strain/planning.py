@@ -116,14 +116,20 @@ def _solver_bytes(unknowns: float, direct: bool) -> float:
     return 0.36e9 * (unknowns / 49e3) ** 1.35 if direct else 4.4e3 * unknowns
 
 
+def planned_fractions(problem: Problem) -> list[float]:
+    """Return the load fractions that a run passes: steps that suit the ball that goes deepest for its size."""
+    expected = expected_indentation(problem)
+    shares = [approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)]
+    return load_fractions(problem.load.kind, max(shares))
+
+
 def plan_run(problem: Problem, tangential_force: float, model: str, budget: Budget | None = None) -> RunPlan:
     """Return the plan of a run; raises `UnsupportedProblem`, naming the key, for what the model lacks."""
     _check_supported(problem, model)
     reduction = reduce_scene(problem)
     expected = expected_indentation(problem)
-    deepest, index = max((approach, i) for i, (approach, _, _) in enumerate(expected))
-    radius = problem.balls[index].radius
-    fractions = load_fractions(problem.load.kind, deepest, radius)
+    deepest = max(approach for approach, _, _ in expected)
+    fractions = planned_fractions(problem)
     first = fractions[0] if problem.load.kind == "approach" else fractions[0] ** (2.0 / 3.0)
     smallest = min(
         indentation_of_layer(

@@ -12,13 +12,13 @@ FIRST = 0.0125
 """First approach over the radius: small- and finite-strain theory nearly agree there."""
 
 
-def load_fractions(kind: LoadKind, deepest: float, radius: float) -> list[float]:
-    """Return increasing fractions of the load that end in 1, for a deepest (expected) approach [m].
+def load_fractions(kind: LoadKind, deepest: float) -> list[float]:
+    """Return increasing fractions of the load that end in 1, for a deepest (expected) approach over its ball's radius.
 
     Fractions are of the approach where that is prescribed, and of the force otherwise, with
     Q ~ D^(3/2) between the two.
     """
-    approaches = [deepest / radius]
+    approaches = [deepest]
     while approaches[-1] > FIRST * GROWTH**0.5:
         approaches.append(max(approaches[-1] / GROWTH, approaches[-1] - LARGEST_STEP))
     power = 1.0 if kind == "approach" else 1.5

@@ -18,6 +18,7 @@ from finite_strain.catalogue import FieldChoice
 from finite_strain.checkpoint import read_checkpoint, write_checkpoint
 from finite_strain.companion import NAME, MeshRecord, saved_records, text_of
 from finite_strain.extent import scale_of_force
+from finite_strain.loading import StepRecord
 from finite_strain.mesh_run import MeshRun
 from finite_strain.output import FieldWriter
 from finite_strain.planning import COARSENING, RunPlan, plan_run
@@ -90,8 +91,15 @@ class MeshSequence:
         """Run mesh after mesh until the accuracy is met or the budget is spent (collective)."""
         if not self.records:
             self.records.append(MeshRecord(COARSENING))
-        if not self.records[0].finished:
-            self._press(0)
+        companion = self.records[0]
+        if not companion.finished and not companion.stopped:
+            try:
+                self._press(0)
+            except NotConverged as error:
+                if not companion.rows:
+                    raise
+                companion.stopped = str(error)
+                self._save()
         if len(self.records) == 1:
             ratio = self.comm.bcast(first_ratio(COARSENING, self.records[0], self.plan.budget), root=0)
             self.records.append(MeshRecord(COARSENING / ratio))
@@ -99,6 +107,8 @@ class MeshSequence:
             number = len(self.records) - 1
             try:
                 steps = self._press(number)
+                if companion.stopped:  # how far T is known has been answered, and by how much
+                    raise NotConverged(companion.stopped)
             except NotConverged as error:
                 if number < 2:
                     raise
@@ -144,6 +154,7 @@ class MeshSequence:
         reached = history[-1].fraction if history else 0.0
         record.rows = [row for row in record.rows if row["fraction"] <= reached]
         run.path.resume(history)
+        goals = list(self.plan.fractions) if number == 0 else self.records[0].goals(self.plan.fractions)
         answer = writer = None
         if number > 0:
             answer = Answer(self.plan, self.plan.far_field(), self.records[:number], record.size)
@@ -157,18 +168,25 @@ class MeshSequence:
                     "forms": describe_forms(self.plan.problem),
                     "unknowns": record.unknowns,
                     "ranks": self.comm.size,
-                    "load_steps": len(self.plan.fractions),
+                    "load_steps": len(goals),
                     "symmetry_planes": len(self.plan.reduction.planes),
                     "resumed_steps": len(steps),
                     "versions": compat.versions(),
                 }
             )
-        for done in run.path.steps(list(self.plan.fractions)):
+        passed: list[StepRecord] = []
+        for done in run.path.steps(goals):
+            if number > 0 and done.fraction not in goals:  # cut back: no coarser mesh was there to compare with
+                passed.append(done)
+                if self.keep:
+                    write_checkpoint(self.folder, run.model, run.path.history, steps, key)
+                continue
             states = run.contact_states()
             row = run.row(done, states)
             record.rows.append(row)
             if answer is not None:
-                details = {"mesh": number, **run.details(done, states)}
+                details = {"mesh": number, **run.details([*passed, done], states)}
+                passed.clear()
                 step = answer.step(row, states, details, steps, run.solver.tolerance)
                 if writer is not None:
                     taken = writer.write(len(steps) + 1, done.fraction)

@@ -39,8 +39,7 @@ KEYS = {
 @pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
 @pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
 def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
-    radius = 0.008
-    fractions = load_fractions(kind, deepest * radius, radius)
+    fractions = load_fractions(kind, deepest)
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
@@ -49,6 +48,22 @@ def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: st
     for a, b in pairwise(approaches):
         assert b - a <= LARGEST_STEP * (1.0 + 1e-12)
         assert b <= GROWTH * a * (1.0 + 1e-12)
+
+
+def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((7.0, 0.0), 10.0))
+    for load in (Load("approach", (0.2, 0.2)), Load("force", (0.17, 1.4)), Load("total_force", (1.0,))):
+        paths = []
+        for turn in (1, -1):
+            values = load.values[::turn]
+            problem = Problem(Layer(1.0, 0.45, 2.0), balls[::turn], Load(load.kind, values))
+            plan = plan_run(problem, 0.1, "finite_strain")
+            paths.append((plan.fractions, plan.unknowns()))
+        assert paths[0][0] == paths[1][0]
+        assert paths[0][1] == pytest.approx(paths[1][1])
+        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, expected_indentation(problem)[::-1], strict=True))
+        power = 1.0 if load.kind == "approach" else 2.0 / 3.0
+        assert paths[0][0][0] ** power * deepest < 1.3 * FIRST  # the smaller ball's own first step
 
 
 def test_a_contact_smaller_than_the_mesh_was_made_for_has_coarser_elements_at_its_edge() -> None:
@@ -114,7 +129,7 @@ def test_the_plan_answers_all_that_is_asked_of_it_in_plain_numbers() -> None:
     assert json.loads(json.dumps(answer)) == answer
     assert len(answer["symmetries"]) == 2
     assert answer["unknowns"] > answer["unknowns_companion"] > 1000
-    assert answer["load_steps"] == len(load_fractions("approach", 0.2, 1.0))
+    assert answer["load_steps"] == len(load_fractions("approach", 0.2))
     assert 0.0 < answer["element_sizes"]["finest"] < answer["element_sizes"]["coarsest"]
     assert answer["domain"]["layer"] == 1.16
     assert 1e8 < answer["memory_bytes"] < 1e11

@@ -60,10 +60,10 @@ def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned(
 
 def test_fewer_or_more_load_steps_leave_the_mesh_as_it_is() -> None:
     load = problem(0.1, "finite_strain").load
-    usual = load_fractions("approach", load.values[0], 1.0)
+    usual = load_fractions("approach", load.values[0])
     for wanted, constants in knobs()["load steps (6)"].items():
         with varied(constants):
-            turned = load_fractions("approach", load.values[0], 1.0)
+            turned = load_fractions("approach", load.values[0])
         assert len(usual) == 6
         assert len(turned) == int(wanted)
         assert turned[0] == pytest.approx(usual[0])

@@ -69,16 +69,11 @@ class LinearPath(Case):
 
     def solve(self, run: Run) -> Result:
         """Return the answer at full load, with those at the load steps before."""
-        from finite_strain.domain import expected_indentation  # noqa: PLC0415  (no DOLFINx, but not for every command)
-        from finite_strain.schedule import load_fractions  # noqa: PLC0415
+        from finite_strain.planning import planned_fractions  # noqa: PLC0415  (no DOLFINx, but not for every command)
 
         load = self.problem.load
-        deepest, radius = max(
-            (approach, ball.radius)
-            for (approach, _, _), ball in zip(expected_indentation(self.problem), self.problem.balls, strict=True)
-        )
         steps = []
-        for fraction in load_fractions(load.kind, deepest, radius):
+        for fraction in planned_fractions(self.problem):
             values = [fraction * value for value in load.values]
             result = MODELS[LINEAR].solve(self.problem.with_load(load.kind, values), run)
             steps.append(Step(result.balls, {"fraction": fraction}))

@@ -118,7 +118,7 @@ def _along(run: MeshRun, size: float) -> list[Step]:
         row = run.row(done, states)
         copies = 2 ** len(run.plan.reduction.planes)
         own = {"size": size, "potential": copies * run.model.energy()}
-        steps.append(_step(run.plan, row, states, {**own, **run.details(done, states)}))
+        steps.append(_step(run.plan, row, states, {**own, **run.details([done], states)}))
     return steps
 
 
