@@ -15,11 +15,11 @@ from typing import Any
 from petsc4py import PETSc
 
 from finite_strain.lagged_factors import NEAR
-from finite_strain.linear_solver import LinearSolver, choose_for, install, slowest
+from finite_strain.linear_solver import LinearSolver, choose_for, given_options, install, slowest
 from finite_strain.merit import Merit
 from finite_strain.model import Model
 from finite_strain.solver_choice import PREFIX
-from linear_bem.errors import NotConverged
+from linear_bem.errors import InvalidProblem, NotConverged
 
 _OPTIONS = {
     "snes_type": "newtonls",
@@ -30,9 +30,23 @@ _OPTIONS = {
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 
 
+NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
+"""Options of PETSc's that would end Newton's method early."""
+MOST_ITERATIONS = 25
+"""Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
+
+
 def _reasons() -> dict[int, str]:
     names = PETSc.SNES.ConvergedReason
     return {value: name for name, value in vars(names).items() if isinstance(value, int) and not name.startswith("_")}
+
+
+def _blame_options(error: PETSc.Error) -> None:
+    """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
+    given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
+    if given:
+        said = str(error).splitlines()[-1].removeprefix("[0] ")
+        raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,13 @@ class NewtonSolver:
         self._b = self._x.duplicate()
         self._start = self._x.duplicate()
         self._reasons = _reasons()
+        given = given_options()
+        refused = [name for name in NOT_TAKEN if name in given]
+        if refused:
+            raise InvalidProblem(
+                f"PETSC_OPTIONS: -{PREFIX}{refused[0]} is not taken: Newton's method ends where the residual is 1e-9 "
+                f"of the normal force, got {given[refused[0]]}; leave it out"
+            )
         self.choice = choose_for(model)
         self._options = {**_OPTIONS, **self.choice.options}
         self.effort = Effort()
@@ -84,7 +105,7 @@ class NewtonSolver:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
         self._set_from_options({})
         self.tolerance = 0.0
-        self.max_iterations = 25
+        self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
         """Free the solver, with the matrix's factors (collective)."""
@@ -154,7 +175,11 @@ class NewtonSolver:
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
         install(self._options | changed)
-        self.snes.setFromOptions()
+        try:
+            self.snes.setFromOptions()
+        except PETSc.Error as error:
+            _blame_options(error)
+            raise
 
     def _iterate(self) -> int:
         """Run Newton's method from ``_x``; return its iterations.
@@ -164,7 +189,11 @@ class NewtonSolver:
         began, assembled = time.perf_counter(), self.effort.seconds_assembly
         effort, iterations, again = self.effort, 0, True
         while again:
-            self.snes.solve(None, self._x)
+            try:
+                self.snes.solve(None, self._x)
+            except PETSc.Error as error:
+                _blame_options(error)
+                raise
             iterations += self.snes.getIterationNumber()
             effort.linear_iterations += self.snes.getLinearSolveIterations()
             failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE

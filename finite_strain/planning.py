@@ -93,7 +93,8 @@ class RunPlan:
                 f"main, about {unknowns[1]:.0f} unknowns",
                 f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked",
             ],
-            "memory_bytes": 4e8 + _solver_bytes(unknowns[1], solvers[1].direct),
+            "memory_bytes": _bytes(unknowns[1], solvers[1].direct),
+            "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),
             "seconds": 10.0 + len(self.fractions) * (_NEWTON_ITERATIONS_PER_STEP + 3) * sum(iteration),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "element_sizes": {"finest": zone.finest, "coarsest": box.coarsest},
@@ -111,9 +112,9 @@ def _iteration_seconds(unknowns: float, direct: bool) -> float:
     return 0.45 * (unknowns / 28e3) ** 1.4 if direct else 3.1e-5 * unknowns
 
 
-def _solver_bytes(unknowns: float, direct: bool) -> float:
-    """Return the memory of matrix and factors, or of matrix, multigrid and Krylov vectors, as measured."""
-    return 0.36e9 * (unknowns / 49e3) ** 1.35 if direct else 4.4e3 * unknowns
+def _bytes(unknowns: float, direct: bool) -> float:
+    """Return the memory of two ranks: matrix and factors, or matrix, multigrid and Krylov vectors, as measured."""
+    return 4e8 + (0.36e9 * (unknowns / 49e3) ** 1.35 if direct else 4.4e3 * unknowns)
 
 
 def planned_fractions(problem: Problem) -> list[float]:

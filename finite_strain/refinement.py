@@ -78,7 +78,10 @@ def decide(asked: float, records: list[MeshRecord], budget: Budget, unavoidable:
         f"{budget.most_unknowns(main.unknowns):.6g} unknowns": budget.most_unknowns(main.unknowns) / last.unknowns
     }
     if budget.seconds is not None:
-        left = budget.seconds - sum(record.seconds for record in records)
+        spent = sum(record.seconds for record in records)
+        if spent >= budget.seconds:
+            return Decision(None, f"the budget of {budget.seconds:g} s is spent: {spent:.0f} s")
+        left = budget.seconds - spent
         bounds[f"{budget.seconds:g} s"] = max(left / last.seconds, 0.0) ** (1.0 / SECONDS_POWER)
     name, growth = min(bounds.items(), key=lambda item: item[1])
     ratio = min(wanted, growth ** (1.0 / 3.0))

@@ -21,8 +21,8 @@ from finite_strain.extent import scale_of_force
 from finite_strain.loading import StepRecord
 from finite_strain.mesh_run import MeshRun
 from finite_strain.output import FieldWriter
-from finite_strain.planning import COARSENING, RunPlan, plan_run
-from finite_strain.refinement import Budget, Decision, account, decide, first_ratio
+from finite_strain.planning import COARSENING, COARSEST, RunPlan, plan_run
+from finite_strain.refinement import LEAST_RATIO, Budget, Decision, account, decide, first_ratio
 from finite_strain.solver_choice import solver_notes, solvers_of
 from finite_strain.together import on_root, replace_text, working_folder
 from finite_strain.top_surface import gather_surface
@@ -135,10 +135,10 @@ class MeshSequence:
 
     def _press(self, number: int) -> list[Step]:
         """Drive one mesh along the load path, from where an earlier run left it; return its answers (collective)."""
-        record, comm, folder = self.records[number], self.comm, self.folder
+        record, folder = self.records[number], self.folder
         name = NAMES[min(number, 2)]
         mesh_file = folder / ("companion.msh" if number == 0 else "mesh.msh" if number == 1 else f"mesh_{number}.msh")
-        run = MeshRun(self.plan, self.plan.box(record.size), mesh_file, comm, self.observer, name)
+        run = self._mesh(number, mesh_file, name)
         try:
             return self._along(run, record, number)
         except NotConverged as error:
@@ -146,6 +146,21 @@ class MeshSequence:
             raise NotConverged(f"{name} mesh ({record.unknowns} unknowns): {error}{kept}") from error
         finally:
             run.close()
+
+    def _mesh(self, number: int, file: Path, name: str) -> MeshRun:
+        """Return the model on a mesh of the record's size, or of larger elements where it passes a stated budget."""
+        record, most = self.records[number], self.plan.budget.unknowns
+        companion, main = self.plan.unknowns()
+        # the main mesh is to be finer than the companion by a ratio, and no coarser than what tells a difference
+        growth, coarsest = (main / companion, math.inf) if number == 0 else (1.0, self.records[number - 1].size)
+        while True:
+            run = MeshRun(self.plan, self.plan.box(record.size), file, self.comm, self.observer, name)
+            over = 0.0 if most is None else growth * run.model.unknowns / most
+            larger = min(record.size * 1.02 * over ** (1.0 / 3.0), coarsest / LEAST_RATIO)
+            if over <= 1.0 or record.rows or larger <= record.size or larger > COARSEST * COARSENING:
+                return run
+            run.close()
+            record.size = larger
 
     def _along(self, run: MeshRun, record: MeshRecord, number: int) -> list[Step]:
         key, began, spent = f"{self.key}, mesh {number}", time.monotonic(), record.seconds
@@ -205,6 +220,16 @@ class MeshSequence:
         if self.keep:
             on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
 
+    def _overrun(self, record: MeshRecord) -> list[str]:
+        """Return where the run passed its budget: companion and main mesh are run whatever they cost."""
+        budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
+        notes = []
+        if budget.unknowns is not None and record.unknowns > budget.unknowns:
+            notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
+        if budget.seconds is not None and spent > budget.seconds:
+            notes.append(f"the meshes took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
+        return notes
+
     def _result(self, steps: list[Step], number: int, why: str) -> Result:
         plan, record = self.plan, self.records[number]
         # a force of another kind is a bound to compare with only where T itself is smaller
@@ -213,12 +238,21 @@ class MeshSequence:
         said = account(plan.accuracy, self.records, number, plan.budget, why, reference)
         notes = list(form_notes(plan.problem))
         if near_zero and record.scale > 0.0:
-            notes.append(f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N")
+            known = ", ".join(
+                f"{100 * ball.tangential_force_error / size:.2g} %" if size > 0.0 else "zero"
+                for ball in steps[-1].balls
+                for size in [math.hypot(*ball.tangential_force)]
+            )
+            notes.append(
+                f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
+                f"of the balls' own T the error is {known}"
+            )
         if not said["met"]:
             notes.append(
                 f"tangential force known to {100 * record.reached:.2g} % at full load; "
                 f"{100 * plan.accuracy:.2g} % was asked for: {why}"
             )
+        notes += self._overrun(record)
         notes += solver_notes([step.record for step in steps])
         certificate = ("penetration", "force_balance", "residual")
         return Result(

@@ -6,6 +6,7 @@ rows and, while reading, one block. The file takes its place when the last rank 
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from scipy.spatial import cKDTree
 
 from linear_bem.errors import OutputUnusable
 
+ROOM = 1_000_000
+"""Bytes for what a file holds beside its arrays."""
 BLOCK = 1_000_000
 """Rows that a rank reads at a time."""
 
@@ -32,7 +35,8 @@ def write_in_turns(
     ends = np.array(comm.scan(rows, op=MPI.SUM))
     totals = comm.bcast(ends, root=comm.size - 1)
     draft = path.with_name(f"{path.name}.part")
-    failure = comm.recv(source=comm.rank - 1) if comm.rank > 0 else None
+    needed = sum(int(total) * _row_bytes(array) for array, total in zip(arrays.values(), totals, strict=True)) + ROOM
+    failure = comm.recv(source=comm.rank - 1) if comm.rank > 0 else _no_room(path, needed)
     if failure is None:
         try:
             with h5py.File(draft, "r+" if comm.rank > 0 else "w") as file:
@@ -45,13 +49,28 @@ def write_in_turns(
                         file[name][end - len(array) : end] = array
             if comm.rank == comm.size - 1:
                 draft.replace(path)
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # HDF5 that cannot flush raises the latter
             failure = f"{path} cannot be written: {error}"
     if comm.rank < comm.size - 1:
         comm.send(failure, dest=comm.rank + 1)
     failure = comm.bcast(failure, root=comm.size - 1)
     if failure is not None:
         raise OutputUnusable(failure)
+
+
+def _row_bytes(array: np.ndarray) -> int:
+    return array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
+
+
+def _no_room(path: Path, needed: int) -> str | None:
+    """Return what is wrong if the disk has not the bytes that a file needs: HDF5 does not survive a full one."""
+    free = shutil.disk_usage(path.parent).free
+    if free >= needed:
+        return None
+    return (
+        f"{path} cannot be written: No space left on device ({free / 1e6:.1f} MB free, {needed / 1e6:.1f} MB needed); "
+        "make room, and the same command goes on from the last step"
+    )
 
 
 def read_at(

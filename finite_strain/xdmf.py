@@ -11,6 +11,8 @@ from xml.etree import ElementTree as Xml
 
 import h5py
 
+from linear_bem.errors import OutputUnusable
+
 INDEX = "fields.xdmf"
 _NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
 
@@ -30,7 +32,14 @@ def write_step_and_index(folder: Path, number: int) -> None:
 def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
     """Return the XDMF grid of one step, with the sizes that its HDF5 file has; its number is its time."""
     grid = Xml.Element("Grid", Name=stem(number), GridType="Uniform")
-    with h5py.File(folder / f"{stem(number)}.h5", "r") as file:
+    path = folder / f"{stem(number)}.h5"
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise OutputUnusable(
+            f"{path} cannot be read ({error}): remove it, and the same command goes on without the fields of that step"
+        ) from error
+    with file:
         cells = file["cells"]
         topology = Xml.SubElement(
             grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(len(cells)), NodesPerElement="10"

@@ -16,7 +16,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
-from linear_bem.errors import ThirdBodyError
+from linear_bem.errors import ThirdBodyError, UnsupportedProblem
 from meshes.box import TAGS, Box, Zone
 
 Quadrant = tuple[int, int]
@@ -39,7 +39,16 @@ def write_layer_mesh(box: Box, path: Path) -> int:
     # gmsh's geometric tolerances are absolute, so it meshes in units of the problem and the points are scaled back
     unit = max(zone.radius for zone in box.zones)
     with gmsh_session():
-        points, tetrahedra, volume = _mesh(box.in_units_of(unit))
+        try:
+            points, tetrahedra, volume = _mesh(box.in_units_of(unit))
+        except Exception as error:  # gmsh raises the base class itself
+            if isinstance(error, ThirdBodyError):
+                raise
+            raise UnsupportedProblem(
+                f"gmsh makes no mesh of this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
+                f"{min(zone.radius for zone in box.zones):.3g} m, a box {box.x[1] - box.x[0]:.3g} m wide; lengths that "
+                "differ by more than a thousand times are better left to linear_bem"
+            ) from error
     points *= unit
     with gmsh_session():
         _write(box, points, tetrahedra, volume, path)

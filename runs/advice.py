@@ -110,11 +110,14 @@ class Adviser:
         verb = "changes" if present else "would change"
         said = f"finite strain {verb} T by {100.0 * change:+.2g} \u00b1 {100.0 * error:.1g} % at equal force"
         if beyond:
-            said += f", as an order of magnitude: {'; '.join(beyond)}, outside the fit's range"
+            said = (
+                f"finite strain {verb} T by something like {100.0 * change:+.1g} % at equal force, of unknown error, "
+                f"perhaps of the other sign: {'; '.join(beyond)}, outside the fit's range"
+            )
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; the scene can do without" if present else "; not needed"
-        return Advice("finite_strain", present, change, error, matters, said + do)
+        return Advice("finite_strain", present, change, None if beyond else error, matters, said + do)
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}

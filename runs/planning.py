@@ -20,6 +20,7 @@ NAMES = {
     "forms": "form of the elements",
     "linear_solver": "linear solver of the main mesh",
     "memory_bytes": "memory",
+    "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
     "seconds": "time",
     "symmetries": "symmetries used",
     "unknowns_companion": "unknowns of the companion mesh, whose difference tells the error",
@@ -82,7 +83,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say(document["title"], "bold")
     load = scene.problem.load
     unit = "m" if load.kind == "approach" else "N"
-    values = ", ".join(number(value) for value in sorted(set(load.values)))
+    values = ", ".join(number(value) for value in dict.fromkeys(load.values))
     say(f"{scene.problem.size} ball(s), prescribed: {load.kind} {values} {unit}")
     say("simulated:")
     for name in document["effects_present"]:
@@ -128,7 +129,7 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
 def _word(key: str, value: Any) -> str:
     if key == "seconds":
         return f"about {duration(float(value))}"
-    if key == "memory_bytes":
+    if key.startswith("memory_bytes"):
         return f"about {float(value) / 1e9:.2g} GB" if value > 5e7 else f"about {max(float(value) / 1e6, 1.0):.0f} MB"
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())

@@ -18,6 +18,8 @@ from linear_bem.errors import OutputUnusable
 from runs.plain import plain, to_json
 
 MARK = "run.json"
+FIRST = (MARK, "scene.toml", ".lock")
+"""What a run writes before it computes anything."""
 FIELDS = "fields"
 PICTURES = "pictures"
 OURS = (
@@ -71,7 +73,8 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         self._take_lock()
         mark = self._mark()
-        strangers = [p.name for p in self.path.iterdir() if p.name != ".lock"]
+        # a run that found no room may have left nothing but its first files, whole or not
+        strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
         if mark is None and strangers:
             raise OutputUnusable(
                 f"{self.path}: holds files of no run ({', '.join(sorted(strangers)[:3])}); name a new or empty --out"
@@ -83,9 +86,9 @@ class RunFolder:
                 f"{self.path}: holds another run ({_difference(mark.get('identity'), self.identity)}); "
                 "name another --out, or replace that run with --fresh"
             )
-        self._write("scene.toml", scene_text)
         if self._mark() is None:
             self._write_mark("running")
+        self._write("scene.toml", scene_text)
 
     def _take_lock(self) -> None:
         self._lock = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from finite_strain import lagged_factors, linear_solver, newton
 from finite_strain.domain import Resolution
 from finite_strain.solver_choice import choose, given_in, solver_notes
-from linear_bem import Elastic, NotConverged
+from linear_bem import Elastic, InvalidProblem, NotConverged
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair, relatively
 
 if TYPE_CHECKING:
@@ -141,6 +141,33 @@ def test_old_factors_that_do_not_fit_are_replaced(
     assert rig.solver.linear.lagged is not None
     assert rig.solver.linear.lagged.made > len(records)  # the first state of all, and more
     rig.solver.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("pc_type", "nonsense", "PETSc does not know what to do with -thirdbody_pc_type nonsense: "),
+        (
+            "pc_factor_mat_solver_type",
+            "nosuch",
+            "does not know what to do with .* nosuch: Could not locate solver type",
+        ),
+        ("snes_rtol", "1e-3", "-thirdbody_snes_rtol is not taken: .*, got 1e-3; leave it out"),
+    ],
+)
+def test_an_option_that_cannot_be_taken_is_named(
+    name: str, value: str, said: str, tmp_path: Path, options: Callable[[str, str], None]
+) -> None:
+    options(name, value)
+    with pytest.raises(InvalidProblem, match=said):
+        coarse_rig(coarse_plan(pair(0.05, poisson=0.3), "finite_strain", COARSE, 0.35), tmp_path).press()
+
+
+def test_the_users_most_iterations_end_a_solve(tmp_path: Path, options: Callable[[str, str], None]) -> None:
+    options("snes_max_it", "2")
+    rig = coarse_rig(coarse_plan(pair(0.05, poisson=0.3), "finite_strain", COARSE, 0.35), tmp_path)
+    with pytest.raises(NotConverged, match="DIVERGED_MAX_IT after 2 iterations"):
+        rig.press()
 
 
 def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(

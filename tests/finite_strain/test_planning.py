@@ -28,6 +28,7 @@ KEYS = {
     "meshes",
     "accuracy",
     "memory_bytes",
+    "memory_bytes_at_most",
     "seconds",
     "domain",
     "element_sizes",

@@ -61,6 +61,14 @@ def test_a_folder_with_files_of_no_run_is_left_alone(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir() if p.name != ".lock"] == ["thesis.tex"]
 
 
+@pytest.mark.parametrize("left", ["scene.toml", ".part.run.json", "run.json"])
+def test_what_a_run_left_that_found_no_room_is_gone_on_from(left: str, tmp_path: Path) -> None:
+    (tmp_path / left).write_text('{"identity": ', encoding="utf-8")
+    RunFolder(tmp_path, IDENTITY, "scene").close()
+    assert (tmp_path / "scene.toml").read_text(encoding="utf-8") == "scene"
+    RunFolder(tmp_path, IDENTITY, "scene").close()
+
+
 def test_two_runs_cannot_share_a_folder(tmp_path: Path) -> None:
     first = RunFolder(tmp_path, IDENTITY, "scene")
     with pytest.raises(OutputUnusable, match="another run is writing there now"):
