@@ -114,7 +114,8 @@ class MeshSequence:
                     raise
                 # the coarser mesh's answer stands: it is whole, and its error bar is its own
                 steps = [Step.from_dict(step) for step in self.records[number - 1].steps]
-                return self._result(steps, number - 1, f"the next mesh did not converge: {error}")
+                whose = "; the field files are of that mesh, as far as it came" if self.keep else ""
+                return self._result(steps, number - 1, f"the next mesh did not converge: {error}{whose}")
             decision = self._decide(number, steps)
             if decision.size is None:
                 return self._result(steps, number, decision.why)
@@ -249,7 +250,7 @@ class MeshSequence:
             )
         if not said["met"]:
             notes.append(
-                f"tangential force known to {100 * record.reached:.2g} % at full load; "
+                f"tangential force known to {_percent(record.reached, plan.accuracy)} % at full load; "
                 f"{100 * plan.accuracy:.2g} % was asked for: {why}"
             )
         notes += self._overrun(record)
@@ -272,3 +273,9 @@ class MeshSequence:
                 linear_solver=solvers_of([step.record for step in steps]),
             ),
         )
+
+
+def _percent(value: float, limit: float) -> str:
+    """Return a share in per cent, with as many digits as tell it from a limit that it exceeds."""
+    texts = [f"{100 * value:.{digits}g}" for digits in range(2, 7)]
+    return next((text for text in texts if float(text) > 100 * limit), texts[0])

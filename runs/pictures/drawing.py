@@ -24,6 +24,8 @@ _BEYOND = 1.5
 """How far the drawn part of the layer reaches beyond the outermost balls' axes, in radii of theirs."""
 _BALL, _SECTION, _BASE = "#b9c2cf", "#dde2e9", "#9aa1ab"
 _SUPERSAMPLING = 2
+_INSIDE = 1e-5
+"""Layer thicknesses behind the balls' axes at which the layer is cut: a model that ends there ends within roundoff."""
 _DEEP = 1.15
 """Down to how many thicknesses of the layer is drawn, with the base."""
 
@@ -160,7 +162,7 @@ def _clipped(grid: Any, window: Window, cut: bool) -> Any:
         (window.along, window.origin + window.length[1] * window.along, True),
         (window.along, window.origin + window.length[0] * window.along, False),
         (window.across, window.origin + window.width * window.across, True),
-        (window.across, window.origin - (0.0 if cut else window.width) * window.across, False),
+        (window.across, window.origin + (_INSIDE * window.depth if cut else -window.width) * window.across, False),
         (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -_DEEP * window.depth]), False),
     ]
     for normal, origin, below in sides:
