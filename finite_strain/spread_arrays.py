@@ -64,7 +64,10 @@ def _row_bytes(array: np.ndarray) -> int:
 
 def _no_room(path: Path, needed: int) -> str | None:
     """Return what is wrong if the disk has not the bytes that a file needs: HDF5 does not survive a full one."""
-    free = shutil.disk_usage(path.parent).free
+    try:
+        free = shutil.disk_usage(path.parent).free
+    except OSError:  # a folder that is not there: opening the file will tell
+        return None
     if free >= needed:
         return None
     return (
