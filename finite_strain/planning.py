@@ -109,7 +109,7 @@ class RunPlan:
 
 def _iteration_seconds(unknowns: float, direct: bool) -> float:
     """Return the time of a Newton iteration, measured on two ranks: factors (MUMPS) or multigrid."""
-    return 0.45 * (unknowns / 28e3) ** 1.4 if direct else 3.1e-5 * unknowns
+    return 0.38 * (unknowns / 28e3) ** 1.4 if direct else 3.1e-5 * unknowns
 
 
 def _bytes(unknowns: float, direct: bool) -> float:
