@@ -24,11 +24,13 @@ from finite_strain.companion import MeshRecord
 from finite_strain.extent import STIFFENING, scale_of_force
 from finite_strain.extrapolation import (
     EDGE_ERROR,
+    FILM,
     FORCE_ERROR,
     FORCE_ERROR_ORDER,
     FORCE_EXPONENT,
     INDENTATION_ORDER,
     MOST_CANCELLED,
+    MOST_OF_FORCE,
     force_ratio,
     indentation,
 )
@@ -92,7 +94,7 @@ class Answer:
         route_error = np.maximum(difference, np.median([*past, difference], axis=0))
         far_error = squared * REMAINS * away.ratio_size
         cancelled = np.clip(self._scale(forces), size, MOST_CANCELLED * size)
-        least = FORCE_ERROR * growth**FORCE_ERROR_ORDER * cancelled
+        least = np.minimum(FORCE_ERROR * growth**FORCE_ERROR_ORDER, MOST_OF_FORCE) * cancelled
         at_force = np.hypot(np.maximum(squared * mesh_error, least), squared * route_error) + far_error + tolerance
         through_force = 2.0 * size * _share(force_error, forces)
         shift = 2.0 * size * SHIFT_REMAINS * STIFFENING * away.shift_size
@@ -158,12 +160,16 @@ class Answer:
         return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
 
     def _growth_at_edge(self, states: list[dict[str, float]]) -> np.ndarray:
-        """Return how element sizes grow with the distance at the contacts' edges (balls,); 0 without contact."""
+        """Return how element sizes grow with the distance at the contacts' edges (balls,); 0 without contact.
+
+        On a film it is their size over what counts as the contact's radius there.
+        """
         assert self.plan.resolution is not None
         resolution = self.plan.resolution.coarser(self.sizes[0])
         radii = [math.sqrt(state["contact_area"] / math.pi) for state in states]
         sizes = [resolution.at_edge(radius, self.plan.smallest_contact) if radius > 0.0 else 0.0 for radius in radii]
-        return np.array(sizes)
+        film = FILM * self.plan.problem.layer.thickness
+        return np.array([min(s * max(1.0, r / film), 1.0) for s, r in zip(sizes, radii, strict=True)])
 
     def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
         """Return what two meshes differ by in Q or D (balls,), raised to the largest share of it at an earlier step."""
