@@ -23,8 +23,6 @@ FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio that each form of the elements is measured with."""
 SOLVERS = {"MUMPS": "1e12", "multigrid": "0"}
 """Unknowns up to which factors are taken."""
-MOST_FACTORED = 150_000
-"""Unknowns aimed at above which factors, which no run takes there by itself, are not measured."""
 DEPTH = 0.1
 PATH = (0.2, 0.6, 1.0)
 """Parts of the depth at which equilibrium is found before anything is measured."""
@@ -52,7 +50,7 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     for _ in run.path.steps(list(PATH)):
         pass
     run.solver.close()
-    for name in SOLVERS if target <= MOST_FACTORED else ("multigrid",):
+    for name in SOLVERS:
         yield {"form": form, "solver": name, "target": target, **_solved_by(name, run.model, before)}
     run.model.close()
 
