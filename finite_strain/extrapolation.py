@@ -27,7 +27,7 @@ It is of T, or of a tenth of the half-space's mutual force where the layer takes
 at most. 128 load steps at small strain at growth 0.336 (h = 0.2 to 2 R, nu = 0.3 and 0.48, L = 2 and 2.5 R, against
 `linear_bem`) are off by at most 0.8 times the error with this; without it 28 were off by more, by up to 5 times.
 """
-FILM = 3.0
+FILM = 2.0
 """Thicknesses of a layer that count as its contact's radius where that is larger: fields change within a thickness.
 
 One ball on h = 0.05 R, nu = 0.5, with a contact of five thicknesses: Q is 0.9 % off on meshes whose growth is 0.21.
