@@ -24,7 +24,7 @@ from runs.session import path_so_far
 from runs.studies import Options
 from runs.studies.case import Case, varied
 from runs.studies.publishing import publish
-from runs.studies.records import DONE, RUNNING, Found, StudyFolder
+from runs.studies.records import DONE, NOT_RUN, RUNNING, Found, StudyFolder
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,11 @@ def _tell_answer(study: Study, folder: StudyFolder, options: Options) -> None:
 def made_by(found: Found, command: str) -> str:
     """Return the sentence that says how the numbers were made."""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
-    done = sum(found.state(case.name) == DONE for case in found.cases)
+    states = [found.state(case.name) for case in found.cases]
+    ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
+    answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
     return (
-        f"Made by `{command}`: {done} of {len(found.cases)} cases, {found.seconds() / 60.0:.1f} minutes of processor "
+        f"Made by `{command}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of processor "
         f"time{f' ({versions})' if versions else ''}."
     )
 

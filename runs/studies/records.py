@@ -17,7 +17,7 @@ from runs.store import MARK, replacing
 from runs.studies.case import Case
 
 CASES = "cases"
-DONE, RUNNING = "done", "running"
+DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
 """States of a record; every other one names how the case ended without an answer."""
 
 
@@ -104,7 +104,7 @@ class Found:
 
     def state(self, name: str) -> str:
         """Return "done", "running", how the case ended without an answer, or "not run yet"."""
-        return str(self.records.get(name, {}).get("state", "not run yet"))
+        return str(self.records.get(name, {}).get("state", NOT_RUN))
 
     def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
         """Return one sentence for every case whose state is none of ``answers``."""
