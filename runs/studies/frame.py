@@ -84,8 +84,8 @@ def made_by(found: Found, command: str) -> str:
     ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
     answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
     return (
-        f"Made by `{command}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of processor "
-        f"time{f' ({versions})' if versions else ''}."
+        f"Made by `{command}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "
+        f"processor time{f' ({versions})' if versions else ''}."
     )
 
 
