@@ -25,7 +25,7 @@ from finite_strain.spread_arrays import write_in_turns
 from linear_bem import Ball, Layer, Load, NotConverged, Problem
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY
-from tests.finite_strain.scenes import Recorder, light_pair, pair, relatively
+from tests.finite_strain.scenes import Recorder, light_pair, pair, relatively, single
 
 BREAKS = 0.7
 """Fraction of the load beyond which no equilibrium is found."""
@@ -133,3 +133,13 @@ def test_forces_that_do_not_add_up_to_zero_are_doubted_more() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
     answer = Answer(plan, plan.far_field(), [MeshRecord(1.4)], 1.0)
     assert answer._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)
+
+
+def test_on_a_film_elements_at_the_contacts_edge_are_measured_by_its_thickness() -> None:
+    plan = plan_run(single(0.02, 0.05), 0.1, "finite_strain")
+    assert plan.resolution is not None
+    answer = Answer(plan, plan.far_field(), [MeshRecord(1.4)], 1.0)
+    for radius, factor in ((0.0, 0.0), (0.1, 1.0), (0.2, 2.0), (10.0, 1.0 / plan.resolution.inner)):
+        (growth,) = answer._growth_at_edge([{"contact_area": math.pi * radius**2}])
+        usual = plan.resolution.at_edge(radius, plan.smallest_contact) if radius > 0.0 else 0.0
+        assert growth == relatively(factor * usual, 1e-9)
