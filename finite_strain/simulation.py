@@ -33,6 +33,8 @@ from linear_bem.result import Result, Solved, Step
 
 NAMES = ("companion", "main", "finer")
 """What the meshes are called that run first, second, and after."""
+MAIN_GROWTH = 2.0
+"""How many times the companion's unknowns the main mesh has: 1.6 to 2.1 were seen."""
 NEAR_ZERO = "a tenth of the half-space's mutual force"
 
 
@@ -151,9 +153,8 @@ class MeshSequence:
     def _mesh(self, number: int, file: Path, name: str) -> MeshRun:
         """Return the model on a mesh of the record's size, or of larger elements where it passes a stated budget."""
         record, most = self.records[number], self.plan.budget.unknowns
-        companion, main = self.plan.unknowns()
-        # the main mesh is to be finer than the companion by a ratio, and no coarser than what tells a difference
-        growth, coarsest = (main / companion, math.inf) if number == 0 else (1.0, self.records[number - 1].size)
+        # the companion is to leave room for the main mesh, and that to be fine enough to tell a difference
+        growth, coarsest = (MAIN_GROWTH, math.inf) if number == 0 else (1.0, self.records[number - 1].size)
         while True:
             run = MeshRun(self.plan, self.plan.box(record.size), file, self.comm, self.observer, name)
             over = 0.0 if most is None else growth * run.model.unknowns / most
