@@ -45,7 +45,14 @@ def _blame_options(error: PETSc.Error) -> None:
     """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
     given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
     if given:
-        said = str(error).splitlines()[-1].removeprefix("[0] ")
+        said, cause = "", error
+        while (
+            not said and cause is not None
+        ):  # an error in a call back from PETSc is the cause of one with a mere number
+            lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
+            said = next((line for line in reversed(lines) if line and "() at " not in line), "")
+            cause = cause.__cause__ or cause.__context__
+        said = said or str(error).splitlines()[0]
         raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error
 
 
