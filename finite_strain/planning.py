@@ -114,7 +114,7 @@ def _iteration_seconds(unknowns: float, direct: bool) -> float:
 
 def _bytes(unknowns: float, direct: bool) -> float:
     """Return the memory of two ranks: matrix and factors, or matrix, multigrid and Krylov vectors, as measured."""
-    return 4e8 + (0.36e9 * (unknowns / 49e3) ** 1.35 if direct else 4.4e3 * unknowns)
+    return 4e8 + (0.77e9 * (unknowns / 51.5e3) ** 1.35 if direct else 7.5e3 * unknowns)
 
 
 def planned_fractions(problem: Problem) -> list[float]:
