@@ -71,15 +71,6 @@ def test_a_path_out_of_balance_or_folded_over_is_called_wrong(record: dict[str, 
     assert words in why
 
 
-def test_an_energy_is_granted_what_the_forces_are_known_to() -> None:
-    off = {"stored": 1.0 + 2.0 * BALANCE}
-    for share, expected in ((1.5 * BALANCE, "WRONG"), (3.0 * BALANCE, "right")):
-        steps = path(1.5, 0.01, 0.03, 0.1, **off, normal_force_error=[share * 0.1**1.5])
-        ended, why = verdict(found(a={"steps": steps}), "a", {"check": None})
-        assert ended == expected
-        assert f"{100 * share:.2g} % granted" in why
-
-
 def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() -> None:
     def pair(other: float, **check: Any) -> tuple[str, str]:
         records = found(

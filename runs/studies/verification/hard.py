@@ -134,7 +134,7 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
 PART = Part(
     NAME,
     "Hard cases",
-    "Each is checked by energy against work (2 %, or what Q is known to), force balance (1e-6), elements not folded "
+    "Each is checked by energy against work (2 %), force balance (1e-6), elements not folded "
     "over, and where a second route exists by another case. R = 1, E1 = 1. More of them, and more models, are in the "
     "study `stability`.",
     cases,
