@@ -70,7 +70,7 @@ class RunPlan:
         return FarField(self.problem, box.substrate, scene_positions(reduction), (sides[0], sides[1]))
 
     def unknowns(self) -> list[float]:
-        """Estimate the unknowns of both meshes (fine ones have up to 1.4 times as many, the coarsest up to 2.6 times)."""
+        """Estimate the unknowns of both meshes; fine ones have up to 1.4 times as many, the coarsest up to 2.6."""
         return [_UNKNOWNS_PER_TETRAHEDRON * box.estimated_tetrahedra() for box in self.boxes]
 
     def describe(self) -> dict[str, Any]:
