@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from linear_bem.result import Result
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
-FORMAT = 9
+FORMAT = 10
 """Changes whenever a run that an older version left behind must not be continued or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Relative accuracy of the tangential force that is aimed at where none is asked for."""
@@ -36,6 +37,7 @@ def solve(
     fields: FieldChoice | None = None,
     seconds: float | None = None,
     unknowns: float | None = None,
+    steps: Sequence[float] | None = (1.0,),
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -59,7 +61,10 @@ def solve(
         Which fields are written into the folder and on which steps; by default all on every step.
     seconds, unknowns
         The budget: wall time of the run, and unknowns of its finest mesh; by default no bound on the time, and
-        60 000 unknowns or 2.5 times those of the first mesh, whichever is more.
+        120 000 unknowns.
+    steps
+        Fractions of the load at which answers are wanted, rising; by default full load alone. None stands for six
+        equal steps of the approach.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -73,10 +78,15 @@ def solve(
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
+    from finite_strain.planning import plan_run  # noqa: PLC0415
+
+    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps)
+    from mpi4py import MPI  # noqa: PLC0415
+
     from finite_strain.simulation import simulate  # noqa: PLC0415  (imports DOLFINx)
 
     where = None if folder is None else Path(folder)
-    return simulate(problem, model, tangential_force, comm, where, observer, fields, Budget(seconds, unknowns))
+    return simulate(plan, MPI.COMM_WORLD if comm is None else comm, where, observer, fields)
 
 
 def plan(
@@ -86,11 +96,12 @@ def plan(
     *,
     seconds: float | None = None,
     unknowns: float | None = None,
+    steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
     """Return what `solve` would simulate and what it would cost, without DOLFINx; see `finite_strain.planning`."""
     from finite_strain.planning import plan_run  # noqa: PLC0415
 
-    return plan_run(problem, tangential_force, model, Budget(seconds, unknowns)).describe()
+    return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 
 
 __all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "plan", "solve"]

@@ -1,16 +1,4 @@
-"""The answer at a load step: mesh and distance taken off what the finest mesh says, and what may be left of both.
-
-T / Q^2 is the domain integral's, extrapolated from the meshes, and so is Q where the approach is
-prescribed (D where the force is). What the model's end does to first order is then taken off. The error of
-T at given force is the root of the sum of squares of two estimates of what T / Q^2 may be off by, since
-either alone can be small by chance: the mesh error, estimated more cautiously than the extrapolation and
-the largest on the load path so far; and what the traction route differs by, now or (its median) on the path
-so far, whichever is more. Two meshes may agree by chance, so the first is not less than what elements such as
-those at the contact's edge leave. To it come what is left of the far field, and where the approach is prescribed
-the error of Q. The error of Q (of D where the force is prescribed) is the largest share of it that the meshes
-differed by on the path so far, again not less than what such elements leave. Where the balls' T do not add up to
-zero, as action and reaction must, all errors of T are raised by the share that they do not explain.
-"""
+"""The answer at a load step: what the finest discretisation and its pair say, and the error budget."""
 
 from __future__ import annotations
 
@@ -20,130 +8,187 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.companion import MeshRecord
-from finite_strain.extent import STIFFENING, scale_of_force
-from finite_strain.extrapolation import (
-    EDGE_ERROR,
-    FILM,
-    FORCE_ERROR,
-    FORCE_ERROR_ORDER,
-    FORCE_EXPONENT,
-    INDENTATION_ORDER,
-    MOST_CANCELLED,
-    MOST_OF_FORCE,
-    force_ratio,
-    indentation,
-)
-from finite_strain.far_field import REMAINS, SHIFT_REMAINS, FarField
+from finite_strain.error_budget import Terms, discretisation, enforcement, exponent, gain
+from finite_strain.extent import scale_of_force
+from finite_strain.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.planning import RunPlan
+from finite_strain.states import Record, Row
+from linear_bem.errors import ThirdBodyError
+from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Step
+from linear_bem.solver import solve
+
+LINEAR_ACCURACY = 0.03
+"""Accuracy asked of linear_bem over that asked of the run."""
+FORCE_EXPONENT = 1.5
+"""d ln Q / d ln D at least: Hertz's; the path may show more."""
 
 
 @dataclass(frozen=True)
-class _Distance:
-    """What the model's end adds to T / Q^2 (balls, 2), by the factor of Q and the addend to D it takes off."""
+class _Answer:
+    """One discretisation's answer, and the row that it was drawn from."""
 
-    ratio: np.ndarray
-    force_factor: np.ndarray
-    approach: np.ndarray
-    ratio_size: np.ndarray
-    """(balls,): the size of the first, bottom and sides added up whatever their signs."""
-    shift_size: np.ndarray
-    """(balls,): the same of D, over D, where Q follows it."""
+    row: Row
+    values: Paired
 
 
-class Answer:
-    """Turns what the meshes of a run say into answers for the balls of its scene."""
+class Answers:
+    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path."""
 
-    def __init__(self, plan: RunPlan, far: FarField, coarser: list[MeshRecord], size: float) -> None:
-        self.plan, self.far = plan, far
-        self.coarser = coarser[::-1][:2]
-        """The one or two coarser meshes, finest first."""
-        self.sizes = [size, *(record.size for record in self.coarser)]
+    def __init__(self, plan: RunPlan, coarse: Record, fine: Record) -> None:
+        self.plan, self.coarse, self.fine = plan, coarse, fine
+        self.forces_given = plan.problem.load.kind != "approach"
+        self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
+        self._before: Paired | None = None
+        self.failure = ""
+        self._rate = plan.box(fine.level).rate
+
+    def truth(self, fraction: float) -> LinearTruth | None:
+        """Return what `linear_bem` answers at a load fraction, None where it has no answer (one rank)."""
+        plan = self.plan
+        load = plan.problem.load
+        scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
+        scene = scene.with_load(load.kind, [fraction * value for value in load.values])
+        try:
+            balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
+        except ThirdBodyError as error:
+            self.failure = str(error)
+            return None
+        chosen = [balls[ball.index] for ball in plan.reduction.balls]
+        return LinearTruth(
+            np.array([ball.normal_force for ball in chosen]),
+            np.array([ball.approach for ball in chosen]),
+            np.array(
+                [
+                    plan.reduction.to_model(b.index, c.tangential_force)
+                    for b, c in zip(plan.reduction.balls, chosen, strict=True)
+                ]
+            ),
+            np.array([ball.tangential_force_error for ball in chosen]),
+            np.array([ball.contact_area for ball in chosen]),
+            np.array([ball.peak_pressure for ball in chosen]),
+        )
 
     def step(
-        self, row: dict[str, Any], states: list[dict[str, float]], details: dict[str, Any],
-        earlier: list[Step], tolerance: float,
-    ) -> Step:  # fmt: skip
-        """Return the finished step; ``row``, ``states`` and ``details`` are the finest mesh's, ``earlier`` its steps.
-
-        ``tolerance`` [N] is what the solver leaves open of every force.
-        """
-        others = [record.at(row["fraction"]) for record in self.coarser]
-        raw, routes = np.array(row["per_squared_force"]), np.array(row["route_difference"])
-        mesh = force_ratio([raw, *(state.per_squared_force for state in others)], self.sizes)
-        ratio = self.sizes[1] / self.sizes[0]
-        forces, force_error = indentation(np.array(row["normal_forces"]), others[0].normal_forces, ratio)
-        approaches, approach_error = indentation(np.array(row["approaches"]), others[0].approaches, ratio)
-        force_change = self._at_least(force_error, forces, earlier, "normal_force")
-        approach_change = self._at_least(approach_error, approaches, earlier, "approach")
-        kind, growth = self.plan.problem.load.kind, self._growth_at_edge(states)
-        edge = EDGE_ERROR * growth**INDENTATION_ORDER
-        force_error, approach_error = force_change, approach_change
-        if kind == "approach" or (kind == "total_force" and len(forces) > 1):
-            force_error = np.maximum(force_error, edge * forces)
-        if kind != "approach":
-            approach_error = np.maximum(approach_error, edge / FORCE_EXPONENT * np.abs(approaches))
-        away = self._distance(forces, approaches)
-        forces, approaches = forces * away.force_factor, approaches - away.approach
-        squared, value = forces**2, mesh.value - away.ratio
-        size = np.abs(value).max(axis=1) * squared
-        mesh_error = np.max([mesh.error.max(axis=1), *(s.record["mesh_error"] for s in earlier)], axis=0)
-        difference = np.abs(routes).max(axis=1)
-        past = [np.array(s.record["route_difference"]) for s in earlier]
-        route_error = np.maximum(difference, np.median([*past, difference], axis=0))
-        far_error = squared * REMAINS * away.ratio_size
-        cancelled = np.clip(self._scale(forces), size, MOST_CANCELLED * size)
-        least = np.minimum(FORCE_ERROR * growth**FORCE_ERROR_ORDER, MOST_OF_FORCE) * cancelled
-        at_force = np.hypot(np.maximum(squared * mesh_error, least), squared * route_error) + far_error + tolerance
-        through_force = 2.0 * size * _share(force_error, forces)
-        shift = 2.0 * size * SHIFT_REMAINS * STIFFENING * away.shift_size
-        error = np.hypot(at_force, through_force) + shift
-        imbalance, doubt = self._imbalance(squared[:, None] * value, error)
-        error, at_force = doubt * error, doubt * at_force
+        self, fraction: float, truth: LinearTruth | None, details: dict[str, Any], earlier: list[Step], tolerance: float
+    ) -> Step:
+        """Return the finished step; ``tolerance`` [N] is what the solver leaves open of every force."""
+        fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
+        assert fine is not None
+        assert coarse is not None
+        now = self._paired(fine, truth, self._rate)
+        before = self._paired(coarse, truth if fine.small is not None else None, 0.0)
+        # between orders on one mesh both answers may be off alike: what the pair makes of them does not tell
+        one_mesh = (
+            self.fine.level.fineness == self.coarse.level.fineness and self.fine.level.order != self.coarse.level.order
+        )
+        after, before = (unpaired(fine.own), unpaired(coarse.own)) if one_mesh else (now, before)
+        weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
+        size = np.linalg.norm(now.tangential_force, axis=1)
+        floor = np.maximum(size, self._scale(now.normal_force))
+        factor = gain(self.fine.level, self.coarse.level)
+        squared, pull = now.normal_force**2, now.tangential_force
+        share = enforcement(fine.own, fine.small, weight)
+        power = self._exponent(fraction, now, earlier)
+        solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
+        # of T at given force
+        at_force = Terms(
+            self._change("R", factor, squared[:, None] * after.per_squared_force,
+                         squared[:, None] * before.per_squared_force, floor),
+            np.zeros_like(size),
+            squared * now.transfer,
+            solver,
+        )  # fmt: skip
+        # of what follows: Q at given approach, D at given force
+        follows = now.approach if self.forces_given else now.normal_force
+        change = (after.approach, before.approach) if self.forces_given else (after.normal_force, before.normal_force)
+        through = Terms(
+            self._change("Q", factor, change[0][:, None], change[1][:, None], follows),
+            np.abs(follows) * share * (1.0 if self.forces_given else power),
+            np.abs(follows) * now.force_transfer,
+            tolerance
+            * (follows / np.maximum(power * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
+        )
+        if self.forces_given:
+            terms = at_force
+        else:
+            terms = Terms(
+                self._change("T", factor, after.tangential_force, before.tangential_force, floor),
+                2.0 * size * share * power,
+                np.hypot(at_force.transfer, 2.0 * size * now.force_transfer),
+                solver,
+            )
+        area, peak = fine.own.contact_area, fine.own.peak_pressure
+        if truth is not None and fine.small is not None:
+            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** weight
+            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** weight
+        imbalance, doubt = self._imbalance(pull, terms.total)
+        error = doubt * terms.total
+        none = np.zeros_like(size)
         record = {
             "step": len(earlier) + 1,
             **details,
-            "mesh_error": mesh_error.tolist(),
-            "least_error": self._per_ball(least),
+            "error_terms": {name: self._per_ball(doubt * getattr(terms, name)) for name in terms.names()},
+            "pair_weight": self._per_ball(weight),
             "imbalance": imbalance,
-            "mesh_order": [[None if np.isnan(o) else float(o) for o in orders] for orders in mesh.order],
-            "route_difference": difference.tolist(),
-            "normal_force_error": self._per_ball(force_error),
-            "approach_error": self._per_ball(approach_error),
-            "normal_force_change": self._per_ball(force_change),
-            "approach_change": self._per_ball(approach_change),
-            "far_field_error": self._per_ball(far_error + shift),
-            "far_field_correction": self._per_ball(squared * np.abs(away.ratio).max(axis=1)),
-            "tangential_force_error_at_force": self._per_ball(at_force),
+            "normal_force_error": self._per_ball(none if self.forces_given else through.total),
+            "approach_error": self._per_ball(through.total if self.forces_given else none),
+            "tangential_force_error_at_force": self._per_ball(doubt * at_force.total),
         }
-        named = {
-            "domain": value,
-            "traction": value + routes,
-            "domain_main_mesh": raw,
-            "domain_companion_mesh": others[0].per_squared_force,
-        }
+        named = {"domain": pull, "domain_without_pair": fine.own.tangential_force, "traction": fine.own.traction_force}
         reduction, balls = self.plan.reduction, []
         for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
             b = image.model_ball
-            turned = {
-                name: reduction.to_scene(index, (float(squared[b] * v[b, 0]), float(squared[b] * v[b, 1])))
-                for name, v in named.items()
-            }
+            turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
             balls.append(
                 BallResult(
                     position=ball.position,
                     radius=ball.radius,
-                    approach=float(approaches[b]),
-                    normal_force=float(forces[b]),
+                    approach=float(now.approach[b]),
+                    normal_force=float(now.normal_force[b]),
                     tangential_force=turned["domain"],
                     tangential_force_error=float(error[b]),
-                    peak_pressure=states[b]["peak_pressure"],
-                    contact_area=states[b]["contact_area"],
+                    peak_pressure=float(peak[b]),
+                    contact_area=float(area[b]),
                     tangential_force_routes=turned,
                 )
             )
+        self._before = now
         return Step(tuple(balls), record)
+
+    def _paired(self, row: Row, truth: LinearTruth | None, rate: float) -> Paired:
+        if truth is None:
+            return unpaired(row.own)
+        scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
+        if self.plan.is_paired and row.small is not None:
+            return paired(row.own, row.small, truth, scale, self.forces_given, rate)
+        if self.plan.is_paired:
+            return unpaired(row.own)
+        # the small-strain model itself: its error is known
+        known = paired(row.own, row.own, truth, scale, self.forces_given)
+        own = unpaired(row.own)
+        wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
+        share = (
+            known.approach / np.maximum(own.approach, 1e-300)
+            if self.forces_given
+            else known.normal_force / np.maximum(own.normal_force, 1e-300)
+        )
+        return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
+
+    def _change(self, name: str, factor: float, now: np.ndarray, before: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Return the discretisation's error, and remember it for the steps that follow."""
+        path = self._relative[name]
+        error = discretisation(now, before, factor, path, size)
+        path.append(
+            np.divide(factor * np.linalg.norm(now - before, axis=1), size, out=np.zeros(len(size)), where=size > 0.0)
+        )
+        return error
+
+    def _exponent(self, fraction: float, now: Paired, earlier: list[Step]) -> np.ndarray:
+        if self._before is None or not earlier:
+            return np.full(len(now.approach), FORCE_EXPONENT)
+        ratio = float(np.max(now.approach) / max(float(np.max(self._before.approach)), 1e-300))
+        return exponent(now.normal_force, self._before.normal_force, ratio, FORCE_EXPONENT)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and by how much it raises all errors (balls,).
@@ -152,61 +197,12 @@ class Answer:
         """
         reduction = self.plan.reduction
         turned = [reduction.to_scene(i, tuple(forces[im.model_ball])) for i, im in enumerate(reduction.images)]
-        imbalance, granted = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
-        return imbalance, math.hypot(1.0, imbalance / granted) if granted > 0.0 else 1.0
+        imbalance, allowed = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
+        return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
 
     def _scale(self, forces: np.ndarray) -> float:
         """Return what T near its zero is measured against [N], for forces of the model's balls [N]."""
         return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
 
-    def _growth_at_edge(self, states: list[dict[str, float]]) -> np.ndarray:
-        """Return how element sizes grow with the distance at the contacts' edges (balls,); 0 without contact.
-
-        On a film it is their size over what counts as the contact's radius there.
-        """
-        assert self.plan.resolution is not None
-        resolution = self.plan.resolution.coarser(self.sizes[0])
-        radii = [math.sqrt(state["contact_area"] / math.pi) for state in states]
-        sizes = [resolution.at_edge(radius, self.plan.smallest_contact) if radius > 0.0 else 0.0 for radius in radii]
-        film = FILM * self.plan.problem.layer.thickness
-        return np.array([min(s * max(1.0, r / film), 1.0) for s, r in zip(sizes, radii, strict=True)])
-
-    def _at_least(self, error: np.ndarray, values: np.ndarray, earlier: list[Step], name: str) -> np.ndarray:
-        """Return what two meshes differ by in Q or D (balls,), raised to the largest share of it at an earlier step."""
-        error = error.copy()
-        for step in earlier:
-            for b, ball in enumerate(self.plan.reduction.balls):
-                before = getattr(step.balls[ball.index], name)
-                share = step.record[f"{name}_change"][ball.index] / before if before > 0.0 else 0.0
-                error[b] = max(error[b], share * values[b])
-        return error
-
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]
-
-    def _distance(self, forces: np.ndarray, approaches: np.ndarray) -> _Distance:
-        """Return the first-order effect of the model's end on its balls, for their forces [N] and approaches [m]."""
-        reduction, kind = self.plan.reduction, self.plan.problem.load.kind
-        everywhere = np.array([forces[image.model_ball] for image in reduction.images])
-        own = [ball.index for ball in reduction.balls]
-        excess = self.far.tangential_forces(everywhere)[own]
-        for b, ball in enumerate(reduction.balls):
-            excess[b, list(ball.fixed_axes)] = 0.0
-        moved = self.far.approaches(everywhere)[own]
-        ratio = np.divide(excess, forces[:, None] ** 2, out=np.zeros_like(excess), where=forces[:, None] > 0.0)
-        moved_size, pulls = (part[own] for part in self.far.sizes(everywhere))
-        ratio_size = np.divide(pulls, forces**2, out=np.zeros_like(pulls), where=forces > 0.0)
-        ratio_size *= [0.0 if len(ball.fixed_axes) == 2 else 1.0 for ball in reduction.balls]
-        none = np.zeros_like(forces)
-        if kind == "approach":  # the unbounded layer yields more (or less) to the same force: Q follows D
-            deeper = np.where(approaches > 0.0, 1.0 + _share(moved, approaches), 1.0)
-            factor = np.maximum(deeper, 0.0) ** STIFFENING
-            return _Distance(ratio, factor, none, ratio_size, _share(moved_size, approaches))
-        if kind == "total_force":
-            moved = np.full_like(moved, np.average(moved, weights=forces))
-        return _Distance(ratio, np.ones_like(forces), moved, ratio_size, none)
-
-
-def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """Return part over whole, zero where the whole is not positive."""
-    return np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0.0)

@@ -29,15 +29,15 @@ class Bulk:
     idle: np.ndarray | None = None
 
 
-def make_bulks(problem: Problem, mesh: Any, cell_tags: Any) -> list[Bulk]:
-    """Return the regions; each in mixed form has a pressure of its own, for pressures jump where two regions meet."""
+def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
+    """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions."""
     bulks = []
     for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
         if solid is None:
             continue
         pressure = idle = None
         if is_mixed(problem, name):  # on a space of its own, by which its constraints are told from another's
-            pressure = dolfinx.fem.Function(compat.function_space(mesh, 1), name=f"{name}_pressure")
+            pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
             idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
         bulks.append(Bulk(TAGS[name], solid, pressure, idle))
     return bulks

@@ -19,11 +19,11 @@ class Field:
 
 
 _RECOVERED = (
-    "its values at four Gauss points of a cell, extended linearly to the nodes of the cell and averaged at each node "
-    "over the cells of its region, weighted by volume; where layer and substrate meet, the layer's"
+    "its values in the cells that share a node, averaged over those of a region by the volume that they have there; "
+    "where layer and substrate meet, the layer's"
 )
 CATALOGUE = {
-    "displacement": Field("m", "Vector", (3,), "displacement of the material point; quadratic on each cell, exact"),
+    "displacement": Field("m", "Vector", (3,), "displacement of the material point, as solved for"),
     "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress; {_RECOVERED}"),
     "von_mises": Field("Pa", "Scalar", (), "von Mises' equivalent stress of the written Cauchy stress"),
     "pressure": Field("Pa", "Scalar", (), "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
@@ -35,8 +35,8 @@ CATALOGUE = {
     ),
     "contact_pressure": Field(
         "Pa", "Scalar", (),
-        "contact pressure per deformed area; projected to the corners of the top facets (lumped: never negative, the "
-        "same integral over the undeformed top) and linear on each cell; of meaning on the top alone",
+        "contact pressure per deformed area; at nodes of the top the average over the cells that share the node, zero "
+        "below",
     ),
     "gap": Field(
         "m", "Scalar", (),

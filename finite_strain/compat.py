@@ -47,7 +47,7 @@ logging.getLogger().addFilter(_CompilerChatter())
 
 
 def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:
-    """Return a Lagrange space of the degree on tetrahedra with the value shape."""
+    """Return a Lagrange space of the degree on hexahedra with the value shape."""
     if _OLD:
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
         if shape == ():
@@ -118,6 +118,8 @@ def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
 
 def evaluate(expression: Any, mesh: Any, cells: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Return the values (cells, points, *shape) of a compiled expression."""
+    if not len(cells):  # a rank may own none
+        return np.zeros((0, len(expression.X()), *shape))
     values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
     return values.reshape(len(cells), len(expression.X()), *shape)
 
@@ -130,23 +132,11 @@ def cell_dofs(space: Any) -> np.ndarray:
     return dofmap
 
 
-def facet_dof_positions(space: Any) -> list[list[int]]:
-    """Return, for each local facet of a cell, which of the cell's dofs lie on it."""
-    layout = space.dofmap.dof_layout
-    return [list(layout.entity_closure_dofs(2, facet)) for facet in range(4)]
-
-
-def tabulate_lagrange(degree: int, points: np.ndarray) -> np.ndarray:
-    """Return the values (points, functions) of the tetrahedron's Lagrange functions, in DOLFINx order."""
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.tetrahedron, degree, basix.LagrangeVariant.gll_warped
+def lagrange_element(degree: int) -> Any:
+    """Return the hexahedron's Lagrange element, its functions and nodes in DOLFINx order."""
+    return basix.create_element(
+        basix.ElementFamily.P, basix.CellType.hexahedron, degree, basix.LagrangeVariant.gll_warped
     )
-    return element.tabulate(0, points)[0].reshape(len(points), -1)
-
-
-def triangle_quadrature(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, 2) and weights (n,) that integrate the degree exactly on the unit triangle."""
-    return basix.make_quadrature(basix.CellType.triangle, degree)
 
 
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
@@ -185,9 +175,9 @@ def versions() -> dict[str, str]:
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
-    """Return the (cells, 4) table of a tetrahedral mesh's geometry nodes, ghost cells included."""
+    """Return the (cells, 8) table of a mesh's corners, x running first, then y, then z, ghost cells included."""
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(-1, 4)
+        return mesh.geometry.dofmap.array.reshape(-1, 8)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 
@@ -204,7 +194,7 @@ def ghosted_vector(linear_form: Any, space: Any) -> PETSc.Vec:
 
 
 def vertex_dofs(scalar_linear_space: Any) -> np.ndarray:
-    """Return, for each local geometry node of an affine mesh, the dof of the linear space at that node."""
+    """Return, for each local geometry node, a corner of cells, the dof of the linear space at that node."""
     mesh = scalar_linear_space.mesh
     geometry, dofs = geometry_dofs(mesh), cell_dofs(scalar_linear_space)
     table = np.zeros(len(mesh.geometry.x), dtype=np.int64)

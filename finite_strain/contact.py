@@ -1,283 +1,236 @@
-"""Frictionless contact of the layer's top with one rigid ball: augmented Lagrangian at facet quadrature points.
+"""Frictionless contact of the layer's top with rigid indenters, as an energy of the form language.
 
-Per reference area the contact potential is (<l - k g>^2 - l^2) / (2 k) with gap g, penalty k, multiplier l
-and <.> the positive part [Alart Curnier 1991, doi 10.1016/0045-7825(91)90022-X; frictionless]. Its
-derivatives by the displacement are exact, so the tangent is symmetric and includes the sphere's
-curvature. Multipliers live at quadrature points, start from zero at each load step and are augmented a few
-times only: carried from step to step they over-constrain the surface and the in-plane force rattles.
-The integrals run in numpy because a form compiler cannot take data at facet quadrature points.
+Per reference area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the penalty k, <.> the positive part,
+and s = <-g> of an earlier equilibrium, or zero: the augmented Lagrangian with multiplier k s [Alart Curnier 1991,
+doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression of the displacement that it was taken
+from, so it needs no place at quadrature points. Residual, tangent and the forces on the balls follow by
+differentiation: the force on a ball is the derivative of the potential by the ball's position.
+
+One compiled form serves any number of balls: which ball a facet may touch, and that ball's position, radius and
+approach, are constants of the cells below the facets. A facet has two candidates of each kind of indenter, for between
+two balls either may be touched first.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
+import dolfinx
 import numpy as np
-from mpi4py import MPI
+import ufl
 from petsc4py import PETSc
 
 from finite_strain import compat
-from finite_strain.indenter import Indenter
+from finite_strain.domain import ModelBall
+from finite_strain.indenter import gap
+from meshes.box import TAGS
 
-QUADRATURE_DEGREE = 10
-"""Degree of the facet rule: the pressure has a kink inside a facet, and T is a small difference of its moments."""
+CANDIDATES = 2
+"""Balls of one kind that one facet may touch."""
+REACH = 1.5
+"""Horizontal distance of a facet from a ball's axis, over the ball's reach, up to which it may touch (undeformed)."""
 DEEPEST_PENETRATION = 0.3
 """A trial state that penetrates deeper than this part of the radius is outside the model's domain."""
-
-_FACETS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-_REFERENCE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-
-
-@dataclass(frozen=True)
-class Surface:
-    """The top facets near a ball on this rank: shapes (n facets, q points, 6 functions)."""
-
-    dofs: np.ndarray
-    """(n, 6) local block dofs of the quadratic displacement on each facet."""
-    values: np.ndarray
-    """(n, q, 6) their shape functions at the quadrature points."""
-    points: np.ndarray
-    """(n, q, 3) undeformed quadrature points [m]."""
-    weights: np.ndarray
-    """(n, q) quadrature weights times area [m^2]."""
-    corners: np.ndarray
-    """(n, 3) local dofs of the linear scalar space at the corners of each facet."""
-    corner_values: np.ndarray
-    """(q, 3) linear shape functions of the corners at the quadrature points."""
-    corner_gradients: np.ndarray
-    """(n, 3, 2) in-plane gradients of the linear shape functions [1/m]."""
-    gradients: np.ndarray
-    """(n, q, 6, 2) in-plane gradients of the quadratic shape functions [1/m]."""
-
-    @classmethod
-    def near(
-        cls, space: Any, linear_space: Any, top_facets: np.ndarray, centre: tuple[float, float], reach: float
-    ) -> Surface:
-        """Collect the top facets whose cell this rank owns and that lie within reach of the axis."""
-        mesh = space.mesh
-        mesh.topology.create_connectivity(2, 3)
-        mesh.topology.create_connectivity(3, 2)
-        facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
-        owned = mesh.topology.index_map(3).size_local
-        x, geometry = mesh.geometry.x, compat.geometry_dofs(mesh)
-        cell_table, positions = compat.cell_dofs(space), compat.facet_dof_positions(space)
-        reference_points, reference_weights = compat.triangle_quadrature(QUADRATURE_DEGREE)
-        barycentric = np.column_stack([1.0 - reference_points.sum(axis=1), reference_points])
-        tables = []
-        for local in range(4):
-            functions = compat.tabulate_lagrange(2, barycentric @ _REFERENCE[_FACETS[local]])
-            tables.append(functions[:, positions[local]])
-        derivatives = [_quadratic_derivatives(reference_points, table) for table in tables]
-        dofs, values, corners, slopes = [], [], [], []
-        for facet in top_facets:
-            cell = facet_cells.links(facet)[0]
-            if cell >= owned:
-                continue
-            local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
-            vertices = geometry[cell][_FACETS[local]]
-            if np.min(np.linalg.norm(x[vertices, :2] - np.array(centre), axis=1)) > reach:
-                continue
-            dofs.append(cell_table[cell][positions[local]])
-            values.append(tables[local])
-            slopes.append(derivatives[local])
-            corners.append(vertices)
-        n, q = len(dofs), len(reference_weights)
-        vertex = np.array(corners, dtype=np.int64).reshape(n, 3)
-        triangle = x[vertex]
-        e1, e2 = triangle[:, 1, :2] - triangle[:, 0, :2], triangle[:, 2, :2] - triangle[:, 0, :2]
-        twice_area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
-        second = np.column_stack([e2[:, 1], -e2[:, 0]]) / twice_area[:, None]
-        third = np.column_stack([-e1[:, 1], e1[:, 0]]) / twice_area[:, None]
-        to_plane = np.stack([second, third], axis=1)
-        return cls(
-            dofs=np.array(dofs, dtype=np.int32).reshape(n, 6),
-            values=np.array(values).reshape(n, q, 6),
-            points=np.einsum("qc,fci->fqi", barycentric, triangle),
-            weights=np.abs(twice_area)[:, None] * reference_weights[None, :],
-            corners=compat.vertex_dofs(linear_space)[vertex],
-            corner_values=barycentric,
-            corner_gradients=np.stack([-second - third, second, third], axis=1),
-            gradients=np.einsum("fqas,fsk->fqak", np.array(slopes).reshape(n, q, 6, 2), to_plane),
-        )
-
-    def stretch(self, displacement: np.ndarray) -> np.ndarray:
-        """Return deformed over undeformed area (n, q) for local nodal displacements (nodes, 3) [m]."""
-        tangents = np.einsum("fqak,fai->fqki", self.gradients, displacement[self.dofs])
-        tangents[..., 0, 0] += 1.0
-        tangents[..., 1, 1] += 1.0
-        return np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1)
+FORBIDDEN = 1e12
+"""Energy density over k R^2 of such a state, for the line search to refuse."""
 
 
-def _quadratic_derivatives(points: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the derivatives (q, 6, 2) on the unit triangle of quadratic functions known by their values (q, 6)."""
-    s, t = points.T
-    one, zero = np.ones_like(s), np.zeros_like(s)
-    monomials = np.column_stack([one, s, t, s * s, s * t, t * t])
-    coefficients = np.linalg.lstsq(monomials, values, rcond=None)[0]
-    by_s = np.column_stack([zero, one, zero, 2 * s, t, zero]) @ coefficients
-    by_t = np.column_stack([zero, zero, one, zero, s, 2 * t]) @ coefficients
-    return np.stack([by_s, by_t], axis=-1)
+def positive(value: Any) -> Any:
+    """Return the positive part of an expression."""
+    return ufl.conditional(ufl.gt(value, 0), value, 0)
+
+
+class _Slot:
+    """A candidate ball of every cell: its number ``balls`` (cells,), -1 for none, its constants, and what follows."""
+
+    def __init__(self, contact: Contact, kind: Any, space: Any, balls: np.ndarray) -> None:
+        self.kind, self.balls = kind, balls
+        names = ("x", "y", "radius", "approach", "earlier", "penalty", "chosen")
+        self.fields = {name: dolfinx.fem.Function(space, name=name) for name in names}
+        self.x, self.y, self.approach = (ufl.variable(self.fields[name]) for name in ("x", "y", "approach"))
+        self.gap = self._gap(contact, contact.displacement, self.approach)
+        self.overlap = positive(-self._gap(contact, contact.earlier, self.fields["earlier"])) * contact.augmented
+        self.pressed = positive(self.overlap - self.gap)
+        self.pressure = self.fields["penalty"] * self.pressed
+        self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2)
+
+    def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
+        X = ufl.SpatialCoordinate(contact.mesh)
+        offset = (X[0] - self.x, X[1] - self.y, X[2])
+        if contact.angle and not isinstance(self.kind, str):  # a body of its own keeps its place in the scene's frame
+            offset, displacement = (_turned(vector, contact.angle) for vector in (offset, displacement))
+        return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
+
+    def set(self, name: str, per_ball: np.ndarray, default: float = 0.0) -> None:
+        """Give every cell the value of its ball, ``default`` where it has none."""
+        self.fields[name].x.array[:] = np.append(np.asarray(per_ball, dtype=float), default)[self.balls]
 
 
 class Contact:
-    """The contact part of one ball: energy, residual and tangent for a displacement, and forces on the ball."""
+    """The contact energy of all balls of a model and what follows from it; ``balls`` are numbered as given.
+
+    ``angle`` is that of the model's frame in the scene's.
+    """
 
     def __init__(
-        self, surface: Surface, indenter: Indenter, centre: tuple[float, float], radius: float, vertices: int
-    ) -> None:
-        self.surface = surface
-        self.indenter = indenter
-        self.radius = radius
-        self.reference = surface.points - np.array([*centre, 0.0])
-        self.vertices = vertices
-        self.multiplier = np.zeros(surface.weights.shape)
-        self.penalty: float | np.ndarray = 1.0
-        self.approach = 0.0
+        self, displacement: Any, facet_tags: Any, balls: Sequence[ModelBall], finite: bool, degree: int,
+        angle: float = 0.0,
+    ) -> None:  # fmt: skip
+        space = displacement.function_space
+        self.mesh, self.balls, self.finite = space.mesh, tuple(balls), finite
+        self.angle = angle
+        self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
+        self.augmented = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
+        self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
+        self.slots = self._make_slots()
+        near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
+        marked = np.sort(self.facets[near]).astype(np.int32)
+        tags = dolfinx.mesh.meshtags(self.mesh, 2, marked, np.ones(len(marked), dtype=np.int32))
+        measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
+        self.measure = measure(1)
+        for name, values, default in (
+            ("x", [ball.position[0] for ball in balls], 0.0),
+            ("y", [ball.position[1] for ball in balls], 0.0),
+            ("radius", [ball.radius for ball in balls], 1.0),
+        ):
+            for slot in self.slots:
+                slot.set(name, np.array(values), default)
+        self.approaches = np.zeros(len(balls))
+        self.set_approaches(self.approaches)
 
-    def _gap(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        u = np.einsum("fqa,fai->fqi", self.surface.values, displacement[self.surface.dofs])
-        return self.indenter.gap(self.reference, u, self.approach)
+    def _make_slots(self) -> list[_Slot]:
+        """Give every cell below the top the balls that it may touch, the nearest to touching first."""
+        index_map = self.mesh.topology.index_map(3)
+        constants = compat.function_space(self.mesh, 0, discontinuous=True)
+        corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells]]
+        slots = []
+        for kind in dict.fromkeys(ball.shape for ball in self.balls):
+            numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
+            centres = np.array([self.balls[n].position for n in numbers])
+            radii = np.array([self.balls[n].radius for n in numbers])
+            distances = np.linalg.norm(corners[:, None, :, :2] - centres[None, :, None], axis=-1)
+            heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
+            heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
+            order = np.argsort(heights, axis=1)
+            for rank in range(min(CANDIDATES, len(numbers))):
+                chosen = order[:, rank]
+                touched = np.isfinite(heights[np.arange(len(chosen)), chosen])
+                balls = np.full(index_map.size_local + index_map.num_ghosts, -1)
+                balls[self.cells[touched]] = numbers[chosen[touched]]
+                slots.append(_Slot(self, kind, constants, balls))
+        return slots
 
-    def gap(self, displacement: np.ndarray) -> np.ndarray:
-        """Return the gap (facets, points) [m] for local nodal displacements (nodes, 3) [m]."""
-        return self._gap(displacement)[0]
+    @property
+    def energy(self) -> Any:
+        """The contact potential [J] as a form."""
+        return sum(slot.density * self.measure for slot in self.slots)
 
-    def pressure(self, displacement: np.ndarray) -> np.ndarray:
-        """Return the contact pressure (facets, points) per reference area [Pa], >= 0."""
-        return np.maximum(self.multiplier - self.penalty * self.gap(displacement), 0.0)
+    @property
+    def guard(self) -> Any:
+        """A form that is enormous where the state is outside the model's domain and zero elsewhere."""
+        total = 0
+        for slot in self.slots:
+            radius, penalty = slot.fields["radius"], slot.fields["penalty"]
+            outside = ufl.lt(slot.gap, -DEEPEST_PENETRATION * radius)
+            total += ufl.conditional(outside, FORBIDDEN * penalty * radius**2, 0) * self.measure
+        return total
 
-    def true_pressure(self, displacement: np.ndarray) -> np.ndarray:
-        """Return the contact pressure (facets, points) per deformed area [Pa]."""
-        return self.pressure(displacement) / self.area_stretch(displacement)
+    def set_approaches(self, approaches: np.ndarray) -> None:
+        """Move the balls to approaches (balls,) [m]."""
+        self.approaches = np.array(approaches, dtype=float)
+        for slot in self.slots:
+            slot.set("approach", self.approaches)
 
-    def nodal_pressure(self, displacement: np.ndarray) -> np.ndarray:
-        """Return the pressure per deformed area [Pa] at this rank's nodes, for pictures: facet-wise fits, averaged."""
-        fits = np.einsum("faq,fq->fa", np.linalg.pinv(self.surface.values), self.true_pressure(displacement))
-        total, count = np.zeros(len(displacement)), np.zeros(len(displacement))
-        np.add.at(total, self.surface.dofs, np.maximum(fits, 0.0))
-        np.add.at(count, self.surface.dofs, 1.0)
-        return total / np.maximum(count, 1.0)
+    def set_penalties(self, penalties: np.ndarray) -> None:
+        """Give each ball its penalty (balls,) [Pa/m]."""
+        for slot in self.slots:
+            slot.set("penalty", penalties)
 
-    def area_stretch(self, displacement: np.ndarray) -> np.ndarray:
-        """Return deformed over undeformed area (facets, points); 1 at small strain."""
-        if not self.indenter.deformed:
-            return np.ones(self.surface.weights.shape)
-        return self.surface.stretch(displacement)
+    def augment(self) -> None:
+        """Take the multipliers from the present state, which must have been found without."""
+        self.earlier.x.array[:] = self.displacement.x.array
+        for slot in self.slots:
+            slot.set("earlier", self.approaches)
+        self.augmented.value = 1.0
 
-    def energy(self, displacement: np.ndarray) -> float:
-        """Return this rank's share of the contact potential [J]; infinite outside the model's domain."""
-        gap = self.gap(displacement)
-        if gap.size and not np.min(gap) > -DEEPEST_PENETRATION * self.radius:
-            return math.inf
-        pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        density = (pressure**2 - self.multiplier**2) / (2.0 * self.penalty)
-        return float(np.sum(self.surface.weights * density))
+    def forget_multipliers(self) -> None:
+        """Set the multipliers to zero."""
+        self.augmented.value = 0.0
 
-    def add_residual(self, displacement: np.ndarray, residual: np.ndarray) -> None:
-        """Add the derivative of the energy to the local residual (nodes, 3) [N], ghost entries included."""
-        gap, gradient, _ = self._gap(displacement)
-        pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        load = -(self.surface.weights * pressure)[..., None] * gradient
-        np.add.at(residual, self.surface.dofs, np.einsum("fqa,fqi->fai", self.surface.values, load))
+    def choose(self, balls: np.ndarray) -> None:
+        """Have the forms of `per_ball` count the balls with these weights (balls,)."""
+        for slot in self.slots:
+            slot.set("chosen", balls)
 
-    def add_tangent(self, displacement: np.ndarray, matrix: PETSc.Mat, constrained: np.ndarray) -> None:
-        """Add the second derivative to the matrix; ``constrained`` (nodes, 3) marks Dirichlet rows to leave alone."""
-        gap, gradient, hessian = self._gap(displacement)
-        pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        active = np.flatnonzero(np.any(pressure > 0.0, axis=1))
-        if not active.size:
-            return
-        pressure, gradient, hessian = pressure[active], gradient[active], hessian[active]
-        weights, values = self.surface.weights[active], self.surface.values[active]
-        stiffness = np.broadcast_to(self.penalty, gap.shape)[active] * (pressure > 0.0)
-        point = stiffness[..., None, None] * gradient[..., :, None] * gradient[..., None, :]
-        point = (point - pressure[..., None, None] * hessian) * weights[..., None, None]
-        nodes = values.shape[2]
-        pairs = (values[..., :, None] * values[..., None, :]).reshape(len(active), -1, nodes * nodes)
-        blocks = np.matmul(pairs.transpose(0, 2, 1), point.reshape(len(active), -1, 9))
-        blocks = blocks.reshape(-1, nodes, nodes, 3, 3).transpose(0, 1, 3, 2, 4).reshape(-1, 3 * nodes, 3 * nodes)
-        free = ~constrained[self.surface.dofs[active]].reshape(len(active), -1)
-        blocks = blocks * (free[:, :, None] & free[:, None, :])
-        for dofs, block in zip(self.surface.dofs[active], blocks, strict=True):
-            matrix.setValuesBlockedLocal(dofs, dofs, block, addv=PETSc.InsertMode.ADD)
+    def force_form(self, axis: int) -> Any:
+        """Return the form of the chosen balls' in-plane force (axis 0, 1) or normal force (axis 2) [N].
 
-    def stiffness(self, displacement: np.ndarray) -> float:
-        """Return this rank's share of the derivative of Q by the approach at fixed displacement [N/m]."""
-        gap, gradient, hessian = self._gap(displacement)
-        pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        density = self.penalty * (pressure > 0.0) * gradient[..., 2] ** 2 - pressure * hessian[..., 2, 2]
-        return float(np.sum(self.surface.weights * density))
-
-    def approach_derivative(self, displacement: np.ndarray, residual: np.ndarray) -> None:
-        """Add the residual's derivative by this ball's approach [N/m] to a local vector (nodes, 3)."""
-        step = 1e-6 * self.radius
-        approach = self.approach
-        for sign in (1.0, -1.0):
-            self.approach = approach + sign * step
-            shifted = np.zeros_like(residual)
-            self.add_residual(displacement, shifted)
-            residual += sign * shifted / (2.0 * step)
-        self.approach = approach
-
-    def pressure_moment(self, displacement: np.ndarray) -> np.ndarray:
-        """Return this rank's share of int p and int p (X - X_ball), int p (Y - Y_ball) over the undeformed surface."""
-        pressure = self.surface.weights * self.pressure(displacement)
-        return np.array([pressure.sum(), *np.einsum("fq,fqk->k", pressure, self.reference[..., :2])])
-
-    def augment(self, displacement: np.ndarray) -> None:
-        """Move the multiplier to the present pressure."""
-        self.multiplier = self.pressure(displacement)
-
-    def project(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return this rank's share of a density's moments (facets, points) with the linear functions, and their areas.
-
-        Summed over ranks, moment over area is the density at the vertices: never negative where the density
-        is not, and with the same integral over the surface.
+        It is the derivative of the potential by the ball's position, with the sign of the force on the ball.
         """
-        moments, weights = np.zeros(self.vertices), np.zeros(self.vertices)
-        linear = self.surface.corner_values
-        np.add.at(moments, self.surface.corners, (self.surface.weights * density) @ linear)
-        np.add.at(weights, self.surface.corners, self.surface.weights @ linear)
-        return moments, weights
+        total = 0
+        for slot in self.slots:
+            variable = (slot.x, slot.y, slot.approach)[axis]
+            sign = 1 if axis == 2 else -1
+            total += sign * slot.fields["chosen"] * ufl.diff(slot.density, variable) * self.measure
+        return total
 
-    def force(self, displacement: np.ndarray) -> np.ndarray:
-        """Return this rank's share of (Tx, Ty, Q) [N] on the ball, Q >= 0 upwards."""
-        u = np.einsum("fqa,fai->fqi", self.surface.values, displacement[self.surface.dofs])
-        pressure = self.surface.weights * self.pressure(displacement)
-        slope = self.indenter.shift_gradient(self.reference, u, self.approach)
-        gradient = self.indenter.gap(self.reference, u, self.approach)[1]
-        plane = -np.einsum("fq,fqi->i", pressure, slope)
-        return np.array([plane[0], plane[1], -float(np.sum(pressure * gradient[..., 2]))])
+    def stiffness_form(self) -> Any:
+        """Return the form of the second derivative of the potential by the chosen balls' approaches [N/m]."""
+        return sum(
+            slot.fields["chosen"] * ufl.diff(ufl.diff(slot.density, slot.approach), slot.approach) * self.measure
+            for slot in self.slots
+        )
 
-    def configurational_terms(self, displacement: np.ndarray, weight: np.ndarray, own: bool) -> np.ndarray:
-        """Return this rank's share (2,) [N] of the surface terms of the domain integral for the in-plane force.
+    def configurational_form(self, weight: Any, axis: Any) -> Any:
+        """Return the surface terms of the domain integral for the chosen ball's force along ``axis`` (3,) [N].
 
-        ``weight`` holds the values of q at the local vertices. For the ball whose force is sought
-        (``own``) they are -int w q,k + int (1 - q) dw/dX_k, for another ball -int w q,k - int q dw/dX_k;
-        both vanish where q is 1 (0) on the contact.
+        With the weight q they are -int w q,k - int (c - q) dw/dx_k, where c is 1 for the chosen ball, 0 for others, and
+        x_k the ball's position; both vanish where q = c on the contacts.
         """
-        u = np.einsum("fqa,fai->fqi", self.surface.values, displacement[self.surface.dofs])
-        pressure = self.pressure(displacement)
-        potential = (pressure**2 - self.multiplier**2) / (2.0 * self.penalty)
-        corner_weight = weight[self.surface.corners]
-        q = corner_weight @ self.surface.corner_values.T
-        gradient = np.einsum("fc,fck->fk", corner_weight, self.surface.corner_gradients)
-        explicit = -pressure[..., None] * self.indenter.shift_gradient(self.reference, u, self.approach)
-        factor = (1.0 - q) if own else -q
-        density = -potential[..., None] * gradient[:, None, :] + factor[..., None] * explicit
-        return np.einsum("fq,fqk->k", self.surface.weights, density)
+        total = 0
+        for slot in self.slots:
+            slope = axis[0] * ufl.diff(slot.density, slot.x) + axis[1] * ufl.diff(slot.density, slot.y)
+            total += -slot.density * ufl.dot(axis, ufl.grad(weight)) * self.measure
+            total += -(slot.fields["chosen"] - weight) * slope * self.measure
+        return total
 
-    def extremes(self, displacement: np.ndarray, comm: MPI.Comm) -> dict[str, float]:
-        """Return penetration, gap under pressure [m], peak pressure [Pa], deformed contact area [m^2] (collective)."""
-        gap = self.gap(displacement)
-        pressure = np.maximum(self.multiplier - self.penalty * gap, 0.0)
-        pressed = pressure > 0.0
-        stretch = self.area_stretch(displacement)
-        true_pressure = pressure / stretch
-        local = [float(np.max(-gap, initial=0.0)), float(np.max(np.where(pressed, gap, 0.0), initial=0.0)),
-                 float(np.max(true_pressure, initial=0.0))]  # fmt: skip
-        area = comm.allreduce(float(np.sum(self.surface.weights * stretch * pressed)), op=MPI.SUM)
-        largest = [comm.allreduce(value, op=MPI.MAX) for value in local]
-        return {"penetration": largest[0], "open_gap": largest[1], "peak_pressure": largest[2], "contact_area": area}
+    def area_form(self, stretch: Any) -> Any:
+        """Return the form of the chosen balls' contact area [m^2], for the area ratio of the deformed surface."""
+        return sum(
+            slot.fields["chosen"] * ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0) * self.measure
+            for slot in self.slots
+        )
+
+    def mean_gap_forms(self) -> tuple[Any, Any]:
+        """Return the forms of the chosen balls' int p g [N m] and int p [N] over the undeformed surface."""
+        moment, force = 0, 0
+        for slot in self.slots:
+            pressure = slot.fields["chosen"] * slot.pressure
+            moment += pressure * slot.gap * self.measure
+            force += pressure * self.measure
+        return moment, force
+
+    def pressure(self) -> Any:
+        """Return the contact pressure per undeformed area [Pa], an expression of the cells below the top."""
+        return sum(slot.pressure for slot in self.slots)
+
+    def penetration(self) -> Any:
+        """Return how deep the surface lies inside a ball that presses on it [m], an expression likewise."""
+        return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
+
+
+def _turned(vector: Any, angle: float) -> tuple[Any, Any, Any]:
+    """Return a vector of the model's frame in the scene's axes."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]
+
+
+def _top_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the top facets whose cell this rank owns, and these cells."""
+    mesh.topology.create_connectivity(2, 3)
+    links = mesh.topology.connectivity(2, 3)
+    cells = np.array([links.links(facet)[0] for facet in facets], dtype=np.int32)
+    owned = cells < mesh.topology.index_map(3).size_local
+    return np.asarray(facets)[owned], cells[owned]

@@ -11,20 +11,24 @@ from itertools import combinations
 
 import numpy as np
 
-from finite_strain.extent import Extent, choose_extent
-from linear_bem.closed_forms import indentation_of_layer
+from finite_strain.estimates import alone
+from finite_strain.extent import Extent
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
-from meshes.box import Box, Zone
+from meshes.box import Box, Zone, half_widths
 
 LEAST_SHARE = 0.1
 """Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
-USUAL_ACCURACY = 0.02
-"""Relative accuracy of T that a box's extent is chosen for where none is given."""
-FAR_CONTACTS, FAR_NEIGHBOURS = 4.0, 1.5
-"""Contact radii, and distances of the nearest neighbour, beyond which elements grow faster: fields are smooth there."""
-FAR_GROWTH = 2.0
-"""How much faster."""
+Expected = tuple[float, float, float]
+"""Approach [m], force [N], contact radius [m]."""
+EDGE, LATEST = 1.08, 0.85
+"""Where a line of the mesh goes round a contact: over its expected radius, but at most over its block's half-width.
+
+T is integrated outside that line, so contact must not reach it.
+"""
+WIDEST = 2.0
+"""Distance at which a body without an edge may touch, over its radius or its expected contact's."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
 
@@ -34,15 +38,17 @@ class ModelBall:
     """A ball of the reduced model, in the model's frame (see `Reduction`).
 
     ``copies`` is by how much its contact force in the model must be multiplied (a ball on a symmetry
-    plane is cut in half); ``fixed_axes`` are the in-plane axes along which its force vanishes.
+    plane is cut in half); ``fixed_axes`` are the in-plane axes along which its force vanishes; ``reach`` [m] is the
+    horizontal distance from its axis at which it may touch.
     """
 
     index: int
     position: tuple[float, float]
     radius: float
-    shape: str
+    shape: str | Indenter
     copies: int
     fixed_axes: tuple[int, ...]
+    reach: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,13 @@ class Reduction:
         c, s = math.cos(self.angle), math.sin(self.angle)
         return (c * x - s * y, s * x + c * y)
 
+    def to_model(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
+        """Return an in-plane vector of the model's ball from that of the scene's."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        turned = (c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1])
+        x, y = (sign * v for sign, v in zip(self.images[ball].signs, turned, strict=True))
+        return x, y
+
     def neighbours(self) -> list[list[tuple[float, float]]]:
         """Return for each model ball the positions of all other balls of the scene, in the model's frame."""
         everyone = [
@@ -95,7 +108,7 @@ def reduce_scene(problem: Problem) -> Reduction:
         local = positions @ turn.T
         centre = 0.5 * (local.min(axis=0) + local.max(axis=0))
         local = local - centre
-        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, local, axis))
+        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, local, axis, angle))
         score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
         if best is None or score > best[0]:
             best = (score, angle, turn.T @ centre, planes, local)
@@ -104,7 +117,9 @@ def reduce_scene(problem: Problem) -> Reduction:
     return _cut(problem, angle, origin, planes, local)
 
 
-def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, axis: int) -> bool:
+def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, axis: int, angle: float) -> bool:
+    if not all(_is_even(ball, axis, angle) for ball in problem.balls):
+        return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     for ball, value, position in zip(problem.balls, values, local, strict=True):
         image = position.copy()
@@ -119,15 +134,30 @@ def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, a
     return True
 
 
+def _is_even(ball: Ball, axis: int, angle: float) -> bool:
+    """Return whether an indenter's shape is its own mirror image along an axis of a frame turned by ``angle``."""
+    if not isinstance(ball.shape, Indenter):
+        return True
+    reach = min(ball.shape.reach, ball.shape.apex_radius)
+    points = reach * np.array([[0.3, 0.1], [0.1, 0.3], [0.25, 0.2]])
+    images = points * np.where(np.arange(2) == axis, -1.0, 1.0)
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    here, there = (np.asarray(ball.shape.height(*(turn @ where.T))) for where in (points, images))
+    return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
+
+
 def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, ...], local: np.ndarray) -> Reduction:
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
     balls: list[ModelBall] = []
+    expected = expected_indentation(problem)
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
         if all(position[axis] >= 0.0 for axis in planes):
             fixed = tuple(axis for axis in planes if position[axis] == 0.0)
             x, y = (float(c) for c in position)
-            balls.append(ModelBall(index, (x, y), ball.radius, _named_shape(ball), 2 ** len(fixed), fixed))
+            shape, reach = _known_shape(ball), _reach(ball, expected[index][2])
+            balls.append(ModelBall(index, (x, y), ball.radius, shape, 2 ** len(fixed), fixed, reach))
     images = []
     for position in local:
         signs = [-1 if axis in planes and position[axis] < 0.0 else 1 for axis in (0, 1)]
@@ -136,44 +166,23 @@ def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, 
     return Reduction((float(origin[0]), float(origin[1])), angle, planes, tuple(balls), tuple(images))
 
 
-def _named_shape(ball: Ball) -> str:
-    if not isinstance(ball.shape, str):
-        raise UnsupportedProblem("balls.shape: the finite-element models know paraboloid and sphere, got a callable")
-    return ball.shape
+def _reach(ball: Ball, contact_radius: float) -> float:
+    if ball.shape == "sphere":
+        return ball.radius
+    edge = ball.shape.reach if isinstance(ball.shape, Indenter) else math.inf
+    return min(edge, WIDEST * max(ball.radius, contact_radius))
 
 
-@dataclass(frozen=True)
-class Resolution:
-    """How finely a model is meshed: element size per distance inside the contact and outside, and the finest size.
-
-    ``inner`` is the element size per distance from the ball's axis; ``finest`` the size at the axis
-    relative to the smallest contact radius of the load path.
-    """
-
-    inner: float
-    outer: float
-    finest: float
-
-    @classmethod
-    def for_accuracy(cls, tangential_force: float) -> Resolution:
-        """Return the resolution that experience gives for a relative accuracy of T."""
-        share = tangential_force / USUAL_ACCURACY
-        scale = float(np.clip(share ** (0.4 if share > 1.0 else 0.25), 0.5, 1.6))
-        return cls(inner=0.21 * scale, outer=0.17 * scale, finest=0.21 * scale)
-
-    def at_edge(self, contact_radius: float, smallest_contact: float) -> float:
-        """Return how element sizes grow with the distance at a contact's edge, over the contact radius [m]; at most 1.
-
-        ``inner`` for a contact that the mesh was made for; more for one that is smaller than ``smallest_contact`` [m].
-        """
-        return min(self.inner * max(1.0, smallest_contact / contact_radius), 1.0)
-
-    def coarser(self, ratio: float) -> Resolution:
-        """Return the resolution whose elements are larger by a ratio everywhere."""
-        return Resolution(self.inner * ratio, self.outer * ratio, self.finest * ratio)
+def _known_shape(ball: Ball) -> str | Indenter:
+    if isinstance(ball.shape, str | Indenter):
+        return ball.shape
+    raise UnsupportedProblem(
+        "balls.shape: the finite-element models take a name or a linear_bem.Indenter, whose height is an expression "
+        "that they differentiate; got a function of numpy arrays. Derive a class from linear_bem.Indenter"
+    )
 
 
-def expected_indentation(problem: Problem) -> list[tuple[float, float, float]]:
+def expected_indentation(problem: Problem) -> list[Expected]:
     """Return per ball the expected (approach, force, contact radius) at full load, each ball alone [m, N, m].
 
     An estimate to size meshes and first guesses; no result depends on its accuracy.
@@ -187,60 +196,30 @@ def expected_indentation(problem: Problem) -> list[tuple[float, float, float]]:
         if value <= 0.0:
             answer.append((0.0, 0.0, 0.0))
             continue
-        state = indentation_of_layer(problem.layer, problem.substrate, ball.radius, **{name: value})
+        state = alone(problem.layer, problem.substrate, _known_shape(ball), ball.radius, **{name: value})
         answer.append((state.approach, state.normal_force, state.contact_radius))
     return answer
 
 
-def scene_positions(reduction: Reduction) -> np.ndarray:
-    """Return the positions (n, 2) [m] of all balls of the scene in the model's frame."""
-    return np.array([np.array(i.signs) * np.array(reduction.balls[i.model_ball].position) for i in reduction.images])
-
-
 def box_to_mesh(
-    problem: Problem,
-    reduction: Reduction,
-    resolution: Resolution,
-    smallest_contact: float,
-    extent: Extent | None = None,
+    problem: Problem, reduction: Reduction, expected: list[Expected], extent: Extent, fineness: float
 ) -> Box:
-    """Return the box for the reduced scene; ``smallest_contact`` is the contact radius at the first load step [m].
-
-    Without an extent, the box reaches as far as an accuracy of `USUAL_ACCURACY` needs.
-    """
-    layer = problem.layer
-    expected = expected_indentation(problem)
-    if extent is None:
-        extent = choose_extent(problem, scene_positions(reduction), reduction.planes, expected, USUAL_ACCURACY)
-    margin, depth = extent.margin, extent.depth
-    zones = []
-    for ball, others in zip(reduction.balls, reduction.neighbours(), strict=True):
-        gaps = [max(abs(p[0] - ball.position[0]), abs(p[1] - ball.position[1])) for p in others]
-        contact = max(expected[ball.index][2], smallest_contact)
-        mirror = min([0.48 * g for g in gaps], default=2.0 * contact)
-        nearest = min((math.dist(p, ball.position) for p in others), default=0.0)
-        zones.append(
-            Zone(
-                position=ball.position,
-                finest=resolution.finest * smallest_contact,
-                growth=resolution.inner,
-                radius=1.3 * contact,
-                outer_growth=resolution.outer,
-                mirror=min(mirror, 0.8 * margin),
-                far_radius=max(FAR_CONTACTS * contact, FAR_NEIGHBOURS * nearest),
-                far_growth=FAR_GROWTH * resolution.outer,
-            )
-        )
-    low, high = [], []
+    """Return the box for the reduced scene, meshed with a fineness."""
+    sides = []
     for axis in (0, 1):
         coordinates = [ball.position[axis] for ball in reduction.balls]
-        low.append(0.0 if axis in reduction.planes else min(coordinates) - margin)
-        high.append(max(coordinates) + margin)
-    return Box(
-        (low[0], high[0]),
-        (low[1], high[1]),
-        layer.thickness,
-        depth,
-        tuple(zones),
-        coarsest=max(0.35 * margin, layer.thickness),
-    )
+        low = 0.0 if axis in reduction.planes else min(coordinates) - extent.margin
+        sides.append((low, max(coordinates) + extent.margin))
+    deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
+    radii = []
+    for ball in reduction.balls:
+        # a ball that hardly touches is meshed as if it were pressed in a little
+        least = alone(
+            problem.layer, problem.substrate, ball.shape, ball.radius, approach=LEAST_SHARE * deepest * ball.radius
+        ).contact_radius
+        radii.append(max(expected[ball.index][2], least))
+    positions = [ball.position for ball in reduction.balls]
+    widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
+    lines = [min(EDGE * a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
+    zones = tuple(Zone(*zone) for zone in zip(positions, lines, widths, strict=True))
+    return Box(sides[0], sides[1], problem.layer.thickness, extent.depth, zones, fineness)

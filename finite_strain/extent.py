@@ -1,4 +1,9 @@
-"""How far the model reaches: to the sides and into the substrate, chosen from the decay of the linear solution."""
+"""How far the model reaches: to the sides and into the substrate, chosen from the decay of the linear response.
+
+Sides that slide in their plane mirror the balls without end, and the bottom of the meshed substrate does not move. What
+that changes to first order the small-strain problem on the same mesh takes off (`finite_strain.pairs`); so the extent
+need only make it small.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from finite_strain.far_field import REMAINS, SHIFT_REMAINS, FarField, Stack
+from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Problem
 
-ALLOWED = 0.5
-"""First-order effect of the model's end, over the accuracy asked for; a third of it stays in the error."""
-_GROWTH = 1.25
-_STEPS = 30
-LEAST_SLENDERNESS = 0.4
-"""Margin over the depth of the substrate."""
-_FAR = 1e6
-"""Margin over the height of layer and substrate at which no image is felt."""
+ALLOWED = 2.0
+"""First-order effect of the model's end on T over the accuracy asked for."""
+SHIFT = 0.02
+"""First-order effect of the model's end on an approach over the approach, where approaches are given."""
 NEGLIGIBLE = 0.1
 """Part of the half-space's mutual force below which T counts as near its zero: accuracies then refer to this part."""
-STIFFENING = 1.5
-"""d ln Q / d ln D where the load path does not tell: Hertz's."""
+_GROWTH, _STEPS = 1.25, 30
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,10 @@ class Extent:
 
     margin: float
     depth: float
+
+    def larger(self, ratio: float) -> Extent:
+        """Return the extent with both lengths multiplied by a ratio."""
+        return Extent(ratio * self.margin, ratio * self.depth)
 
 
 def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
@@ -46,57 +50,45 @@ def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
 
 
-def far_field(problem: Problem, positions: np.ndarray, planes: tuple[int, ...], extent: Extent) -> FarField:
-    """Return the effect of an extent on balls at ``positions`` (n, 2) [m] in the model's frame."""
-    sides = []
-    for axis in (0, 1):
-        high = float(positions[:, axis].max()) + extent.margin
-        sides.append((-high if axis in planes else float(positions[:, axis].min()) - extent.margin, high))
-    return FarField(problem, extent.depth, positions, tuple(sides))
+def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], accuracy: float) -> Extent:
+    """Return an extent for a relative accuracy of T; ``expected`` holds (approach, force, contact radius) of each ball.
 
-
-def choose_extent(
-    problem: Problem,
-    positions: np.ndarray,
-    planes: tuple[int, ...],
-    expected: list[tuple[float, float, float]],
-    accuracy: float,
-) -> Extent:
-    """Return the smallest extent whose first-order effect on T stays below half of the relative accuracy.
-
-    ``expected`` holds (approach, force, contact radius) of each ball. Depth is chosen first, with the sides
-    far away, for half of what is allowed; then the margin.
+    The sides act like images of the balls at twice the margin, by the linear kernel K: on T by K' and on an approach by
+    K. A substrate cut at a depth z below the surface lacks about (1 - nu^2) Q / (pi E z) of its yielding.
     """
-    forces = np.array([force for _, force, _ in expected])
-    radius = max(ball.radius for ball in problem.balls)
-    widest, deepest = max(a for _, _, a in expected), max(d for d, _, _ in expected)
-    thickness = problem.layer.thickness
-    margin = max(1.5 * thickness, 2.0 * radius, 3.0 * widest, 4.0 * deepest, 1.25 * _nearest(positions))
-    mutual = Stack(problem.layer, problem.substrate, 10.0 * thickness).mutual(positions, forces)
-    scale = max(scale_of_force(problem, forces), float(np.linalg.norm(mutual, axis=1).max()))
+    positions = np.array([ball.position for ball in problem.balls])
+    approaches, forces, radii = (np.array(column) for column in zip(*expected, strict=True))
+    thickness, nearest = problem.layer.thickness, _nearest(positions)
+    largest = max(ball.radius for ball in problem.balls)
+    kernel, load = LayeredKernel.of(problem), float(forces.sum())
+    scale = scale_of_force(problem, forces)
+    if nearest > 0.0:
+        slope = abs(float(kernel.slope(np.array([nearest]))[0]))
+        scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
+    given = problem.load.kind == "approach"
+    deepest = float(approaches.max())
 
-    def effect(extent: Extent) -> float:
-        """Return the relative effect on the largest T: directly, and through Q where approaches are given."""
-        far = far_field(problem, positions, planes, extent)
-        moved, pulls = far.sizes(forces)
-        direct = float(pulls.max()) / scale if scale > 0.0 else 0.0
-        if problem.load.kind != "approach":
-            return direct
-        share = [m / d for m, (d, _, _) in zip(moved, expected, strict=True) if d > 0.0]
-        return direct + SHIFT_REMAINS / REMAINS * 2.0 * STIFFENING * float(max(share))
+    def acts(pull: float, shift: float) -> bool:
+        return float(forces.max()) * load * pull > ALLOWED * accuracy * scale > 0.0 or (
+            given and load * shift > SHIFT * deepest
+        )
 
     depth = 0.0
     if problem.substrate is not None:
-        depth = 0.5 * min(thickness, margin)
+        depth = 0.5 * thickness
         for _ in range(_STEPS):
-            if effect(Extent(_FAR * (thickness + depth), depth)) <= 0.5 * ALLOWED * accuracy:
+            below = thickness + depth
+            lost = 1.0 / (math.pi * problem.substrate.contact_modulus * below)
+            if not acts(lost * nearest / below**2, lost):
                 break
             depth *= _GROWTH
-    # a column narrower than deep would not be a layer with distant sides, but a bar
-    margin = max(margin, LEAST_SLENDERNESS * depth)
+    margin = max(1.2 * thickness, 2.0 * largest, 3.0 * radii.max(), 4.0 * deepest, 1.25 * nearest, 0.4 * depth)
     for _ in range(_STEPS):
         # K' changes its sign with distance: one small effect may be chance
-        if max(effect(Extent(m, depth)) for m in (margin, _GROWTH * margin)) <= ALLOWED * accuracy:
+        away = 2.0 * margin * np.array([1.0, _GROWTH])
+        if not acts(
+            4.0 * float(np.abs(kernel.slope(away)).max()), 4.0 * float(np.abs(kernel.displacement(away)).max())
+        ):
             break
         margin *= _GROWTH
     return Extent(margin, depth)

@@ -19,10 +19,6 @@ from finite_strain.volumetric import Volumetric
 class Kinematics(Protocol):
     """What the model asks of a kinematics; ``gradient`` is the displacement gradient du_i/dX_J."""
 
-    @property
-    def quadrature_degree(self) -> int:
-        """Degree of the volume rule."""
-
     def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
         """Return the strain energy per reference volume [J/m^3]; ``shear`` is Lame's mu."""
 
@@ -35,7 +31,6 @@ class Finite:
     """Finite strain with a hyperelastic law: F = I + grad u."""
 
     law: str = "neo_hookean"
-    quadrature_degree: int = 4
 
     def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
         """Return the law's strain energy; nan where an element is inverted."""
@@ -50,8 +45,6 @@ class Finite:
 @dataclass(frozen=True)
 class Small:
     """Small strain, linear isotropic elasticity: mu e:e + volumetric(tr e)."""
-
-    quadrature_degree: int = 2
 
     def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
         """Return Hooke's strain energy of the symmetric gradient."""

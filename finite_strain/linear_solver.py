@@ -16,11 +16,9 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.bulk import nothing_where_idle
-from finite_strain.lagged_factors import LaggedFactors
 from finite_strain.model import Model
 from finite_strain.solver_choice import FACTORS, PREFIX, Choice, choose
 from finite_strain.volumetric import Mixed
-from linear_bem.errors import NotConverged
 
 FALLBACK = f"{PREFIX}fallback_"
 """Prefix of the options of the factors that stand in where the Krylov method fails."""
@@ -59,7 +57,6 @@ class LinearSolver:
 
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
-        self.lagged = LaggedFactors(ksp) if choice.lags else None
         self._owned: list[Any] = []
         self._fallback: set[str] = set()
         _open.add(id(self))
@@ -84,26 +81,6 @@ class LinearSolver:
             install({})
         for key in self._fallback:
             PETSc.Options(FALLBACK).delValue(key)
-
-    def renew(self) -> None:
-        """Have the next system solved with the model's present tangent, by factors or a preconditioner of its own."""
-        self.ksp.getPC().setReusePreconditioner(False)
-        self.ksp.setOperators(self.model.matrix)
-
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> int:
-        """Solve with the operator that was set; return 1 if factors stood in, else 0. Raises `NotConverged`."""
-        self.ksp.solve(b, x)
-        if self.ksp.getConvergedReason() > 0:
-            return 0
-        if not self.choice.direct:
-            factors = self.factors()
-            factors.setOperators(self.model.matrix)
-            factors.solve(b, x)
-            reason = factors.getConvergedReason()
-            factors.destroy()
-            if reason > 0:
-                return 1
-        raise NotConverged(f"the linear system could not be solved by {self.choice.method}, nor by factors of MUMPS")
 
     def factors(self) -> PETSc.KSP:
         """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""

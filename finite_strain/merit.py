@@ -31,9 +31,9 @@ Larger values of the constraint's share keep the steps short, in a narrow curved
 class Merit:
     """The augmented Lagrangian of a mixed model along one Newton step after another."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, template: PETSc.Vec) -> None:
         self._model = model
-        self._trial = model.matrix.createVecRight()
+        self._trial = template.duplicate()
         self._aim = np.zeros(0)
         """The pressures [m] that the present step arrives at, this rank's own."""
         self._weight = model.volume_weights(KAPPA)

@@ -1,15 +1,13 @@
-"""The discrete layer: a quadratic displacement on a mesh, bulk energy by forms, contact by parts.
+"""The discrete layer: a displacement of order p on hexahedra, bulk energy and contact energy by forms.
 
-The total potential is the sum of the bulk's strain energy and every ball's contact potential; its
-first and second derivatives are residual and tangent. A nearly incompressible region adds a linear
-pressure, in which the potential is stationary too. Nothing here knows how they are driven.
+The total potential is the sum of the bulk's strain energy and the contact potential; its first and second derivatives
+are residual and tangent. A nearly incompressible region adds a pressure of order p - 1, in which the potential is
+stationary too. Nothing here knows how they are driven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import dolfinx
@@ -20,53 +18,42 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.bulk import Bulk, elastic_constants, make_bulks, nothing_where_idle
-from finite_strain.contact import Contact, Surface
+from finite_strain.contact import Contact
 from finite_strain.domain import Reduction
 from finite_strain.fields import Fields
-from finite_strain.indenter import Indenter, LinearisedProfile, ParaboloidInSpace, SphereInSpace
 from finite_strain.kinematics import Finite, Kinematics
 from finite_strain.volumetric import Volumetric
 from linear_bem.problem import Problem
 from meshes.box import TAGS
 
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
+CONTACT_DEGREE = 6
+"""Degree of the facet rule beyond 2p: the pressure has a kink inside a facet; more changes T by less than 0.1 %."""
 
-
-def indenter_for(shape: str, radius: float, kinematics: Kinematics) -> Indenter:
-    """Return the gap function that belongs to a ball's shape and the kinematics."""
-    if not isinstance(kinematics, Finite):
-        return LinearisedProfile(radius, shape)
-    return SphereInSpace(radius) if shape == "sphere" else ParaboloidInSpace(radius)
+Meshed = tuple[Any, Any, Any]
+"""Mesh, cell tags, facet tags."""
 
 
 class Model:
-    """Energy, residual and tangent of the reduced scene on one mesh; collective over ``comm``."""
+    """Energy, residual and tangent of the reduced scene on one mesh; collective over the mesh's communicator."""
 
-    def __init__(self, problem: Problem, reduction: Reduction, kinematics: Kinematics, mesh_file: Path, comm: MPI.Comm):
-        self.comm = comm
-        self.reduction = reduction
-        self.kinematics = kinematics
-        self.mesh, self.cell_tags, self.facet_tags = compat.read_mesh(mesh_file, comm)
-        self.space = compat.function_space(self.mesh, 2, (3,))
+    def __init__(self, problem: Problem, reduction: Reduction, kinematics: Kinematics, meshed: Meshed, order: int):
+        self.mesh, self.cell_tags, self.facet_tags = meshed
+        self.comm = self.mesh.comm
+        self.reduction, self.kinematics, self.order = reduction, kinematics, order
+        self.is_finite = isinstance(kinematics, Finite)
+        self.space = compat.function_space(self.mesh, order, (3,))
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self.linear_space = compat.function_space(self.mesh, 1)
-        self._vertex_work = dolfinx.fem.Function(self.linear_space)
-        self.bulks = make_bulks(problem, self.mesh, self.cell_tags)
+        self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self._length = min(ball.radius for ball in problem.balls)
-        self.contacts = self._make_contacts()
+        degree = 2 * order + CONTACT_DEGREE
+        self.contact = Contact(
+            self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
+        )
         self.bcs = self._make_constraints()
         self._compile()
-
-    def _make_contacts(self) -> list[Contact]:
-        top = self.facet_tags.find(TAGS["top"])
-        contacts = []
-        for ball in self.reduction.balls:
-            indenter = indenter_for(ball.shape, ball.radius, self.kinematics)
-            surface = Surface.near(self.space, self.linear_space, top, ball.position, indenter.reach)
-            vertices = len(self._vertex_work.x.array)
-            contacts.append(Contact(surface, indenter, ball.position, ball.radius, vertices))
-        return contacts
 
     def _make_constraints(self) -> list[Any]:
         """Clamp the bottom; let the sides slide without leaving their plane (so they mirror the scene)."""
@@ -97,44 +84,77 @@ class Model:
         """Return mu and the volumetric energy of a region, as its kinematics takes them."""
         return elastic_constants(bulk, self.mesh, self._length)
 
-    def volume_integral(self, density: Any, degree: int | None = None) -> Any:
+    def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
         gradient = ufl.grad(self.displacement)
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        metadata = {"quadrature_degree": self.kinematics.quadrature_degree if degree is None else degree}
         total = 0
         for bulk in self.bulks:
-            shear, lame = self.constants(bulk)
             variable = ufl.variable(gradient)
-            psi = self.kinematics.energy_density(variable, shear, lame)
-            total += density(psi, variable) * measure(bulk.tag, metadata=metadata)
+            psi = self.kinematics.energy_density(variable, *self.constants(bulk))
+            total += density(psi, variable) * measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
         return total
 
     def _compile(self) -> None:
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        energy = self.volume_integral(lambda psi, _: psi) + nothing_where_idle(self.bulks, self.mesh, measure)
+        bulk = self.volume_integral(lambda psi, _: psi)
+        idle = nothing_where_idle(self.bulks, self.mesh, measure)
+        u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         fields = self.fields.functions
-        residuals = [ufl.derivative(energy, f, ufl.TestFunction(f.function_space)) for f in fields]
+        residuals = [ufl.derivative(bulk + idle, f, ufl.TestFunction(f.function_space)) for f in fields]
         tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
-        self._energy = compat.compile_form(energy, self.comm)
-        self._residual, *self._volume_residuals = (compat.compile_form(r, self.comm) for r in residuals)
-        self._tangent = [[compat.compile_form(t, self.comm) for t in row] for row in tangents]
-        if self.is_mixed:
-            self.matrix = compat.create_block_matrix(self._tangent)
-            index_map = self.space.dofmap.index_map
-            self._rows = PETSc.IS().createStride(3 * (index_map.size_local + index_map.num_ghosts), 0, 1, MPI.COMM_SELF)
-            self._rows.setBlockSize(3)
-        else:
-            self.matrix = dolfinx.fem.petsc.create_matrix(self._tangent[0][0])
+        contact = ufl.derivative(self.contact.energy, u, test)
+        self._strain_energy = self.compile(bulk)
+        self._contact_energy = self.compile(self.contact.energy + self.contact.guard)
+        self._bulk_residual, *self._volume_residuals = (self.compile(r) for r in residuals)
+        self._contact_residual = self.compile(contact)
+        # at small strain the bulk's part never changes and is kept; the contact's is added to it
+        pressed = ufl.derivative(contact, u, trial)
+        self._keeps_bulk = not (self.is_finite or self.is_mixed)
+        self._contact_tangent = self.compile(pressed) if self._keeps_bulk else None
+        if not self._keeps_bulk:
+            tangents[0][0] += pressed
+        self._tangent = [[self.compile(t) for t in row] for row in tangents]
+        self._border = self.compile(ufl.derivative(self.contact.force_form(2), u, test))
+        self._stiffness = self.compile(self.contact.stiffness_form())
+        self._forces = [self.compile(self.contact.force_form(axis)) for axis in range(3)]
+        self._mean_gap = [self.compile(form) for form in self.contact.mean_gap_forms()]
+        self._area = self.compile(self.contact.area_form(self._stretch()))
+        self._flat_area = self.compile(self.contact.area_form(self.unity()))
+        create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
+        self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._work = compat.ghosted_vector(self._residual, self.space)
+        self._linear: PETSc.Mat | None = None
+        self._work = compat.ghosted_vector(self._bulk_residual, self.space)
         spaces = [pressure.function_space for pressure in self.fields.pressures]
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
+    def compile(self, form: Any) -> Any:
+        """Return the compiled form (collective)."""
+        return compat.compile_form(form, self.comm)
+
+    def unity(self) -> Any:
+        """Return one, as a constant of the mesh."""
+        return dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(1.0))
+
+    def _stretch(self) -> Any:
+        """Return the ratio of deformed to undeformed area of the top; 1 at small strain."""
+        if not self.is_finite:
+            return self.unity()
+        F = ufl.Identity(3) + ufl.grad(self.displacement)
+        normal = ufl.cross(F[:, 0], F[:, 1])
+        return ufl.sqrt(ufl.dot(normal, normal))
+
+    @property
+    def contact_pressure_expression(self) -> Any:
+        """The contact pressure per deformed area [Pa], for the cells below the top."""
+        return self.contact.pressure() / self._stretch()
+
     def close(self) -> None:
-        """Free the matrix and the work vectors (collective)."""
-        for item in (self.matrix, self._work, *self._volume_work):
-            item.destroy()
+        """Free the matrices and the work vectors (collective)."""
+        for item in (self.matrix, self._linear, self._work, *self._volume_work):
+            if item is not None:
+                item.destroy()
         compat.free_dropped_objects(self.comm)
 
     @property
@@ -155,32 +175,72 @@ class Model:
         """Copy the fields into a solver's vector."""
         self.fields.get(x)
 
+    def total(self, form: Any) -> float:
+        """Return a compiled functional summed over ranks (collective)."""
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(form), op=MPI.SUM))
+
     def strain_energy(self) -> float:
-        """Return the strain energy [J] of the simulated part."""
-        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
+        """Return the strain energy [J] of the simulated part (collective)."""
+        return self.total(self._strain_energy)
 
     def energy(self) -> float:
-        """Return the total potential [J] of the simulated part."""
-        local = dolfinx.fem.assemble_scalar(self._energy)
-        local += sum(contact.energy(self.nodal) for contact in self.contacts)
+        """Return the total potential [J] of the simulated part, nan or enormous outside its domain (collective)."""
+        local = dolfinx.fem.assemble_scalar(self._strain_energy) + dolfinx.fem.assemble_scalar(self._contact_energy)
         return float(self.comm.allreduce(local, op=MPI.SUM))
+
+    def forces(self) -> np.ndarray:
+        """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
+
+        Whole balls, but along axes that a symmetry fixes.
+        """
+        values = np.zeros((len(self.contact.balls), 3))
+        for number, ball in enumerate(self.contact.balls):
+            self.contact.choose(np.eye(len(values))[number])
+            values[number] = [ball.copies * dolfinx.fem.assemble_scalar(form) for form in self._forces]
+            values[number, list(ball.fixed_axes)] = 0.0
+        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+
+    def part_forces(self) -> np.ndarray:
+        """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
+        return np.asarray(self.forces()[:, 2] / np.array([ball.copies for ball in self.contact.balls]))
+
+    def contact_areas(self, deformed: bool = True) -> np.ndarray:
+        """Return the contact area (balls,) [m^2] of whole balls, deformed or not (collective)."""
+        form = self._area if deformed else self._flat_area
+        areas = np.zeros(len(self.contact.balls))
+        for number, ball in enumerate(self.contact.balls):
+            self.contact.choose(np.eye(len(areas))[number])
+            areas[number] = ball.copies * dolfinx.fem.assemble_scalar(form)
+        return np.asarray(self.comm.allreduce(areas, op=MPI.SUM))
+
+    def mean_gaps(self) -> np.ndarray:
+        """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
+        sums = np.zeros((len(self.contact.balls), 2))
+        for number in range(len(sums)):
+            self.contact.choose(np.eye(len(sums))[number])
+            sums[number] = [dolfinx.fem.assemble_scalar(form) for form in self._mean_gap]
+        moment, force = self.comm.allreduce(sums, op=MPI.SUM).T
+        return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)
 
     def bulk_residual(self) -> np.ndarray:
         """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""
-        return self._summed(lambda work: dolfinx.fem.petsc.assemble_vector(work, self._residual))
+        return self._summed([self._bulk_residual])
 
     def residual(self, b: PETSc.Vec) -> None:
         """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
-
-        def fill(work: PETSc.Vec) -> None:
-            dolfinx.fem.petsc.assemble_vector(work, self._residual)
-            with work.localForm() as form:
-                for contact in self.contacts:
-                    contact.add_residual(self.nodal, form.array.reshape(-1, 3))
-
-        self._store_free(self._summed(fill), b)
+        self._store_free(self._summed([self._bulk_residual, self._contact_residual]), b)
         if self.is_mixed:
-            b.array[self.fields.ranges[1].start :] = self.volume_residual()
+            b.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self.volume_residual()
+
+    def border(self, balls: np.ndarray, b: PETSc.Vec) -> float:
+        """Assemble the residual's derivative by a move of the balls (balls,) into b [N]; return the move's stiffness.
+
+        The stiffness is the second derivative of the contact potential by the move [N/m], at fixed displacement.
+        """
+        self.contact.choose(balls)
+        self._store_free(self._summed([self._border]), b)
+        self.contact.choose(balls**2)
+        return self.total(self._stiffness)
 
     def volume_residual(self) -> np.ndarray:
         """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
@@ -196,7 +256,7 @@ class Model:
             if bulk.pressure is not None:
                 test = ufl.TestFunction(bulk.pressure.function_space)
                 measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-                forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
+                forms.append(self.compile(test * measure(bulk.tag)))
                 unit = bulk.solid.shear_modulus / self._length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
         volumes = self._by_pressure(forms)
@@ -208,72 +268,38 @@ class Model:
         parts = []
         idle_dofs = [bulk.idle for bulk in self.bulks if bulk.idle is not None]
         for form, work, idle in zip(forms, self._volume_work, idle_dofs, strict=True):
-            values = _summed_into(work, lambda work, form=form: dolfinx.fem.petsc.assemble_vector(work, form))  # type: ignore[misc]
+            values = assembled(work, [form])
             values[idle[idle < len(values)]] = 0.0
             parts.append(values)
         return np.concatenate(parts)
 
-    def approach_derivative(self, contacts: list[Contact], b: PETSc.Vec) -> None:
-        """Assemble the residual's derivative by the common approach of some balls [N/m] into b."""
-
-        def fill(work: PETSc.Vec) -> None:
-            with work.localForm() as form:
-                for contact in contacts:
-                    contact.approach_derivative(self.nodal, form.array.reshape(-1, 3))
-
-        self._store_free(self._summed(fill), b)
-
     def base_reaction(self) -> float:
-        """Return the normal force [N] that the bottom returns to the simulated part."""
+        """Return the normal force [N] that the bottom returns to the simulated part (collective)."""
         residual = self.bulk_residual()
-        held = [dof for dof in self._bottom if dof < len(residual)]
+        held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
     def tangent(self) -> None:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
-        matrix = self.matrix
-        matrix.zeroEntries()
+        matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
         if self.is_mixed:
+            matrix.zeroEntries()
             compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
+        elif self._linear is None:
+            matrix.zeroEntries()
+            assemble(matrix, self._tangent[0][0], self.bcs)
         else:
-            dolfinx.fem.petsc.assemble_matrix(matrix, self._tangent[0][0], self.bcs)
-        matrix.assemblyBegin(PETSc.Mat.AssemblyType.FLUSH)
-        matrix.assemblyEnd(PETSc.Mat.AssemblyType.FLUSH)
-        with self._displacement_block() as block:
-            for contact in self.contacts:
-                contact.add_tangent(self.nodal, block, self.constrained)
+            self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        if self._keeps_bulk:
+            if self._linear is None:
+                matrix.assemble()
+                self._linear = matrix.duplicate(copy=True)
+            assemble(matrix, self._contact_tangent, self.bcs)
         matrix.assemble()
 
-    @contextmanager
-    def _displacement_block(self) -> Iterator[PETSc.Mat]:
-        """Lend the rows and columns of the displacement for adding values by local nodes."""
-        if not self.is_mixed:
-            yield self.matrix
-            return
-        block = self.matrix.getLocalSubMatrix(self._rows, self._rows)
-        yield block
-        self.matrix.restoreLocalSubMatrix(self._rows, self._rows, block)
-
-    def top_dofs(self) -> np.ndarray:
-        """Return the local nodes (n, 6) of the top facets whose cell this rank owns, corners first."""
-        top = self.facet_tags.find(TAGS["top"])
-        return Surface.near(self.space, self.linear_space, top, (0.0, 0.0), np.inf).dofs
-
-    def project(self, contact: Contact, density: np.ndarray) -> np.ndarray:
-        """Return a density (facets, points) of a contact projected to this rank's vertices, zero elsewhere."""
-        moments, weights = (self._summed_over_vertices(share) for share in contact.project(density))
-        return np.divide(moments, weights, out=np.zeros_like(moments), where=weights > 0.0)
-
-    def _summed_over_vertices(self, share: np.ndarray) -> np.ndarray:
-        self._vertex_work.x.array[:] = share
-        vector = compat.vector_of(self._vertex_work)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        return self._vertex_work.x.array.copy()
-
-    def _summed(self, fill: Callable[[PETSc.Vec], None]) -> np.ndarray:
-        """Return what ``fill`` adds to a displacement-like vector, summed over ranks, at own nodes (nodes, 3)."""
-        return _summed_into(self._work, fill).reshape(-1, 3)
+    def _summed(self, forms: list[Any]) -> np.ndarray:
+        """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""
+        return assembled(self._work, forms).reshape(-1, 3)
 
     def _store_free(self, values: np.ndarray, b: PETSc.Vec) -> None:
         """Put forces [N] on this rank's own nodes into b, zero where constrained and in the pressures' rows."""
@@ -282,10 +308,11 @@ class Model:
         b.array[self.fields.ranges[0]] = values.ravel()
 
 
-def _summed_into(work: PETSc.Vec, fill: Callable[[PETSc.Vec], None]) -> np.ndarray:
-    """Return what ``fill`` adds to a ghosted vector, summed over ranks, at this rank's own entries."""
-    with work.localForm() as form:
-        form.set(0.0)
-    fill(work)
+def assembled(work: PETSc.Vec, forms: list[Callable[..., Any]]) -> np.ndarray:
+    """Return the sum of linear forms, over ranks, at this rank's own entries; ``work`` is a ghosted vector."""
+    with work.localForm() as local:
+        local.set(0.0)
+    for form in forms:
+        dolfinx.fem.petsc.assemble_vector(work, form)
     work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    return work.array_r.copy()
+    return np.array(work.array_r)

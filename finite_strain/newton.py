@@ -12,10 +12,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
-from finite_strain.lagged_factors import NEAR
+from finite_strain.border import Border
 from finite_strain.linear_solver import LinearSolver, choose_for, given_options, install, slowest
+from finite_strain.load_control import LoadControl
 from finite_strain.merit import Merit
 from finite_strain.model import Model
 from finite_strain.solver_choice import PREFIX
@@ -32,6 +34,15 @@ _OPTIONS = {
 
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
+BORDER_TOLERANCE, BORDER_ITERATIONS = 1e-6, 20
+"""Of the Krylov method for the bordered system, which the solver of the tangent preconditions."""
+NEAR, CHORD = 1e-2, 0.2
+"""Residual norm over the force scale, and over the norm before, below which the last tangent serves another iteration.
+
+Such an iteration costs a residual and a back substitution, a thirtieth of one with a tangent of its own.
+"""
+NEAR_END = 1e-5
+"""Residual norm over the force scale below which full steps are taken."""
 MOST_ITERATIONS = 25
 """Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
@@ -58,9 +69,10 @@ def _blame_options(error: PETSc.Error) -> None:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """What one Newton solve took: iterations and final residual norm [N]."""
+    """What one Newton solve took: iterations, new tangents among them, and final residual norm [N]."""
 
     iterations: int
+    tangents: int
     residual: float
 
 
@@ -74,19 +86,17 @@ class Effort:
 
     seconds_assembly: float = 0.0
     seconds_solve: float = 0.0
+    tangents: int = 0
     linear_iterations: int = 0
     fallbacks: int = 0
     residuals: list[float] = field(default_factory=list)
 
 
 class NewtonSolver:
-    """Newton's method on a `Model`, keeping its state unless it converges."""
+    """Newton's method on a `Model` under a load, keeping its state unless it converges."""
 
-    def __init__(self, model: Model, monitor: Callable[[int, float], None] | None = None) -> None:
-        self.model = model
-        self._x = model.matrix.createVecRight()
-        self._b = self._x.duplicate()
-        self._start = self._x.duplicate()
+    def __init__(self, model: Model, control: LoadControl, monitor: Callable[[int, float], None] | None = None) -> None:
+        self.model, self.control = model, control
         self._reasons = _reasons()
         given = given_options()
         refused = [name for name in NOT_TAKEN if name in given]
@@ -100,10 +110,26 @@ class NewtonSolver:
         self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
-        self.linear = LinearSolver(model, self.snes.getKSP(), self.choice)
+        self.border: Border | None = None
+        ksp, operator = self.snes.getKSP(), model.matrix
+        if control.moves.shape[1]:
+            ksp = PETSc.KSP().create(model.comm)
+            ksp.setOptionsPrefix(PREFIX)
+            ksp.setOperators(model.matrix)
+            self.border = Border(model, control.moves, ksp)
+            operator = self.border.matrix
+            outer = self.snes.getKSP()
+            outer.setOptionsPrefix(f"{PREFIX}border_")
+            outer.setType("fgmres")
+            outer.setTolerances(rtol=BORDER_TOLERANCE, max_it=BORDER_ITERATIONS)
+            outer.getPC().setType("python")
+            outer.getPC().setPythonContext(self.border)
+        self.linear = LinearSolver(model, ksp, self.choice)
+        self._x = operator.createVecRight()
+        self._b, self._start = self._x.duplicate(), self._x.duplicate()
         self.snes.setFunction(self._function, self._b)
-        self.snes.setJacobian(self._jacobian, model.matrix)
-        self._merit = Merit(model) if model.is_mixed else None
+        self.snes.setJacobian(self._jacobian, operator)
+        self._merit = Merit(model, self._x) if model.is_mixed else None
         self.snes.setObjective(self._objective)
         if self._merit is not None:
             self.snes.setLineSearchPreCheck(self._aim)
@@ -111,74 +137,74 @@ class NewtonSolver:
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
         self._set_from_options({})
-        self.tolerance = 0.0
+        if self.border is not None:
+            self.linear.ksp.setFromOptions()
+        self.tolerance = self._goal = self._force = 0.0
+        self._targets = np.zeros(0)
+        self._norm, self._keeps = math.inf, False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
         """Free the solver, with the matrix's factors (collective)."""
         for item in (self.snes, self._x, self._b, self._start):
             item.destroy()
-        if self._merit is not None:
-            self._merit.close()
-        self.linear.close()
+        for part in (self._merit, self.border, self.linear):
+            if part is not None:
+                part.close()
 
-    def solve(self, tolerance: float) -> Equilibrium:
-        """Bring the model into equilibrium from its present state.
+    def solve(self, tolerance: float, force: float, fraction: float, nearby: bool = False) -> Equilibrium:
+        """Bring the model into equilibrium at a fraction of the load, from its present state.
 
-        ``tolerance`` bounds the residual norm [N]. Raises `NotConverged`, with the state as it
-        was before, when Newton's method fails.
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``nearby`` says that the state is close to
+        that of the last tangent, which is then tried first. Raises `NotConverged`, with the state as it was before,
+        when Newton's method fails.
         """
-        self.tolerance = tolerance
+        self.tolerance, self._force, self._targets = tolerance * force, force, self.control.targets(fraction)
+        near_end = max(NEAR_END * force, self.tolerance)
         self.model.get_state(self._x)
+        if self.border is not None:
+            moves = self.control.moves
+            self.border.store(self._x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
         self._x.copy(self._start)
         self.effort.residuals = []
-        iterations = 0
-        for search in ({}, {"snes_linesearch_type": "basic"}):
+        self._norm, self._keeps = math.inf, nearby and self._keeps
+        iterations, tangents = 0, self.effort.tangents
+        # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
+        exact = self.tolerance
+        for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
-            if search:
-                # at the end the potential's decrease drowns in its own roundoff and the search stalls:
-                # a full step is then safe, and the residual decides
-                self._set_from_options(search)
+            self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
-            if search:
-                self._set_from_options({})
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
-            if reason > 0:
-                self.model.set_state(self._x)
-                return Equilibrium(iterations, norm)
-            if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH or not norm < 1e3 * tolerance:
+            if norm <= exact:
+                self._set(self._x)
+                return Equilibrium(iterations, self.effort.tangents - tangents, norm)
+            stalled = reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and norm < near_end
+            if search == "bt" and not (reason > 0 or stalled):
                 break
         self._start.copy(self._x)
-        self.model.set_state(self._x)
+        self._set(self._x)
         name = self._reasons.get(reason, str(reason))
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
-    def solve_linear(self, b: PETSc.Vec, x: PETSc.Vec, refactor: bool = True) -> None:
-        """Solve with the tangent of the present state: x = K^-1 b; without ``refactor``, with the one used last."""
-        if refactor:
-            with self._assembling():
-                self.model.tangent()
-            self.linear.renew()
-        began = time.perf_counter()
-        self.effort.fallbacks += self.linear.solve(b, x)
-        self.effort.seconds_solve += time.perf_counter() - began
-        self.effort.linear_iterations += self.linear.ksp.getIterationNumber()
+    def _set(self, x: PETSc.Vec) -> None:
+        """Give the model the state in a vector: its fields and, where they are unknowns, its approaches."""
+        self.model.set_state(x)
+        if self.border is not None:
+            self.model.contact.set_approaches(self.control.moves @ self.border.approaches(x))
 
     def account(self) -> dict[str, Any]:
         """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
         done, self.effort = self.effort, Effort()
         return {
             "linear_solver": self.choice.method,
+            "tangents": done.tangents,
             "linear_iterations": done.linear_iterations,
             "linear_fallbacks": done.fallbacks,
             "residuals": done.residuals,
             "seconds_assembly": slowest(self.model.comm, done.seconds_assembly),
             "seconds_solve": slowest(self.model.comm, done.seconds_solve),
         }
-
-    def new_vector(self) -> PETSc.Vec:
-        """Return an uninitialised vector of the model's size."""
-        return self._x.duplicate()
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
         install(self._options | changed)
@@ -189,33 +215,34 @@ class NewtonSolver:
             raise
 
     def _iterate(self) -> int:
-        """Run Newton's method from ``_x``; return its iterations.
-
-        It goes on with new factors where old ones do not do, and with factors where the Krylov method fails.
-        """
+        """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
         began, assembled = time.perf_counter(), self.effort.seconds_assembly
-        effort, iterations, again = self.effort, 0, True
-        while again:
-            try:
-                self.snes.solve(None, self._x)
-            except PETSc.Error as error:
-                _blame_options(error)
-                raise
-            iterations += self.snes.getIterationNumber()
-            effort.linear_iterations += self.snes.getLinearSolveIterations()
-            failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-            lagged = self.linear.lagged
-            again = failed and lagged is not None and lagged.outdated() and iterations < self.max_iterations
+        effort = self.effort
+        try:
+            self.snes.solve(None, self._x)
+        except PETSc.Error as error:
+            _blame_options(error)
+            raise
+        iterations = self.snes.getIterationNumber()
+        effort.linear_iterations += self.snes.getLinearSolveIterations()
+        failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
         if failed and not self.choice.direct:
             effort.fallbacks += 1
             factors = self.linear.factors()
-            self.snes.setKSP(factors)
+            self._solve_with(factors)
             self.snes.solve(None, self._x)
-            self.snes.setKSP(self.linear.ksp)
+            self._solve_with(self.linear.ksp)
             factors.destroy()
             iterations += self.snes.getIterationNumber()
         effort.seconds_solve += time.perf_counter() - began - (effort.seconds_assembly - assembled)
         return iterations
+
+    def _solve_with(self, ksp: PETSc.KSP) -> None:
+        if self.border is None:
+            self.snes.setKSP(ksp)
+        else:
+            ksp.setOperators(self.model.matrix)
+            self.border.ksp = ksp
 
     @contextmanager
     def _assembling(self) -> Iterator[None]:
@@ -225,20 +252,30 @@ class NewtonSolver:
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         with self._assembling():
-            self.model.set_state(x)
+            self._set(x)
             self.model.residual(b)
+            if self.border is not None:
+                self.border.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        norm, before = snes.getFunctionNorm(), self._norm
+        self._norm = norm
+        if self._keeps and norm < NEAR * self._force and norm < CHORD * before:
+            return  # the last tangent brought the residual down fast: it serves again
         with self._assembling():
-            self.model.set_state(x)
+            self._set(x)
             self.model.tangent()
-        if self.linear.lagged is not None:
-            self.linear.lagged.update(J, near=snes.getFunctionNorm() < NEAR * self.tolerance)
+        self.effort.tangents += 1
+        self._keeps = True
+        if self.border is not None:
+            self.border.update()
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         with self._assembling():
-            self.model.set_state(x)
+            self._set(x)
             energy = self.model.energy() if self._merit is None else self._merit(x)
+            if self.border is not None:
+                energy -= float(self._targets @ self.border.approaches(x))
         return energy if math.isfinite(energy) else math.nan
 
     def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -251,6 +288,6 @@ class NewtonSolver:
         self.effort.residuals.append(float(residual))
         if not math.isfinite(residual):
             return reason.DIVERGED_FNORM_NAN
-        if residual <= self.tolerance:
+        if residual <= self._goal:
             return reason.CONVERGED_FNORM_ABS
         return reason.DIVERGED_MAX_IT if iteration >= self.max_iterations else reason.CONVERGED_ITERATING

@@ -1,8 +1,9 @@
 """Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
 
-Cells are quadratic tetrahedra, so the displacement is written exactly as it was solved for, and the curved facets of
-a contact stay curved. Points, vectors and tensors are in the scene's own frame; the part beyond the mirror planes is
-not written again (attributes name the planes: ParaView's Reflect filter and `thirdbody render` complete the scene).
+Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader knows; at the
+nodes the displacement is as it was solved for. Points, vectors and tensors are in the scene's own frame; the part
+beyond the mirror planes is not written again (attributes name the planes: ParaView's Reflect filter and
+`thirdbody render` complete the scene).
 Each step's files stand alone and are closed when the step ends, so a killed run leaves every finished step readable.
 """
 
@@ -18,18 +19,15 @@ import ufl
 
 from finite_strain import compat
 from finite_strain.catalogue import CATALOGUE, FieldChoice
-from finite_strain.kinematics import Finite
+from finite_strain.indenter import gap
 from finite_strain.model import Model
-from finite_strain.recovery import EDGES, GAUSS_POINTS, NodeAverage
+from finite_strain.recovery import CellNodes
 from finite_strain.scene_frame import SceneFrame
 from finite_strain.spread_arrays import write_in_turns
 from finite_strain.together import on_root
-from finite_strain.top_surface import contact_pressure
+from finite_strain.top_surface import TopSurface
 from finite_strain.xdmf import stem, write_step_and_index
 
-_DRAWN_EDGES = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]
-_DRAWN = [0, 1, 2, 3, *(4 + EDGES.tolist().index(edge) for edge in _DRAWN_EDGES)]
-"""Nodes of a DOLFINx cell in the order of VTK and XDMF."""
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
 _STRAINS = {"volume_ratio", "principal_stretches"}
 
@@ -42,24 +40,19 @@ class FieldWriter:
         self.folder = folder
         self.choice = choice or FieldChoice()
         self._frame = SceneFrame.of(model.reduction)
-        wanted = set(self.choice.names)
-        owned = model.mesh.topology.index_map(3).size_local
+        self._nodes = CellNodes(model.space)
+        wanted, owned = set(self.choice.names), len(self._nodes.dofs)
         tagged = [(bulk, model.cell_tags.find(bulk.tag)) for bulk in model.bulks]
         self._regions = [(bulk, cells[cells < owned].astype(np.int32)) for bulk, cells in tagged]
-        self._average = NodeAverage(model.space) if wanted & (_STRESSES | _STRAINS) else None
-        self._gradient = self._compiled(ufl.grad(model.displacement)) if wanted & _STRAINS else None
-        self._stresses = (
-            [self._compiled(self._stress(bulk)) for bulk, _ in self._regions] if wanted & _STRESSES else None
-        )
-
-    def _compiled(self, value: Any) -> Any:
-        return compat.compile_expression(value, GAUSS_POINTS, self.model.comm)
+        self._top = TopSurface(model, self._nodes) if "contact_pressure" in wanted else None
+        self._stresses = [self._stress(bulk) for bulk, _ in self._regions] if wanted & _STRESSES else None
 
     def _stress(self, bulk: Any) -> Any:
         model = self.model
         gradient = ufl.variable(ufl.grad(model.displacement))
         psi = model.kinematics.energy_density(gradient, *model.constants(bulk))
-        return model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
+        stress = model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
+        return compat.compile_expression(stress, self._nodes.lattice.points, model.comm)
 
     def forget_after(self, number: int) -> None:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
@@ -86,54 +79,49 @@ class FieldWriter:
         return time.monotonic() - began
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
-        space, mesh = self.model.space, self.model.mesh
-        owned_cells, index_map = mesh.topology.index_map(3).size_local, space.dofmap.index_map
-        region = np.zeros(owned_cells, dtype=np.int64)
+        nodes, index_map = self._nodes, self.model.space.dofmap.index_map
+        hexahedra = nodes.dofs[:, nodes.lattice.hexahedra]
+        region = np.zeros(hexahedra.shape[:2], dtype=np.int64)
         for bulk, cells in self._regions:
             region[cells] = bulk.tag
-        dofs = compat.cell_dofs(space)[:owned_cells][:, _DRAWN]
-        numbers = index_map.local_to_global(dofs.ravel().astype(np.int32)).reshape(-1, 10)
-        points = space.tabulate_dof_coordinates()[: index_map.size_local]
-        return {"points": self._frame.points(points), "cells": numbers, "cell_fields/region": region}
+        numbers = index_map.local_to_global(hexahedra.ravel().astype(np.int32)).reshape(-1, 8)
+        points = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
+        return {"points": self._frame.points(points), "cells": numbers, "cell_fields/region": region.ravel()}
 
     def _node_fields(self) -> dict[str, np.ndarray]:
         """Return the chosen fields at this rank's own nodes, in the scene's frame."""
-        fields = {"displacement": lambda: self._frame.vectors(self.model.nodal)}
-        fields |= {"contact_pressure": lambda: contact_pressure(self.model), "gap": self._gap}
-        answer = {name: make() for name, make in fields.items() if name in self.choice.names}
-        for several in (self._strain_fields, self._stress_fields):
-            answer |= {name: values for name, values in several().items() if name in self.choice.names}
+        answer = {"displacement": self._frame.vectors(self.model.nodal)}
+        if self._top is not None:
+            answer["contact_pressure"] = self._top.pressure()
+        answer |= self._gap() | self._strain_fields() | self._stress_fields()
         owned = self.model.space.dofmap.index_map.size_local
         return {name: np.ascontiguousarray(answer[name][:owned]) for name in self.choice.names}
 
-    def _gap(self) -> np.ndarray:
-        model = self.model
-        nodes = model.space.tabulate_dof_coordinates()
-        gaps = []
-        for contact, ball in zip(model.contacts, model.reduction.balls, strict=True):
-            gaps.append(contact.indenter.gap(nodes - np.array([*ball.position, 0.0]), model.nodal, contact.approach)[0])
-        return np.min(gaps, axis=0)
+    def _gap(self) -> dict[str, np.ndarray]:
+        if "gap" not in self.choice.names:
+            return {}
+        model, gaps = self.model, []
+        for ball, approach in zip(model.reduction.balls, model.contact.approaches, strict=True):
+            offset = model.space.tabulate_dof_coordinates() - [*ball.position, 0.0]
+            gaps.append(gap(ball.shape, ball.radius, offset.T, model.nodal.T, approach, model.is_finite))
+        return {"gap": np.min(gaps, axis=0)}
 
     def _strain_fields(self) -> dict[str, np.ndarray]:
-        if self._gradient is None or self._average is None:
+        if not _STRAINS.intersection(self.choice.names):
             return {}
-        regions = []
-        for _, cells in self._regions:
-            gradient = compat.evaluate(self._gradient, self.model.mesh, cells, (3, 3))
-            ratio, stretches = _strains(gradient, finite=isinstance(self.model.kinematics, Finite))
-            regions.append((cells, np.concatenate([ratio[..., None], stretches], axis=2)))
-        values = self._average.of(regions)
-        # where elements differ much, the order at their Gauss points is not that of the averages
-        stretches = -np.sort(-values[:, 1:], axis=1)
-        return {"volume_ratio": values[:, 0], "principal_stretches": stretches}
+        gradient = self._nodes.gradient(self.model.nodal)
+        ratio, stretches = _strains(gradient, finite=self.model.is_finite)
+        strains = np.concatenate([ratio[..., None], stretches], axis=2)
+        values = self._nodes.averaged([(cells, strains[cells]) for _, cells in self._regions])
+        # where elements differ much, the order at their nodes is not that of the averages
+        return {"volume_ratio": values[:, 0], "principal_stretches": -np.sort(-values[:, 1:], axis=1)}
 
     def _stress_fields(self) -> dict[str, np.ndarray]:
-        if self._stresses is None or self._average is None:
+        if self._stresses is None:
             return {}
-        regions = []
-        for (_, cells), expression in zip(self._regions, self._stresses, strict=True):
-            regions.append((cells, compat.evaluate(expression, self.model.mesh, cells, (9,))))
-        stress = self._average.of(regions).reshape(-1, 3, 3)
+        regions = zip(self._regions, self._stresses, strict=True)
+        values = [(cells, compat.evaluate(stress, self.model.mesh, cells, (9,))) for (_, cells), stress in regions]
+        stress = self._nodes.averaged(values).reshape(-1, 3, 3)
         stress = 0.5 * (stress + stress.transpose(0, 2, 1))  # symmetric but for roundoff
         pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
         deviator = stress + pressure[:, None, None] * np.eye(3)
@@ -145,8 +133,9 @@ class FieldWriter:
 
     def _describe(self, file: h5py.File, number: int, fraction: float) -> None:
         file["points"].attrs.update(unit="m", meaning="undeformed nodes of the simulated part, in the scene's frame")
+        order = self._nodes.lattice.order
         file["cells"].attrs.update(
-            meaning="quadratic tetrahedra by rows of points: four corners, then the middles of edges 01 12 02 03 13 23"
+            order=order, meaning=f"hexahedra by rows of points in VTK's order; {order}^3 in a row fill an element"
         )
         file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
         file.require_group("node_fields")
@@ -159,12 +148,12 @@ class FieldWriter:
         file.attrs.update(
             step=number,
             fraction=fraction,
-            deformed=self.model.contacts[0].indenter.deformed,
+            deformed=self.model.is_finite,
             ball_positions=frame.points(axes)[:, :2],
             layer_young=self.model.bulks[0].solid.young,
             ball_radii=[ball.radius for _, ball in balls],
-            ball_shapes=[ball.shape for _, ball in balls],
-            ball_approaches=[self.model.contacts[image.model_ball].approach for image, _ in balls],
+            ball_shapes=[s if isinstance(s := ball.shape, str) else type(s).__name__.lower() for _, ball in balls],
+            ball_approaches=[self.model.contact.approaches[image.model_ball] for image, _ in balls],
             frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
             frame_turn=frame.turn,
             frame_origin=frame.origin,

@@ -1,41 +1,30 @@
-"""How stiff the penalty of each contact is: a fixed multiple of what the layer itself has over one element.
-
-Each facet has its own: under a deep ball the finest elements, about its axis, fold where one fits the mean size.
-With a softer penalty deep balls slip off the layer, and the multipliers that make up for it wrinkle the surface;
-with a stiffer one the pressure rattles from point to point and Newton's method cycles.
-"""
+"""How stiff the penalty of each contact is: as much as lets the surface penetrate by a small part of the approach."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
-from finite_strain.model import Model
-from linear_bem.closed_forms import indentation_of_layer
+from finite_strain.domain import LEAST_SHARE, ModelBall
+from finite_strain.estimates import alone
 from linear_bem.problem import Problem
 
-PENALTY = 8.0
-"""Penalty times element size over the contact's own mean stiffness times its radius.
-
-Where contacts are eight elements wide, an augmentation divides the penetration by about 30.
-"""
-FEWEST_ELEMENTS = 2.5
-"""Elements per contact radius that the penalty is fitted to where the mesh has fewer."""
+PENETRATION = 2e-3
+"""Mean penetration over the approach without multipliers; an augmentation then divides it by 10 and more."""
 
 
-class Penalties:
-    """Gives the penalty of each ball of a model at an approach, facet by facet; continuous in the approach."""
+def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
+    """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: the expected mean pressure over the penetration.
 
-    def __init__(self, problem: Problem, model: Model) -> None:
-        self._problem = problem
-        self._radii = [ball.radius for ball in model.reduction.balls]
-        self._contacts = model.contacts
-
-    def at(self, ball: int, approach: float) -> np.ndarray:
-        """Return the penalty (facets, 1) [Pa/m] of this rank's facets under a ball at an approach [m] > 0."""
-        layer, substrate = self._problem.layer, self._problem.substrate
-        alone = indentation_of_layer(layer, substrate, self._radii[ball], approach=approach)
-        # with 3/4 it is the contact modulus over the contact radius on a half-space
-        stiffness = 0.75 * alone.normal_force / (alone.approach * alone.contact_radius**2)
-        # facets are triangles of about half the element size squared
-        across = alone.contact_radius / np.sqrt(2.0 * self._contacts[ball].surface.weights.sum(axis=1))
-        return np.asarray(PENALTY * stiffness * np.maximum(across, FEWEST_ELEMENTS)[:, None])
+    A ball that is pressed in by less than `LEAST_SHARE` of the deepest has the penalty that it has there.
+    """
+    deepest = float(np.max(approaches))
+    answer = []
+    for ball, approach in zip(balls, approaches, strict=True):
+        depth = max(float(approach), LEAST_SHARE * deepest)
+        state = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=depth)
+        pressure = state.normal_force / (math.pi * state.contact_radius**2)
+        answer.append(pressure / (PENETRATION * depth))
+    return np.array(answer)

@@ -1,104 +1,91 @@
-"""From a problem to what will be run: kinematics, symmetry, two meshes, load steps, and what they cost."""
+"""From a problem to what will be run: symmetry, discretisations, load steps, and what they cost."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from finite_strain.domain import (
-    LEAST_SHARE,
-    USUAL_ACCURACY,
-    Reduction,
-    Resolution,
-    box_to_mesh,
-    expected_indentation,
-    reduce_scene,
-    scene_positions,
-)
+from finite_strain.domain import Expected, Reduction, box_to_mesh, expected_indentation, reduce_scene
 from finite_strain.extent import Extent, choose_extent
-from finite_strain.far_field import FarField
-from finite_strain.refinement import Budget
-from finite_strain.schedule import load_fractions
+from finite_strain.refinement import FIRST, Budget
+from finite_strain.schedule import answered_fractions, load_fractions
 from finite_strain.solver_choice import choose, given_in
+from finite_strain.states import Discretisation
 from finite_strain.volumetric import describe_forms, form_faults
-from linear_bem.closed_forms import indentation_of_layer
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem
 from meshes.box import Box
 
 MODELS = ("finite_strain", "small_strain")
-COARSENING = 1.4
-"""Ratio of element sizes of the companion mesh, whose difference from the main mesh measures the mesh error."""
 LARGEST_APPROACH = 0.9
 """Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
-COARSEST = 1.5
-"""Ratio of element sizes to those of the accuracy asked for up to which a budget may coarsen the first meshes."""
-_UNKNOWNS_PER_TETRAHEDRON = 3.8
-_NEWTON_ITERATIONS_PER_STEP = 13
+USUAL_ACCURACY = 0.02
+"""Relative accuracy of T that a run aims at where none is asked for."""
+USUAL_FINENESS = 1.5
+"""Fineness of the mesh that most runs end on, which their cost is foreseen by."""
+_SHARED_NODES = 1.35
+"""Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
+_ITERATIONS = 9
+"""Newton iterations of a load step on one mesh, the small-strain pair's included, in units of a finite-strain one."""
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What a run consists of; ``boxes`` are the companion's and the main mesh's, in the order they run."""
+    """What a run consists of: ``path`` are the load fractions that the path finder passes, ``goals`` those answered."""
 
     problem: Problem
     model: str
     reduction: Reduction
-    fractions: tuple[float, ...]
-    boxes: tuple[Box, Box]
-    accuracy: float = USUAL_ACCURACY
-    budget: Budget = field(default_factory=Budget)
-    resolution: Resolution | None = None
-    smallest_contact: float = 0.0
-    extent: Extent | None = None
+    path: tuple[float, ...]
+    goals: tuple[float, ...]
+    accuracy: float
+    budget: Budget
+    expected: tuple[Expected, ...]
+    extent: Extent = field(repr=False)
 
-    def box(self, size: float) -> Box:
-        """Return the box with elements of ``size`` times the main mesh's."""
-        if size == 1.0:
-            return self.boxes[1]
-        assert self.resolution is not None
-        resolution = self.resolution.coarser(size)
-        return box_to_mesh(self.problem, self.reduction, resolution, self.smallest_contact, self.extent)
+    @property
+    def is_paired(self) -> bool:
+        """Whether the small-strain problem runs beside the run's own."""
+        return self.model == "finite_strain"
 
-    def far_field(self) -> FarField:
-        """Return what the model's end does to every ball of the scene, in the model's frame."""
-        box, reduction = self.boxes[1], self.reduction
-        sides = [(-high if axis in reduction.planes else low, high) for axis, (low, high) in enumerate((box.x, box.y))]
-        return FarField(self.problem, box.substrate, scene_positions(reduction), (sides[0], sides[1]))
+    def box(self, level: Discretisation) -> Box:
+        """Return the box that a discretisation meshes."""
+        extent = self.extent.larger(level.extent)
+        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness)
 
-    def unknowns(self) -> list[float]:
-        """Estimate the unknowns of both meshes; fine ones have up to 1.4 times as many, the coarsest up to 2.6."""
-        return [_UNKNOWNS_PER_TETRAHEDRON * box.estimated_tetrahedra() for box in self.boxes]
+    def unknowns(self, level: Discretisation) -> float:
+        """Estimate the unknowns of a discretisation, within about 30 %."""
+        forms = describe_forms(self.problem).values()
+        pressures = sum(form == "mixed" for form in forms) * ((level.order - 1.0) / level.order) ** 3
+        nodes = _SHARED_NODES * level.order**3 * self.box(level).estimated_hexahedra()
+        return nodes * (3.0 + pressures)
 
     def describe(self) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units, seconds for two ranks."""
-        unknowns = self.unknowns()
-        box, most = self.boxes[1], self.budget.most_unknowns(unknowns[1])
-        zone = min(box.zones, key=lambda z: z.finest)
+        usual = Discretisation(order=FIRST[-1].order, fineness=USUAL_FINENESS)
+        levels = [*FIRST, usual]
+        unknowns = [self.unknowns(level) for level in levels]
+        most = self.budget.most_unknowns
+        box = self.box(usual)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
         iteration = [_iteration_seconds(n, solver.direct) for n, solver in zip(unknowns, solvers, strict=True)]
-        mirrors = ["mirror plane across the line of balls", "mirror plane along the line of balls"]
+        steps = [len(self.path), len(self.goals), len(self.goals)]
         return {
             "forms": forms,
-            "linear_solver": solvers[1].describe(),
-            "symmetries": [mirrors[axis] for axis in self.reduction.planes],
-            "unknowns": round(unknowns[1]),
-            "unknowns_companion": round(unknowns[0]),
-            "meshes": [
-                f"companion, about {unknowns[0]:.0f} unknowns: its difference from the next is the mesh error",
-                f"main, about {unknowns[1]:.0f} unknowns",
-                f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked",
-            ],
-            "memory_bytes": _bytes(unknowns[1], solvers[1].direct),
+            "linear_solver": solvers[-1].describe(),
+            "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
+            "unknowns": round(unknowns[-1]),
+            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(levels, unknowns, strict=True)]
+            + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
+            "memory_bytes": _bytes(unknowns[-1], solvers[-1].direct),
             "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),
-            "seconds": 10.0 + len(self.fractions) * (_NEWTON_ITERATIONS_PER_STEP + 3) * sum(iteration),
+            "seconds": 5.0 + _ITERATIONS * sum(n * t for n, t in zip(steps, iteration, strict=True)),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
-            "element_sizes": {"finest": zone.finest, "coarsest": box.coarsest},
-            "load_steps": len(self.fractions),
+            "load_steps": len(self.goals),
             "accuracy": {
                 "asked": self.accuracy,
                 "unknowns_at_most": most,
@@ -124,51 +111,34 @@ def planned_fractions(problem: Problem) -> list[float]:
     return load_fractions(problem.load.kind, max(shares))
 
 
-def plan_run(problem: Problem, tangential_force: float, model: str, budget: Budget | None = None) -> RunPlan:
-    """Return the plan of a run; raises `UnsupportedProblem`, naming the key, for what the model lacks."""
+def plan_run(
+    problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
+    steps: Sequence[float] | None = (1.0,),
+) -> RunPlan:  # fmt: skip
+    """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
+
+    Raises `UnsupportedProblem`, naming the key, for what the model lacks.
+    """
+    if not 0.0 < tangential_force < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     _check_supported(problem, model)
-    reduction = reduce_scene(problem)
-    expected = expected_indentation(problem)
-    deepest = max(approach for approach, _, _ in expected)
-    fractions = planned_fractions(problem)
-    first = fractions[0] if problem.load.kind == "approach" else fractions[0] ** (2.0 / 3.0)
-    smallest = min(
-        indentation_of_layer(
-            problem.layer, problem.substrate, ball.radius, approach=first * max(approach, LEAST_SHARE * deepest)
-        ).contact_radius
-        for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)
-        if approach > 0.0
-    )
-    extent = choose_extent(problem, scene_positions(reduction), reduction.planes, expected, tangential_force)
+    path = tuple(planned_fractions(problem))
+    goals = tuple(answered_fractions(problem.load.kind) if steps is None else steps)
+    if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
+        raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     budget = budget or Budget()
-
-    def boxes(resolution: Resolution) -> tuple[Box, Box]:
-        coarse, fine = (
-            box_to_mesh(problem, reduction, r, smallest, extent) for r in (resolution.coarser(COARSENING), resolution)
-        )
-        return coarse, fine
-
-    resolution = _within(budget, Resolution.for_accuracy(tangential_force), boxes)
-    return RunPlan(
-        problem, model, reduction, tuple(fractions), boxes(resolution),
-        tangential_force, budget, resolution, smallest, extent,
+    expected = expected_indentation(problem)
+    plan = RunPlan(
+        problem, model, reduce_scene(problem), tuple(sorted({*path, *goals})), goals, tangential_force, budget,
+        tuple(expected), choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
-
-
-def _within(budget: Budget, resolution: Resolution, boxes: Callable[[Resolution], tuple[Box, Box]]) -> Resolution:
-    """Return the resolution, made coarser where its main mesh would pass a stated budget of unknowns."""
-    if budget.unknowns is None:
-        return resolution
-    size = 1.0
-    while size <= COARSEST:
-        wanted = _UNKNOWNS_PER_TETRAHEDRON * boxes(resolution.coarser(size))[1].estimated_tetrahedra()
-        if wanted <= budget.unknowns:
-            return resolution.coarser(size) if size > 1.0 else resolution
-        size *= 1.05
-    raise UnsupportedProblem(
-        f"accuracy.unknowns: the coarsest mesh that tells T has about {wanted:.2g} unknowns, "
-        f"got {budget.unknowns:g}; raise it, or accuracy.tangential_force"
-    )
+    least = plan.unknowns(FIRST[-1])
+    if least > budget.most_unknowns:
+        raise UnsupportedProblem(
+            f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "
+            f"got {budget.most_unknowns:g}; raise it"
+        )
+    return plan
 
 
 def _check_supported(problem: Problem, model: str) -> None:

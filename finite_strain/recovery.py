@@ -1,7 +1,7 @@
-"""Node values of what is known inside the cells: extended from Gauss points, averaged over the cells of a region.
+"""What is known inside the cells, at their nodes: gradients there, and averages over the cells that share a node.
 
-Gradients of a quadratic displacement are linear on a cell and jump between cells. At the four Gauss points of
-degree 2 they are most accurate; from there they are extended linearly: a linear field is met up to the boundary.
+Gradients jump between cells. Each cell counts by the volume that it has at the node, as in a projection onto the
+nodes with lumped masses.
 """
 
 from __future__ import annotations
@@ -13,65 +13,58 @@ import numpy as np
 from petsc4py import PETSc
 
 from finite_strain import compat
-
-_NEAR, _FAR = (5.0 + 3.0 * np.sqrt(5.0)) / 20.0, (5.0 - np.sqrt(5.0)) / 20.0
-GAUSS_POINTS = np.where(np.eye(4)[:, 1:] > 0.0, _NEAR, _FAR)
-"""(4, 3) reference points of the rule of degree 2 on the tetrahedron."""
-EDGES = np.array([[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]])
-"""Corners of the edges that nodes 4 to 9 of a quadratic cell halve, in the order of DOLFINx."""
-_CORNER_SHARES = np.concatenate([np.eye(4), 0.5 * (np.eye(4)[EDGES[:, 0]] + np.eye(4)[EDGES[:, 1]])])
-_GAUSS_SHARES = np.column_stack([1.0 - GAUSS_POINTS.sum(axis=1), GAUSS_POINTS])
-EXTENSION = _CORNER_SHARES @ np.linalg.inv(_GAUSS_SHARES)
-"""(10, 4): values of a linear function at the nodes of a quadratic cell from those at the Gauss points."""
+from finite_strain.lattice import Lattice
 
 
-def on_nodes(corner_values: np.ndarray, vertex_dofs: np.ndarray, node_dofs: np.ndarray, nodes: int) -> np.ndarray:
-    """Return a linear function (vertices,) at the nodes of the quadratic space, by the dofs of every local cell."""
-    values = np.zeros(nodes)
-    values[node_dofs] = corner_values[vertex_dofs] @ _CORNER_SHARES.T
-    return values
-
-
-class NodeAverage:
-    """Averages at the nodes of a quadratic vector space; collective."""
+class CellNodes:
+    """The n nodes of each of the c cells that this rank owns, in a Lagrange vector space on hexahedra."""
 
     def __init__(self, space: Any) -> None:
-        self.space = space
+        self.space, self.lattice = space, Lattice.of(space)
         self._work = dolfinx.fem.Function(space)
         mesh = space.mesh
         owned = mesh.topology.index_map(3).size_local
+        self.dofs = compat.cell_dofs(space)[:owned]
         corners = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
-        self.volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
-        self.dofs = compat.cell_dofs(space)
+        jacobian = _by_reference(self.lattice.linear_derivatives, corners)
+        self.volumes = np.abs(np.linalg.det(jacobian))
+        """(c, n) volume per reference volume [m^3]."""
+        self._to_reference = np.linalg.inv(jacobian)
 
-    def of(self, regions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """Return node values (local nodes, k) of what the cells of each region have at their Gauss points.
+    def gradient(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the gradient (c, n, 3, 3) of displacements ``nodal`` (local nodes, 3) [m] at the cells' nodes."""
+        return _by_reference(self.lattice.derivatives, nodal[self.dofs]) @ self._to_reference
 
-        A region is its owned cells (m,) and values (m, 4, k). Where regions meet, the first one's values count.
+    def averaged(self, regions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Return values (local nodes, k), ghosts included, of what the cells of each region have at their nodes.
+
+        A region is its owned cells (m,) and values (m, n, k); zero where no region is. Where regions meet, the first
+        one's values count (collective).
         """
         answer = np.zeros((len(self._work.x.array) // 3, regions[0][1].shape[2]))
         taken = np.zeros(len(answer), dtype=bool)
         for cells, values in regions:
-            weights = np.broadcast_to(self.volumes[cells][:, None, None], (len(cells), 10, 1))
-            extended = np.einsum("aq,mqk->mak", EXTENSION, values) * weights
-            sums = self._summed(cells, np.concatenate([extended, weights], axis=2))
+            weights = self.volumes[cells][:, :, None]
+            sums = self._summed(cells, np.concatenate([values * weights, weights], axis=2))
             new = (sums[:, -1] > 0.0) & ~taken
             answer[new] = sums[new, :-1] / sums[new, -1:]
             taken |= new
         return answer
 
     def _summed(self, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return the sums over all ranks' cells of values (cells, 10, k) at this rank's nodes, ghosts included."""
-        nodes = len(self._work.x.array) // 3
-        local = np.zeros((nodes, values.shape[2]))
-        np.add.at(local, self.dofs[cells], values)
-        vector = compat.vector_of(self._work)
-        for begin in range(0, local.shape[1], 3):
-            part = local[:, begin : begin + 3]
-            work = self._work.x.array.reshape(-1, 3)
-            work[:] = 0.0
+        """Return the sums (nodes, k) over all ranks' cells of values (m, n, k) at this rank's nodes."""
+        vector, work = compat.vector_of(self._work), self._work.x.array.reshape(-1, 3)
+        answer = np.zeros((len(work), values.shape[2]))
+        np.add.at(answer, self.dofs[cells], values)
+        for begin in range(0, answer.shape[1], 3):
+            part = answer[:, begin : begin + 3]
             work[:, : part.shape[1]] = part
             vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
             part[:] = work[:, : part.shape[1]]
-        return local
+        return answer
+
+
+def _by_reference(derivatives: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return derivatives (c, n, 3, 3) by the reference coordinates, the last index, of cells' values (c, a, 3)."""
+    return (derivatives @ values[:, None]).transpose(0, 2, 3, 1)

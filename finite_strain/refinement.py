@@ -1,25 +1,30 @@
-"""How finely to mesh next, and when to stop: the accuracy asked for against a stated budget."""
+"""Which discretisation to run next, and when to stop: the accuracy asked for against a stated budget."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from finite_strain.companion import MeshRecord
-from finite_strain.extrapolation import CAUTIOUS_ORDER
+from finite_strain.states import Discretisation, Record
 from linear_bem.errors import InvalidProblem
 
-DEFAULT_UNKNOWNS = 60e3
-"""Unknowns that the finest mesh may have where nothing is stated, or `DEFAULT_GROWTH` times the main mesh's."""
-DEFAULT_GROWTH = 2.5
-LEAST_RATIO, LARGEST_RATIO = 1.15, 1.6
-"""Bounds of the ratio of element sizes of successive meshes: their difference must show, and tell an order."""
+FIRST = (Discretisation(order=2, fineness=1.0), Discretisation(order=3, fineness=1.0))
+"""The path finder, whose states predict the others', and the first one that answers."""
+DEFAULT_UNKNOWNS = 120e3
+"""Unknowns that the finest mesh may have where nothing is stated."""
+ORDER = 3.0
+"""Order of convergence in the element size that the next mesh is sized with."""
 SECONDS_POWER = 1.4
 """Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
-MARGIN = 0.9
-"""Part of the accuracy asked for that the next mesh is sized for."""
-MOST_MESHES = 6
+STEP = 0.5
+"""Least difference of the fineness of successive meshes: it decides how many elements there are about a contact."""
+WIDER, STIFFER = 1.5, 8.0
+"""By how much the domain or the penalty grows where it is what limits the accuracy."""
+MOST_LEVELS = 8
+STEADY = 0.5
+"""Part of the small-strain error that a finer mesh leaves, above which it is the domain's or the contact's."""
 
 
 @dataclass(frozen=True)
@@ -38,83 +43,108 @@ class Budget:
         if faults:
             raise InvalidProblem(*faults)
 
-    def most_unknowns(self, main: float) -> float:
-        """Return the bound on the unknowns of any mesh, for a main mesh with some unknowns."""
-        return max(DEFAULT_UNKNOWNS, DEFAULT_GROWTH * main) if self.unknowns is None else self.unknowns
+    @property
+    def most_unknowns(self) -> float:
+        """The bound on the unknowns of any mesh."""
+        return DEFAULT_UNKNOWNS if self.unknowns is None else self.unknowns
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The element size of the next mesh over the main mesh's (None: no further mesh), and why."""
+    """The next discretisation (None: no further one), and why."""
 
-    size: float | None
+    level: Discretisation | None
     why: str
 
 
-def first_ratio(wanted: float, companion: MeshRecord, budget: Budget) -> float:
-    """Return how much finer than its companion the main mesh is: as planned, or what the seconds left allow."""
-    if budget.seconds is None:
-        return wanted
-    left = max(budget.seconds - companion.seconds, 0.0)
-    affordable = (left / max(companion.seconds, 1e-9)) ** (1.0 / (3.0 * SECONDS_POWER))
-    return min(wanted, max(affordable, LEAST_RATIO))
+def decide(  # noqa: PLR0911  (each return is one reason to stop)
+    asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float]
+) -> Decision:
+    """Return whether and how to discretise again after the last of the finished records.
 
-
-def decide(asked: float, records: list[MeshRecord], budget: Budget, unavoidable: float) -> Decision:
-    """Return whether and how finely to mesh again after the last of the finished meshes.
-
-    ``unavoidable`` is the part of the relative error that no mesh removes.
+    ``unknowns`` estimates a discretisation's size.
     """
-    last, main = records[-1], records[1]
+    last = records[-1]
+    if len(records) < len(FIRST):
+        return Decision(FIRST[len(records)], "an error estimate needs two discretisations")
     if last.reached <= asked:
         return Decision(None, "the accuracy asked for is met")
-    if unavoidable >= MARGIN * asked:
-        return Decision(None, "what remains is not the mesh's: the model's end or the solver's tolerance")
-    if len(records) > MOST_MESHES:
-        return Decision(None, f"{MOST_MESHES} refinements did not reach it")
-    wanted = ((last.reached - unavoidable) / (MARGIN * asked - unavoidable)) ** (1.0 / CAUTIOUS_ORDER)
-    wanted = min(max(wanted, LEAST_RATIO), LARGEST_RATIO)
-    bounds = {
-        f"{budget.most_unknowns(main.unknowns):.6g} unknowns": budget.most_unknowns(main.unknowns) / last.unknowns
-    }
+    if len(records) >= MOST_LEVELS:
+        return Decision(None, f"{MOST_LEVELS} discretisations did not reach it")
+    level = _next(asked, records)
+    if level is None:
+        return Decision(None, "what remains is the solver's tolerance")
+    wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+    while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
+        level = replace(level, fineness=level.fineness - STEP)
+        wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+    if wanted > budget.most_unknowns:
+        return Decision(
+            None,
+            f"{_text(level)}, about {wanted:.2g} unknowns, passes the budget of {budget.most_unknowns:.6g} unknowns",
+        )
     if budget.seconds is not None:
         spent = sum(record.seconds for record in records)
-        if spent >= budget.seconds:
-            return Decision(None, f"the budget of {budget.seconds:g} s is spent: {spent:.0f} s")
-        left = budget.seconds - spent
-        bounds[f"{budget.seconds:g} s"] = max(left / last.seconds, 0.0) ** (1.0 / SECONDS_POWER)
-    name, growth = min(bounds.items(), key=lambda item: item[1])
-    ratio = min(wanted, growth ** (1.0 / 3.0))
-    if ratio < LEAST_RATIO:
-        next_unknowns = LEAST_RATIO**3 * last.unknowns
-        return Decision(None, f"a mesh of {next_unknowns:.2g} unknowns or more would pass the budget of {name}")
-    return Decision(last.size / ratio, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
+        needed = last.seconds * (wanted / last.unknowns) ** SECONDS_POWER
+        if spent + needed > budget.seconds:
+            return Decision(
+                None,
+                f"{_text(level)} would take about {needed:.0f} s and pass the budget of {budget.seconds:g} s "
+                f"({spent:.0f} s spent)",
+            )
+    return Decision(level, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
+
+
+def _text(level: Discretisation) -> str:
+    return f"the next discretisation ({level})"
+
+
+def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
+    last, before = records[-1], records[-2]
+    level = last.level
+    ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
+    if level.fineness == before.level.fineness:  # the change between orders tells little of the finer one's error
+        ratio = 1.0
+    wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
+    refined = replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
+    if not last.terms:
+        return refined
+    largest = max(last.terms, key=lambda name: last.terms[name])
+    if largest == "solver":
+        return None
+    if largest == "enforcement":
+        return replace(level, penalty=STIFFER * level.penalty)
+    finer_before = bool(before.terms) and level.fineness > before.level.fineness
+    if largest == "transfer" and finer_before and last.terms["transfer"] > STEADY * before.terms["transfer"]:
+        return replace(level, extent=WIDER * level.extent)
+    return refined
 
 
 def account(
-    asked: float, records: list[MeshRecord], answered: int, budget: Budget, stopped: str, reference: str
+    asked: float, records: Sequence[Record], answered: int, budget: Budget, stopped: str, reference: str
 ) -> Mapping[str, Any]:
-    """Return the structured account of accuracy for a result: asked, reached, the meshes used, why it ended."""
+    """Return the structured account of accuracy for a result: asked, reached, discretisations, why it ended."""
     last = records[answered]
     return {
         "asked": asked,
         "reached": last.reached,
         "met": last.reached <= asked,
+        "terms": dict(last.terms),
         "relative_to": {"what": reference, "force": last.scale},
         "stopped": stopped,
-        "budget": {
-            "seconds": budget.seconds,
-            "unknowns": budget.most_unknowns(records[1].unknowns) if len(records) > 1 else budget.unknowns,
-        },
+        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns},
         "meshes": [
             {
-                "element_size": record.size,
+                "order": record.level.order,
+                "fineness": record.level.fineness,
+                "extent": record.level.extent,
                 "unknowns": record.unknowns,
                 "seconds": record.seconds,
                 "reached": None if record.reached != record.reached else record.reached,
-                "tangential_force_per_squared_force": record.rows[-1]["per_squared_force"],
-                "normal_forces": record.rows[-1]["normal_forces"],
+                "tangential_force_per_squared_force": record.rows[-1].own.per_squared_force.tolist(),
+                "normal_forces": record.rows[-1].own.normal_force.tolist(),
             }
             for record in records[: answered + 1]
+            if record.rows
         ],
     }

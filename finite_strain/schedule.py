@@ -8,6 +8,8 @@ GROWTH = 1.5
 """Ratio of successive approaches while they are small; the contact radius grows by about its square root."""
 LARGEST_STEP = 0.065
 """Largest increment of the approach over the radius."""
+ANSWERS = 6
+"""Load steps of a comparison along the load."""
 FIRST = 0.0125
 """First approach over the radius: small- and finite-strain theory nearly agree there."""
 
@@ -23,3 +25,9 @@ def load_fractions(kind: LoadKind, deepest: float) -> list[float]:
         approaches.append(max(approaches[-1] / GROWTH, approaches[-1] - LARGEST_STEP))
     power = 1.0 if kind == "approach" else 1.5
     return [(a / approaches[0]) ** power for a in reversed(approaches)]
+
+
+def answered_fractions(kind: LoadKind) -> list[float]:
+    """Return the load fractions that a comparison along the load answers at: equal steps of the approach."""
+    power = 1.0 if kind == "approach" else 1.5
+    return [(n / ANSWERS) ** power for n in range(1, ANSWERS + 1)]

@@ -1,4 +1,4 @@
-"""One run: companion mesh, main mesh and finer ones, every load step answered, written and handed on."""
+"""One run: discretisations from coarse to fine, every load step paired, answered, written and handed on."""
 
 from __future__ import annotations
 
@@ -13,28 +13,25 @@ import numpy as np
 from mpi4py import MPI
 
 from finite_strain import FORMAT, compat
-from finite_strain.answer import Answer
+from finite_strain.answer import Answers
 from finite_strain.catalogue import FieldChoice
-from finite_strain.checkpoint import read_checkpoint, write_checkpoint
-from finite_strain.companion import NAME, MeshRecord, saved_records, text_of
 from finite_strain.extent import scale_of_force
 from finite_strain.loading import StepRecord
-from finite_strain.mesh_run import MeshRun
+from finite_strain.mesh_run import MeshRun, ModelRun
 from finite_strain.output import FieldWriter
-from finite_strain.planning import COARSENING, COARSEST, RunPlan, plan_run
-from finite_strain.refinement import LEAST_RATIO, Budget, Decision, account, decide, first_ratio
+from finite_strain.planning import RunPlan
+from finite_strain.refinement import FIRST, account, decide
 from finite_strain.solver_choice import solver_notes, solvers_of
+from finite_strain.states import NAME, ContactState, Record, Row, saved_records, text_of
 from finite_strain.together import on_root, replace_text, working_folder
 from finite_strain.top_surface import gather_surface
+from finite_strain.transfer import Snapshot
 from finite_strain.volumetric import describe_forms, form_notes
 from linear_bem.errors import NotConverged
-from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
 
-NAMES = ("companion", "main", "finer")
-"""What the meshes are called that run first, second, and after."""
-MAIN_GROWTH = 2.0
-"""How many times the companion's unknowns the main mesh has: 1.6 to 2.1 were seen."""
+NAMES = ("coarse", "main", "finer")
+"""What the discretisations of a run are called: the path finder, the first that answers, and those after it."""
 NEAR_ZERO = "a tenth of the half-space's mutual force"
 
 
@@ -55,27 +52,17 @@ class Silence:
 
 
 def simulate(
-    problem: Problem,
-    model: str,
-    tangential_force: float,
-    comm: MPI.Comm | None,
-    folder: Path | None,
-    observer: Any,
-    fields: FieldChoice | None = None,
-    budget: Budget | None = None,
+    plan: RunPlan, comm: MPI.Comm, folder: Path | None, observer: Any, fields: FieldChoice | None = None
 ) -> Result:
-    """Run a problem; see `finite_strain.solve`."""
-    comm = MPI.COMM_WORLD if comm is None else comm
-    plan = plan_run(problem, tangential_force, model, budget)
+    """Run a plan; see `finite_strain.solve`."""
     with working_folder(folder, comm) as where:
-        return MeshSequence(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
+        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
-class MeshSequence:
-    """Companion mesh, main mesh, and as many finer ones as accuracy and budget ask for, all along one load path.
+class Refinement:
+    """Discretisations of one scene, each along the same load path, until accuracy or budget ends them.
 
-    Every finished step of every mesh is on disk before the next begins: what a killed run computed is not
-    computed again.
+    Every finished step is on disk before the next begins: what a killed run computed is not computed again.
     """
 
     def __init__(
@@ -84,160 +71,182 @@ class MeshSequence:
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
         self.fields, self.keep = fields, keep
         self.began = time.monotonic()
-        parts = (FORMAT, plan.problem, plan.model, plan.accuracy, plan.budget)
+        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget)
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
-        self.records: list[MeshRecord] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
+        self.records: list[Record] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def run(self) -> Result:
-        """Run mesh after mesh until the accuracy is met or the budget is spent (collective)."""
+        """Run one discretisation after another (collective)."""
         if not self.records:
-            self.records.append(MeshRecord(COARSENING))
-        companion = self.records[0]
-        if not companion.finished and not companion.stopped:
-            try:
-                self._press(0)
-            except NotConverged as error:
-                if not companion.rows:
-                    raise
-                companion.stopped = str(error)
-                self._save()
-        if len(self.records) == 1:
-            ratio = self.comm.bcast(first_ratio(COARSENING, self.records[0], self.plan.budget), root=0)
-            self.records.append(MeshRecord(COARSENING / ratio))
+            self.records.append(Record(FIRST[0]))
+        answered, why = 0, ""
         while True:
             number = len(self.records) - 1
-            try:
-                steps = self._press(number)
-                if companion.stopped:  # how far T is known has been answered, and by how much
-                    raise NotConverged(companion.stopped)
-            except NotConverged as error:
-                if number < 2:
-                    raise
-                # the coarser mesh's answer stands: it is whole, and its error bar is its own
-                steps = [Step.from_dict(step) for step in self.records[number - 1].steps]
-                whose = "; the field files are of that mesh, as far as it came" if self.keep else ""
-                return self._result(steps, number - 1, f"the next mesh did not converge: {error}{whose}")
-            decision = self._decide(number, steps)
-            if decision.size is None:
-                return self._result(steps, number, decision.why)
-            self.records[number].steps = [step.to_dict() for step in steps]
-            self.records.append(MeshRecord(decision.size))
+            record = self.records[number]
+            if not record.finished:
+                self._press(number)
+            if record.steps and (not self.records[answered].steps or self._reach(number) >= self._reach(answered)):
+                answered = number
+            if record.stopped and number >= len(FIRST):
+                why = f"{record.level} did not reach full load: {record.stopped}"
+                break
+            decision = self.comm.bcast(
+                decide(self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns), root=0
+            )
+            if decision.level is None:
+                why = decision.why
+                break
+            self.records.append(Record(decision.level))
             self._save()
+        if self._reach(answered) < self.plan.goals[-1]:
+            kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
+            raise NotConverged(f"{self.records[-1].stopped or why}{kept}")
+        return self._result(answered, why)
 
-    def _decide(self, number: int, steps: list[Step]) -> Decision:
-        last, record = steps[-1], self.records[number]
+    def _reach(self, number: int) -> float:
+        """Return the largest load fraction that a discretisation has answered."""
+        steps = self.records[number].steps
+        return float(steps[-1]["record"]["fraction"]) if steps else 0.0
+
+    def _press(self, number: int) -> None:
+        """Drive one discretisation along the load path, from where an earlier run left it (collective)."""
+        record = self.records[number]
+        name = NAMES[min(number, 2)]
+        run = MeshRun(self.plan, record.level, self.folder / f"mesh_{number}.msh", self.comm, self.observer, name)
+        try:
+            self._along(run, record, number)
+        except NotConverged as error:
+            record.stopped = f"{name} mesh ({record.unknowns} unknowns): {error}"
+        finally:
+            run.close()
+        record.finished = True
+        self._judge(record)
+        self._save()
+
+    def _along(self, run: MeshRun, record: Record, number: int) -> None:
+        plan, began, spent = self.plan, time.monotonic(), record.seconds
+        record.unknowns = run.own.model.unknowns
+        coarse = self.records[number - 1] if number else None
+        answers = writer = None
+        if coarse is not None:
+            answers = Answers(plan, coarse, record)
+            if self.keep:
+                writer = FieldWriter(run.own.model, self.folder, self.fields)
+                writer.forget_after(len(record.steps))
+            self._announce(run, record)
+        own_records: list[StepRecord] = []
+        self._resume(run, record, number)
+        reached = record.rows[-1].own.fraction if record.rows else 0.0
+        found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
+        path = [f for f in plan.path if f > reached and (coarse is None or f in plan.goals or f > found)]
+        pair_stopped = bool(record.rows) and record.rows[-1].small is None
+        for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
+            own_records.append(done)
+            if done.fraction not in plan.goals:
+                continue
+            snapshot = run.own.snapshot()
+            run.own.path.augment(done)
+            own = run.own.state(done.fraction)
+            small, pair = None, None
+            if run.small is not None and not pair_stopped:
+                try:
+                    small, pair = self._pair(run.small, number, done.fraction)
+                except NotConverged:
+                    pair_stopped = True
+            row = Row(own, small)
+            record.rows.append(row)
+            record.seconds = spent + time.monotonic() - began
+            self._keep(snapshot, number, "own")
+            if answers is not None and coarse is not None and coarse.at(done.fraction) is not None:
+                truth = on_root(self.comm, lambda fraction=done.fraction: answers.truth(fraction))  # type: ignore[misc]
+                details = {"mesh": number, **run.details(own_records, pair, own)}
+                own_records = []
+                earlier = [Step.from_dict(step) for step in record.steps]
+                step = answers.step(done.fraction, truth, details, earlier, run.own.solver.tolerance)
+                if writer is not None:
+                    taken = writer.write(len(record.steps) + 1, done.fraction)
+                    step = replace(step, record={**step.record, "seconds_output": taken})
+                record.steps.append(step.to_dict())
+                record.seconds = spent + time.monotonic() - began
+                self._save()
+                self.observer.step_done(step, gather_surface(run.own.model))
+            else:
+                self._save()
+
+    def _pair(self, run: ModelRun, number: int, fraction: float) -> tuple[ContactState, StepRecord]:
+        """Return the small-strain state at a load fraction (collective)."""
+        last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
+        snapshot = run.snapshot()
+        run.path.augment(last)
+        self._keep(snapshot, number, "small")
+        return run.state(fraction), last
+
+    def _announce(self, run: MeshRun, record: Record) -> None:
+        self.observer.started(
+            {
+                "model": self.plan.model,
+                "mesh": run.name,
+                "forms": describe_forms(self.plan.problem),
+                "unknowns": record.unknowns,
+                "ranks": self.comm.size,
+                "load_steps": len(self.plan.goals),
+                "symmetry_planes": len(self.plan.reduction.planes),
+                "resumed_steps": len(record.steps),
+                "versions": compat.versions(),
+            }
+        )
+
+    def _file(self, number: int, model: str, fraction: float) -> Path:
+        return self.folder / f"state_{number}_{model}_{self.plan.goals.index(fraction) + 1:03d}.npz"
+
+    def _keep(self, snapshot: Snapshot, number: int, model: str) -> None:
+        on_root(self.comm, lambda: snapshot.save(self._file(number, model, snapshot.fraction)))
+
+    def _predicted(self, run: ModelRun, number: int, model: str, fraction: float):  # type: ignore[no-untyped-def]
+        """Return the coarser discretisation's state at a load fraction, where it has one."""
+        if number == 0 or fraction not in self.plan.goals:
+            return None
+        file = self._file(number - 1, model, fraction)
+        there = self.comm.bcast(file.exists() if self.comm.rank == 0 else None, root=0)
+        return run.predicted_by(Snapshot.load(file)) if there else None
+
+    def _resume(self, run: MeshRun, record: Record, number: int) -> None:
+        """Take up the last states that an earlier run of this discretisation left."""
+        for model, each in (("own", run.own), ("small", run.small)):
+            if each is None:
+                continue
+            met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
+            states = [each.predicted_by(Snapshot.load(self._file(number, model, fraction))) for fraction in met]
+            each.path.resume([state for state in states if state is not None])
+
+    def _judge(self, record: Record) -> None:
+        """Note how far T is known at the last step: the largest error of a ball's T over the scale, and its terms."""
+        if not record.steps:
+            return
+        last = Step.from_dict(record.steps[-1])
         forces = np.array([ball.normal_force for ball in last.balls])
         largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
         record.scale = max(largest, scale_of_force(self.plan.problem, forces))
-        error = max(ball.tangential_force_error for ball in last.balls)
-        record.reached = error / record.scale if record.scale > 0.0 else 0.0
-        far = max(last.record["far_field_error"]) / record.scale if record.scale > 0.0 else 0.0
-        # every rank must decide alike, whatever its clock says
-        return self.comm.bcast(decide(self.plan.accuracy, self.records, self.plan.budget, far), root=0)
-
-    def _press(self, number: int) -> list[Step]:
-        """Drive one mesh along the load path, from where an earlier run left it; return its answers (collective)."""
-        record, folder = self.records[number], self.folder
-        name = NAMES[min(number, 2)]
-        mesh_file = folder / ("companion.msh" if number == 0 else "mesh.msh" if number == 1 else f"mesh_{number}.msh")
-        run = self._mesh(number, mesh_file, name)
-        try:
-            return self._along(run, record, number)
-        except NotConverged as error:
-            kept = f"; its finished steps are kept in {folder}" if self.keep and run.path.history else ""
-            raise NotConverged(f"{name} mesh ({record.unknowns} unknowns): {error}{kept}") from error
-        finally:
-            run.close()
-
-    def _mesh(self, number: int, file: Path, name: str) -> MeshRun:
-        """Return the model on a mesh of the record's size, or of larger elements where it passes a stated budget."""
-        record, most = self.records[number], self.plan.budget.unknowns
-        # the companion is to leave room for the main mesh, and that to be fine enough to tell a difference
-        growth, coarsest = (MAIN_GROWTH, math.inf) if number == 0 else (1.0, self.records[number - 1].size)
-        while True:
-            run = MeshRun(self.plan, self.plan.box(record.size), file, self.comm, self.observer, name)
-            over = 0.0 if most is None else growth * run.model.unknowns / most
-            larger = min(record.size * 1.02 * over ** (1.0 / 3.0), coarsest / LEAST_RATIO)
-            if over <= 1.0 or record.rows or larger <= record.size or larger > COARSEST * COARSENING:
-                return run
-            run.close()
-            record.size = larger
-
-    def _along(self, run: MeshRun, record: MeshRecord, number: int) -> list[Step]:
-        key, began, spent = f"{self.key}, mesh {number}", time.monotonic(), record.seconds
-        record.unknowns = run.model.unknowns
-        history, steps = read_checkpoint(self.folder, run.model, key)
-        reached = history[-1].fraction if history else 0.0
-        record.rows = [row for row in record.rows if row["fraction"] <= reached]
-        run.path.resume(history)
-        goals = list(self.plan.fractions) if number == 0 else self.records[0].goals(self.plan.fractions)
-        answer = writer = None
-        if number > 0:
-            answer = Answer(self.plan, self.plan.far_field(), self.records[:number], record.size)
-            if self.keep:
-                writer = FieldWriter(run.model, self.folder, self.fields)
-                writer.forget_after(len(steps))
-            self.observer.started(
-                {
-                    "model": self.plan.model,
-                    "mesh": run.name,
-                    "forms": describe_forms(self.plan.problem),
-                    "unknowns": record.unknowns,
-                    "ranks": self.comm.size,
-                    "load_steps": len(goals),
-                    "symmetry_planes": len(self.plan.reduction.planes),
-                    "resumed_steps": len(steps),
-                    "versions": compat.versions(),
-                }
-            )
-        passed: list[StepRecord] = []
-        for done in run.path.steps(goals):
-            if number > 0 and done.fraction not in goals:  # cut back: no coarser mesh was there to compare with
-                passed.append(done)
-                if self.keep:
-                    write_checkpoint(self.folder, run.model, run.path.history, steps, key)
-                continue
-            states = run.contact_states()
-            row = run.row(done, states)
-            record.rows.append(row)
-            if answer is not None:
-                details = {"mesh": number, **run.details([*passed, done], states)}
-                passed.clear()
-                step = answer.step(row, states, details, steps, run.solver.tolerance)
-                if writer is not None:
-                    taken = writer.write(len(steps) + 1, done.fraction)
-                    step = replace(step, record={**step.record, "seconds_output": taken})
-                steps.append(step)
-            record.seconds = spent + time.monotonic() - began
-            record.finished = done.fraction >= self.plan.fractions[-1]
-            if self.keep:
-                self._save()
-                write_checkpoint(self.folder, run.model, run.path.history, steps, key)
-            if answer is not None:
-                self.observer.step_done(steps[-1], gather_surface(run.model))
-        return steps
+        worst = int(np.argmax([ball.tangential_force_error for ball in last.balls]))
+        if record.scale > 0.0:
+            record.terms = {name: values[worst] / record.scale for name, values in last.record["error_terms"].items()}
+            record.reached = last.balls[worst].tangential_force_error / record.scale
+        else:
+            record.reached = 0.0
+        if record.rows[-1].own.fraction < self.plan.goals[-1]:
+            record.reached = math.inf
 
     def _save(self) -> None:
-        if self.keep:
-            on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
+        on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
 
-    def _overrun(self, record: MeshRecord) -> list[str]:
-        """Return where the run passed its budget: companion and main mesh are run whatever they cost."""
-        budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
-        notes = []
-        if budget.unknowns is not None and record.unknowns > budget.unknowns:
-            notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
-        if budget.seconds is not None and spent > budget.seconds:
-            notes.append(f"the meshes took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
-        return notes
-
-    def _result(self, steps: list[Step], number: int, why: str) -> Result:
-        plan, record = self.plan, self.records[number]
+    def _result(self, answered: int, why: str) -> Result:
+        plan, record = self.plan, self.records[answered]
+        steps = [Step.from_dict(step) for step in record.steps]
         # a force of another kind is a bound to compare with only where T itself is smaller
         near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
         reference = NEAR_ZERO if near_zero else "the largest tangential force"
-        said = account(plan.accuracy, self.records, number, plan.budget, why, reference)
+        said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
         notes = list(form_notes(plan.problem))
         if near_zero and record.scale > 0.0:
             known = ", ".join(
@@ -253,6 +262,10 @@ class MeshSequence:
             notes.append(
                 f"tangential force known to {_percent(record.reached, plan.accuracy)} % at full load; "
                 f"{100 * plan.accuracy:.2g} % was asked for: {why}"
+            )
+        if plan.is_paired and record.rows[-1].small is None:
+            notes.append(
+                "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
             )
         notes += self._overrun(record)
         notes += solver_notes([step.record for step in steps])
@@ -274,6 +287,16 @@ class MeshSequence:
                 linear_solver=solvers_of([step.record for step in steps]),
             ),
         )
+
+    def _overrun(self, record: Record) -> list[str]:
+        """Return where the run passed its budget: the first discretisations are run whatever they cost."""
+        budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
+        notes = []
+        if budget.unknowns is not None and record.unknowns > budget.unknowns:
+            notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
+        if budget.seconds is not None and spent > budget.seconds:
+            notes.append(f"the discretisations took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
+        return notes
 
 
 def _percent(value: float, limit: float) -> str:

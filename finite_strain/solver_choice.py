@@ -23,8 +23,6 @@ FACTORS = {
     "mat_mumps_icntl_20": "0",
 }
 """LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or past a wrinkle."""
-LAGGED = {"ksp_type": "fgmres", "ksp_rtol": "1e-6", "ksp_max_it": "20", "snes_lag_preconditioner": "-2"}
-"""Factors that serve several iterations of Newton's method (`lagged_factors.py`); 20 cost about what new ones do."""
 KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-8", "ksp_max_it": "240"}
 """Not conjugate gradients: a deformed layer under contact may have an indefinite tangent."""
 MULTIGRID = {
@@ -68,11 +66,6 @@ class Choice:
     why: str
 
     @property
-    def lags(self) -> bool:
-        """Whether factors may serve several iterations; a user's "preonly" wants new ones each time."""
-        return self.direct and self.options["ksp_type"] != "preonly"
-
-    @property
     def method(self) -> str:
         """The solver in PETSc's words, such as "fgmres + gamg" or "cholesky (mumps)"."""
         if self.direct:
@@ -97,9 +90,7 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
     else:
         direct = unknowns <= limit
         why = f"{'up to' if direct else 'more than'} {limit:.0f} unknowns"
-    usual = FACTORS | LAGGED if direct else KRYLOV | (FIELD_SPLIT if mixed else MULTIGRID)
-    if direct and given.get("ksp_type") == "preonly":
-        usual = dict(FACTORS)
+    usual = FACTORS if direct else KRYLOV | (FIELD_SPLIT if mixed else MULTIGRID)
     return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
 
 

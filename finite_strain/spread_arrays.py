@@ -1,7 +1,7 @@
-"""Arrays whose rows are spread over the ranks, in one HDF5 file: written in turns, read in blocks, never gathered.
+"""Arrays whose rows are spread over the ranks, in one HDF5 file: written in turns, never gathered.
 
 Debian's h5py knows no MPI, so each rank in its turn opens the file and adds its rows; no rank holds more than its own
-rows and, while reading, one block. The file takes its place when the last rank is done: whole, or not at all.
+rows. The file takes its place when the last rank is done: whole, or not at all.
 """
 
 from __future__ import annotations
@@ -9,19 +9,15 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from linear_bem.errors import OutputUnusable
 
 ROOM = 1_000_000
 """Bytes for what a file holds beside its arrays."""
-BLOCK = 1_000_000
-"""Rows that a rank reads at a time."""
 
 
 def write_in_turns(
@@ -74,37 +70,3 @@ def _no_room(path: Path, needed: int) -> str | None:
         f"{path} cannot be written: No space left on device ({free / 1e6:.1f} MB free, {needed / 1e6:.1f} MB needed); "
         "make room, and the same command goes on from the last step"
     )
-
-
-def read_at(
-    file: h5py.File, positions: str, names: list[str], points: np.ndarray, tolerance: float, block: int = BLOCK
-) -> list[np.ndarray]:
-    """Return the rows of the named datasets that lie at ``points`` (n, 3) [m]; ``positions`` names theirs.
-
-    Raises `OutputUnusable` for a point without a saved row within ``tolerance`` [m].
-    """
-    saved = file[positions]
-    answers = [np.zeros((len(points), *file[name].shape[1:])) for name in names]
-    nearest = np.full(len(points), np.inf)
-    tree = cKDTree(points) if len(points) else None
-    for begin in range(0, len(saved) if tree is not None else 0, block):
-        here = slice(begin, begin + block)
-        distance, row = tree.query(saved[here])  # type: ignore[union-attr]
-        near = np.flatnonzero(distance <= tolerance)
-        nearest[row[near]] = distance[near]
-        for answer, name in zip(answers, names, strict=True):
-            answer[row[near]] = file[name][here][near]
-    lost = int(np.count_nonzero(np.isinf(nearest)))
-    if lost:
-        raise OutputUnusable(
-            f"checkpoint: {lost} of {len(points)} nodes of this mesh have no saved value within {tolerance:g} m; "
-            "it belongs to another mesh"
-        )
-    return answers
-
-
-def fail_together(comm: MPI.Comm, failure: str | None) -> None:
-    """Raise `OutputUnusable` on every rank if any rank has a failure to tell (collective)."""
-    failures: list[Any] = [text for text in comm.allgather(failure) if text]
-    if failures:
-        raise OutputUnusable(failures[0])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import dolfinx
 import numpy as np
 
 from finite_strain import compat
 from finite_strain.model import Model
-from finite_strain.recovery import on_nodes
+from finite_strain.recovery import CellNodes
 from finite_strain.scene_frame import SceneFrame
+from meshes.box import TAGS
 
 
 @dataclass(frozen=True)
@@ -22,47 +24,53 @@ class SurfaceFields:
     pressure: np.ndarray
 
 
-def contact_pressure(model: Model) -> np.ndarray:
-    """Return the contact pressure [Pa] per deformed area at this rank's nodes, ghosts included (collective).
+class TopSurface:
+    """The nodes of a model's top, and the contact pressure there; collective."""
 
-    Projected to the corners of the top's facets, lumped: never negative, and the same on any number of ranks.
-    """
-    corners = np.zeros(len(model.linear_space.tabulate_dof_coordinates()))
-    for contact in model.contacts:
-        corners += model.project(contact, contact.true_pressure(model.nodal))
-    vertex_dofs, node_dofs = compat.cell_dofs(model.linear_space), compat.cell_dofs(model.space)
-    return on_nodes(corners, vertex_dofs, node_dofs, len(model.nodal))
+    def __init__(self, model: Model, nodes: CellNodes | None = None) -> None:
+        self.model, self.nodes = model, nodes or CellNodes(model.space)
+        lattice = self.nodes.lattice
+        is_top = np.zeros(len(model.nodal), dtype=bool)
+        is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
+        self._cells, face = np.nonzero(is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
+        self._is_top = is_top
+        self._squares = self.nodes.dofs[self._cells[:, None, None], lattice.squares[face]].reshape(-1, 4)
+        self._pressure = compat.compile_expression(model.contact_pressure_expression, lattice.points, model.comm)
+
+    def pressure(self) -> np.ndarray:
+        """Return the contact pressure [Pa] per deformed area at this rank's nodes; zero below the top."""
+        cells = self._cells.astype(np.int32)
+        values = compat.evaluate(self._pressure, self.model.mesh, cells, (1,))
+        return np.where(self._is_top, self.nodes.averaged([(cells, values)])[:, 0], 0.0)
+
+    def gathered(self) -> SurfaceFields | None:
+        """Return the whole scene's deformed top on rank 0, completed by symmetry; None elsewhere."""
+        model = self.model
+        fields = (model.space.tabulate_dof_coordinates(), model.nodal, self.pressure())
+        parts = model.comm.gather([field[self._squares].reshape(-1, *field.shape[1:]) for field in fields], root=0)
+        if parts is None:
+            return None
+        reference, u, pressure = (np.concatenate(field) for field in zip(*parts, strict=True))
+        if not model.is_finite:
+            u[:, :2] = 0.0
+        places = np.round(reference / (1e-9 * np.ptp(reference)))
+        _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        triangles = _triangles(inverse.reshape(-1, 4), pressure[first])
+        part = SurfaceFields(reference[first], (reference + u)[first], triangles, pressure[first])
+        return _completed(SceneFrame.of(model.reduction), part)
 
 
 def gather_surface(model: Model) -> SurfaceFields | None:
     """Return the whole scene's deformed top surface on rank 0, completed by symmetry; None elsewhere (collective)."""
-    nodes = model.space.tabulate_dof_coordinates()
-    triangles = _straight_triangles(model.top_dofs(), nodes)
-    pressure = contact_pressure(model)
-    parts = model.comm.gather((nodes[triangles], model.nodal[triangles], pressure[triangles]), root=0)
-    if parts is None:
-        return None
-    reference, moved, pressures = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    size = float(np.ptp(reference))
-    _, first, inverse = np.unique(
-        np.round(reference.reshape(-1, 3) / (1e-9 * size)), axis=0, return_index=True, return_inverse=True
-    )
-    points = reference.reshape(-1, 3)[first]
-    u, p = moved.reshape(-1, 3)[first], pressures.ravel()[first]
-    deformed = points + u if model.contacts[0].indenter.deformed else points + u * np.array([0.0, 0.0, 1.0])
-    return _completed(SceneFrame.of(model.reduction), SurfaceFields(points, deformed, inverse.reshape(-1, 3), p))
+    return TopSurface(model).gathered()
 
 
-def _straight_triangles(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Split quadratic facets (n, 6), corners first, into four straight triangles each (4 n, 3)."""
-    corners, mids = dofs[:, :3], dofs[:, 3:]
-    edges = nodes[corners][:, [[1, 2], [0, 2], [0, 1]]].mean(axis=2)
-    distance = np.linalg.norm(nodes[mids][:, None, :, :] - edges[:, :, None, :], axis=-1)
-    opposite = np.take_along_axis(mids, np.argmin(distance, axis=2), axis=1)  # of edge k: the node opposite corner k
-    a, b, c = corners.T
-    at_a, at_b, at_c = opposite.T
-    parts = [(a, at_c, at_b), (at_c, b, at_a), (at_b, at_a, c), (at_a, at_b, at_c)]
-    return np.concatenate([np.column_stack(part) for part in parts])
+def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Split quadrilaterals (n, 4) into triangles (2 n, 3) along the diagonal on which the nodes' values differ less."""
+    ends = values[squares]
+    turned = np.abs(ends[:, 0] - ends[:, 2]) > np.abs(ends[:, 1] - ends[:, 3])
+    around = np.where(turned[:, None], np.roll(squares, 1, axis=1), squares)
+    return around[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
 def _completed(frame: SceneFrame, part: SurfaceFields) -> SurfaceFields:

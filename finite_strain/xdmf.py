@@ -1,7 +1,7 @@
 """XDMF text beside the HDF5 files of the steps: one file per step, and an index over all steps for ParaView and meshio.
 
 The text is written here because the library's own puts every field on a grid of its own, which meshio cannot
-read and ParaView shows as separate blocks, and knows no quadratic cells.
+read and ParaView shows as separate blocks.
 """
 
 from __future__ import annotations
@@ -41,9 +41,7 @@ def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
         ) from error
     with file:
         cells = file["cells"]
-        topology = Xml.SubElement(
-            grid, "Topology", TopologyType="Tetrahedron_10", NumberOfElements=str(len(cells)), NodesPerElement="10"
-        )
+        topology = Xml.SubElement(grid, "Topology", TopologyType="Hexahedron", NumberOfElements=str(len(cells)))
         _item(topology, cells, number)
         _item(Xml.SubElement(grid, "Geometry", GeometryType="XYZ"), file["points"], number)
         if timed:

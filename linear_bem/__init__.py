@@ -1,7 +1,7 @@
 """Small-strain contact of rigid balls with a layered half-space: the paper's model, on numpy and scipy.
 
 >>> from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
->>> pair = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+>>> pair = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
 >>> scene = Problem(Layer(1.0, 0.48, 1.16), pair, Load("force", (2.66666e-3,) * 2), Elastic(1e3, 0.3))
 >>> print(f"{solve(scene).balls[0].tangential_force[0]:.4e}")
 -1.1613e-07
@@ -10,6 +10,7 @@
 from linear_bem.energy import elastic_energy, energy_force
 from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
 from linear_bem.height_field import HeightFieldContact, solve_height_field
+from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.kernel import LayeredKernel
 from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
@@ -22,20 +23,26 @@ from linear_bem.stress import vertical_stress
 __all__ = [
     "Ball",
     "BallResult",
+    "Cone",
     "ContactSequence",
     "Elastic",
     "Elements",
+    "Ellipsoid",
     "FiniteStrain",
     "HeightFieldContact",
+    "Indenter",
     "InvalidProblem",
     "Layer",
     "LayeredKernel",
     "Load",
     "NotConverged",
+    "Paraboloid",
     "Problem",
+    "Punch",
     "Result",
     "SequenceState",
     "Solution",
+    "Sphere",
     "ThirdBodyError",
     "UnsupportedProblem",
     "deepest_bulge",

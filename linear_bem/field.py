@@ -68,7 +68,7 @@ def displacement_around(
     for i in range(len(nodes)):
         apart = np.hypot(*(centres - centres[i]).T)
         large = np.maximum(size, spread[i])
-        eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 1e-300), np.inf)
+        eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 0.01 * large), np.inf)
         eta[i] = np.inf
         left = np.ones(len(nodes), dtype=bool)
         total = np.zeros(len(x[i]))

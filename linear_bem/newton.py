@@ -159,7 +159,7 @@ def solve_zones(
 
     ``groups`` lists (balls that share one unknown approach, their total force times `singular`); balls in
     no group keep their approach. ``tolerance`` bounds the last step of the coefficients relative to P; a step that is
-    `stalled` is returned as the residual. Raises `NotConverged`.
+    `stalled`, or is small when ``limit`` steps are done, is returned as the residual. Raises `NotConverged`.
     """
     approaches = approaches.copy()
     first = float(np.max(np.abs(approaches)))
@@ -169,9 +169,12 @@ def solve_zones(
         rule = Rule.of(zones, kernel.thickness)
         nodes = [Nodes.of(z, rule) for z in zones]
         history.append(step)
-        if step < tolerance or stalled(history):
+        if step < tolerance or stalled(history) or (iteration == limit - 1 and step < STALLED):
             return SmoothSolution(tuple(nodes), approaches, iteration, step)
-        delta, change = _newton_step(kernel, shapes, nodes, approaches, groups, rule)
+        with np.errstate(all="ignore"):  # a way that leads nowhere may overflow before it is left
+            delta, change = _newton_step(kernel, shapes, nodes, approaches, groups, rule)
+        if not np.all(np.isfinite(delta)):
+            break
         length, step = 1.0, 0.0
         terms = len(zones[0].coefficients)
         for k, zone in enumerate(zones):

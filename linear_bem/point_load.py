@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from linear_bem.coupling import couple, influence
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indentation import indentation_of_layer
+from linear_bem.indenter import Cone, Punch
 from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
@@ -92,6 +93,11 @@ def solve_point_load(problem: Problem) -> Result:
     problem = problem.without_empty_layer()
     if problem.finite_strain is not None:
         raise UnsupportedProblem("point_load: the effect finite_strain is not part of this model; drop the table")
+    sharp = next((b.shape for b in problem.balls if isinstance(b.shape, Cone | Punch)), None)
+    if sharp is not None:
+        raise UnsupportedProblem(
+            f"balls.shape: point_load needs balls whose contact grows as a ball's does, got {sharp}; use linear_bem"
+        )
     begun = time.perf_counter()
     kernel = LayeredKernel.of(problem)
     distance, mutual = influence(problem, kernel)

@@ -13,10 +13,12 @@ from itertools import combinations
 from typing import Literal
 
 from linear_bem.errors import InvalidProblem
+from linear_bem.indenter import Indenter, Paraboloid, Sphere
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
+NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,25 @@ class Layer(Elastic):
 class Ball:
     """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
 
-    ``shape`` is "paraboloid" (the paper's r^2 / 2R), "sphere", or a convex profile ``f(x, y)`` with
-    f(0, 0) = 0 that takes and returns numpy arrays.
+    ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), one of `linear_bem.indenter` such as
+    ``Cone(slope, tip_radius)``, which brings the radius along, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that
+    takes and returns numpy arrays.
     """
 
     position: tuple[float, float]
-    radius: float
-    shape: str | Profile = "paraboloid"
+    radius: float = math.nan
+    shape: str | Indenter | Profile = "sphere"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.shape, Indenter) and math.isnan(self.radius):
+            object.__setattr__(self, "radius", self.shape.apex_radius)
+
+    @property
+    def indenter(self) -> Indenter | Profile:
+        """The body that the shape stands for: an `Indenter`, or the profile as given."""
+        if isinstance(self.shape, str):
+            return NAMED_SHAPES[self.shape](self.radius)
+        return self.shape
 
 
 @dataclass(frozen=True)
@@ -154,16 +168,22 @@ class Problem:
                 faults.append(f"balls.radius[{i}]: must be greater than 0 and finite, got {ball.radius:g} m")
             if not all(math.isfinite(c) for c in ball.position):
                 faults.append(f"balls.positions[{i}]: must be finite, got {ball.position}")
-            if isinstance(ball.shape, str) and ball.shape not in ("paraboloid", "sphere"):
+            if isinstance(ball.shape, str) and ball.shape not in NAMED_SHAPES:
                 faults.append(f'balls.shape: must be "paraboloid" or "sphere", got "{ball.shape}"')
-        return faults + self._overlaps()
+            elif not isinstance(ball.shape, str | Indenter) and not callable(ball.shape):
+                faults.append(f"balls.shape: must be a name, an indenter or a profile f(x, y), got {ball.shape!r}")
+            if isinstance(ball.shape, Indenter) and not math.isclose(ball.radius, ball.shape.apex_radius):
+                faults.append(
+                    f"balls.radius[{i}]: must be {ball.shape.apex_radius:g} m, which the shape states, got "
+                    f"{ball.radius:g} m; leave it out"
+                )
+        return faults or self._overlaps()
 
     def _overlaps(self) -> list[str]:
         faults = []
         for (i, a), (j, b) in combinations(enumerate(self.balls), 2):
-            # balls that rest on one plane touch when their axes are 2 sqrt(R_a R_b) apart
             gap = math.dist(a.position, b.position)
-            touch = 2.0 * math.sqrt(max(a.radius * b.radius, 0.0))
+            touch = _touching_distance(a, b)
             if gap < touch * (1.0 - 1e-9):
                 faults.append(
                     f"balls.positions: balls {i} and {j} overlap: their axes are {gap:g} m apart, "
@@ -186,3 +206,20 @@ class Problem:
         elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
             faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")
         return faults
+
+
+def _touching_distance(a: Ball, b: Ball) -> float:
+    """Return how far apart [m] the axes of two bodies that rest on one plane are when they touch; 0 if they always do.
+
+    Exact for balls, for punches and for equal ellipsoids. Cones have no end: they merge above the layer.
+    """
+    if not any(isinstance(ball.shape, Indenter) and not isinstance(ball.shape, Sphere | Paraboloid) for ball in (a, b)):
+        return 2.0 * math.sqrt(a.radius * b.radius)
+    (x, y), (u, v) = a.position, b.position
+    length = math.hypot(u - x, v - y) or 1.0
+    widths = [
+        body.half_width((u - x) / length, (v - y) / length) if isinstance(body, Indenter) else ball.radius
+        for ball in (a, b)
+        for body in (ball.indenter,)
+    ]
+    return sum(widths) if min(widths) > 0.0 else 0.0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linear_bem.errors import InvalidProblem
+from linear_bem.indenter import Indenter, Paraboloid, Sphere, slope
 from linear_bem.problem import Ball
 
 Array = NDArray[np.float64]
@@ -19,39 +20,22 @@ APEX = 1e-12
 
 
 def height(ball: Ball) -> Height:
-    """Return the height [m] of a ball's surface above its lowest point, as a function of global x, y [m].
-
-    "paraboloid" r^2/2R; "sphere" R - sqrt(R^2 - r^2), which ends at r = R (the edge of the contact must stay inside).
-    """
+    """Return the height [m] of a ball's surface above its lowest point, as a function of global x, y [m]."""
     x0, y0 = ball.position
-    radius, shape = ball.radius, ball.shape
-    if callable(shape):
-        profile = shape
-        _check_apex(ball)
+    body = ball.indenter
+    if isinstance(body, Indenter):
+        return lambda x, y: np.asarray(body.height(x - x0, y - y0))
+    _check_apex(ball)
 
-        def custom(x: Array, y: Array) -> Array:
-            values = np.asarray(profile(x - x0, y - y0), dtype=float)
-            if values.shape != np.shape(x):
-                raise InvalidProblem(
-                    f"balls.shape: a profile must return one height per point, shape {np.shape(x)}, got {values.shape}"
-                )
-            return values
+    def custom(x: Array, y: Array) -> Array:
+        values = np.asarray(body(x - x0, y - y0), dtype=float)
+        if values.shape != np.shape(x):
+            raise InvalidProblem(
+                f"balls.shape: a profile must return one height per point, shape {np.shape(x)}, got {values.shape}"
+            )
+        return values
 
-        return custom
-    if shape == "sphere":
-
-        def sphere(x: Array, y: Array) -> Array:
-            squared = (x - x0) ** 2 + (y - y0) ** 2
-            # beyond the equator there is no surface to touch: continue steeply so that nothing does
-            inside = np.minimum(squared, radius**2)
-            return np.asarray(inside / (radius + np.sqrt(radius**2 - inside)) + (squared - inside) / radius)
-
-        return sphere
-
-    def paraboloid(x: Array, y: Array) -> Array:
-        return np.asarray(((x - x0) ** 2 + (y - y0) ** 2) / (2.0 * radius))
-
-    return paraboloid
+    return custom
 
 
 def _check_apex(ball: Ball) -> None:
@@ -72,11 +56,9 @@ def _check_apex(ball: Ball) -> None:
 def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
     """Return df/dx and df/dy at surface points; a callable is differenced to fourth order."""
     dx, dy = x - ball.position[0], y - ball.position[1]
-    if ball.shape == "paraboloid":
-        return dx / ball.radius, dy / ball.radius
-    if ball.shape == "sphere":
-        depth = np.sqrt(np.maximum(ball.radius**2 - dx**2 - dy**2, 1e-300))
-        return dx / depth, dy / depth
+    body = ball.indenter
+    if isinstance(body, Indenter):
+        return slope(body, dx, dy)
     if x.size == 0:
         # a ball that does not touch has no slope to difference
         return dx, dy
@@ -91,9 +73,14 @@ def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
     return along(1.0, 0.0), along(0.0, 1.0)
 
 
+def is_ball(ball: Ball) -> bool:
+    """Return whether a radius of curvature alone says how the ball begins: a sphere or a paraboloid."""
+    return isinstance(ball.indenter, Sphere | Paraboloid)
+
+
 def curvature(ball: Ball, scale: float) -> Array:
     """Return the 2x2 matrix of second derivatives [1/m] of f near the apex, seen over a length ``scale`` [m]."""
-    if not callable(ball.shape):
+    if is_ball(ball):
         return np.eye(2) / ball.radius
     f = height(ball)
     x0, y0 = ball.position
@@ -112,3 +99,10 @@ def curvature(ball: Ball, scale: float) -> Array:
             f"derivatives {matrix.tolist()} 1/m over {e:g} m"
         )
     return matrix
+
+
+def mean_height(ball: Ball, radius: float) -> float:
+    """Return the mean height [m] of f on a circle of this radius [m] about the axis."""
+    angle = 2.0 * np.pi * (np.arange(16) + 0.5) / 16.0
+    x0, y0 = ball.position
+    return float(np.mean(height(ball)(x0 + radius * np.cos(angle), y0 + radius * np.sin(angle))))

@@ -11,16 +11,19 @@ from linear_bem.coupling import couple, influence
 from linear_bem.disc import Zone, exponents
 from linear_bem.errors import NotConverged
 from linear_bem.indentation import estimates
+from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.kernel import LayeredKernel
 from linear_bem.newton import Nodes, SmoothSolution, solve_zones
 from linear_bem.problem import Ball, Problem
-from linear_bem.shapes import curvature, height
+from linear_bem.shapes import curvature, height, is_ball, mean_height
 from linear_bem.sweeps import sweep_zones
 
 Array = NDArray[np.float64]
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness for which p^2 is a polynomial worth computing."""
+SHARP = 3.0
+"""Contact radius of a cone over the length by which its tip is rounded, tan(slope) R, from which on it has a grid."""
 DENSE = 4
 """Up to this number of balls one dense Newton system holds all; more take sweeps."""
 
@@ -35,10 +38,13 @@ class Start:
 
 
 def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
-    """Return ellipses of Hertz's pressure from the coupled point-load estimate."""
-    _, mutual = influence(problem, kernel)
+    """Return ellipses of Hertz's pressure from the coupled point-load estimate.
 
+    A body that is no ball counts as one of the radius that its profile shows over the contact (`_radius_seen`).
+    """
+    _, mutual = influence(problem, kernel)
     radii = np.array([ball.radius for ball in problem.balls])
+    others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
 
     def relation(d: Array) -> Array:
         return estimates(problem.layer, problem.substrate, radii, "approach", d)[1]
@@ -47,14 +53,21 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         return estimates(problem.layer, problem.substrate, radii, "normal_force", q)[0]
 
     state = couple(problem, mutual, relation, inverse)
+    for _ in range(4 if others else 0):
+        depths = state.effective if problem.load.kind == "approach" else state.forces
+        kind = "approach" if problem.load.kind == "approach" else "normal_force"
+        for i in others:
+            if depths[i] > 0.0:
+                radii[i] = _radius_seen(problem, problem.balls[i], kind, float(depths[i]))
+        state = couple(problem, mutual, relation, inverse)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
     for i in touching:
         force, radius = float(state.forces[i]), float(contact_radii[i])
-        if problem.balls[i].shape == "sphere":
+        if isinstance(problem.balls[i].indenter, Sphere):
             radius = _sphere_radius(radius, problem.balls[i].radius)
-        axes, shape = _hertz_axes(problem.balls[i], radius)
+        axes, shape = _hertz_axes(problem.balls[i], radius, float(radii[i]))
         peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
         zones.append(_hertz_zone(problem.balls[i].position, axes, peak))
     return Start(touching, zones, state.approaches)
@@ -64,16 +77,31 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     """Return Hertz's ellipse of a ball that overlaps the surface by a small depth [m] about a point [m]."""
     radius = float(np.sqrt(ball.radius * depth))
     # p0 = 2 a E* / (pi R), and pressures are in units of pi E*
-    return _hertz_zone(place, _hertz_axes(ball, radius)[0], 2.0 * radius / (np.pi**2 * ball.radius))
+    return _hertz_zone(place, _hertz_axes(ball, radius, ball.radius)[0], 2.0 * radius / (np.pi**2 * ball.radius))
 
 
-def _hertz_axes(ball: Ball, radius: float) -> tuple[Array, Array]:
+def _radius_seen(problem: Problem, ball: Ball, kind: str, value: float) -> float:
+    """Return R [m] of the paraboloid that is as high at its estimated contact's edge as the ball is on average."""
+    low, high = ball.radius * 1e-9, ball.radius * 1e9
+    for _ in range(60):
+        middle = float(np.sqrt(low * high))
+        edge = float(estimates(problem.layer, problem.substrate, np.array([middle]), kind, np.array([value]))[2][0])
+        rise = mean_height(ball, edge)
+        if not rise > 0.0:
+            low = middle
+            continue
+        low, high = (middle, high) if edge**2 > 2.0 * rise * middle else (low, middle)
+    return float(np.sqrt(low * high))
+
+
+def _hertz_axes(ball: Ball, radius: float, seen: float) -> tuple[Array, Array]:
     """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m], and their lengths over it.
 
-    They go like curvature^(-2/3), nearly [Johnson 1985, eq. 4.28].
+    ``seen`` is the ball's radius of curvature [m] over the contact. The axes go like
+    curvature^(-2/3), nearly [Johnson 1985, eq. 4.28].
     """
     bend, turn = np.linalg.eigh(curvature(ball, radius))
-    shape = (bend * ball.radius) ** (-2.0 / 3.0)
+    shape = (bend * seen) ** (-2.0 / 3.0)
     return turn * (radius * shape), shape
 
 
@@ -111,6 +139,10 @@ def solve_smooth(
     relative step of the pressure's coefficients for few (not below 1e-9).
     """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
+    if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
+        raise NotConverged(
+            "smooth contact: the pressure peaks at a sharp tip or a flat end's edge, which is for a grid"
+        )
     zones = [z.reframed(degree) for z in old]
     place = {ball: k for k, ball in enumerate(touching)}
     load = problem.load
@@ -129,6 +161,14 @@ def solve_smooth(
     if len(touching) > DENSE:
         return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision, 30 if degree == 2 else 60)
     return solve_zones(kernel, shapes, zones, approaches[touching], groups, max(precision, 1e-9))
+
+
+def _peaked(ball: Ball, zone: Zone) -> bool:
+    """Return whether the pressure peaks within or at the edge of a contact where no polynomial follows it."""
+    body = ball.indenter
+    if isinstance(body, Cone):
+        return float(np.sqrt(zone.jacobian)) > SHARP * np.tan(body.slope) * body.tip_radius
+    return isinstance(body, Punch)
 
 
 def overlap(nodes: tuple[Nodes, ...]) -> bool:

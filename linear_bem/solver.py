@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid_contact import GridContacts, grid_levels
+from linear_bem.indenter import Sphere
 from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from linear_bem.resting import rested
@@ -244,7 +245,7 @@ def _cancelled(contacts: SmoothContacts | GridContacts, error: Array, wanted: fl
 def _steep(problem: Problem, guess: Start) -> bool:
     """Return whether a contact comes close to the equator of its sphere, where the profile is singular."""
     spheres = ((problem.balls[i], zone) for i, zone in zip(guess.touching, guess.zones, strict=True))
-    return any(b.shape == "sphere" and np.sqrt(z.jacobian) > STEEP * b.radius for b, z in spheres)
+    return any(isinstance(b.indenter, Sphere) and np.sqrt(z.jacobian) > STEEP * b.radius for b, z in spheres)
 
 
 def _wide(kernel: LayeredKernel, guess: Start) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from linear_bem.errors import ThirdBodyError
+from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
@@ -101,6 +102,8 @@ class Adviser:
         )
         change = strengthening_at_force(approach, thickness) - 1.0
         beyond = outside(approach, thickness, distance / radius, self.problem.layer.poisson)
+        if not isinstance(scene_ball.indenter, Sphere | Paraboloid):
+            beyond = [*beyond, "its shape is no ball"]
         error = fit_error(approach)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:
@@ -121,7 +124,7 @@ class Adviser:
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}
-        if len(shapes) != 1 or callable(shape := next(iter(shapes))):
+        if len(shapes) != 1 or not isinstance(shape := next(iter(shapes)), str):
             return []
         other = "sphere" if shape == "paraboloid" else "paraboloid"
         balls = tuple(dataclasses.replace(ball, shape=other) for ball in self.problem.balls)

@@ -99,6 +99,8 @@ def _show(session: Session, document: Mapping[str, Any]) -> None:
             f"{mark}: both models' own error estimates, added",
             highlight=False,
         )
+    for line in tables.accuracy_lines(document["finite"]["solved"]):
+        out.print(line, highlight=False, markup=False)
     notes = dict.fromkeys([*document["finite"]["solved"]["notes"], *document["linear"]["solved"]["notes"]])
     for note in notes:
         out.print(f"note: {note}", highlight=False, markup=False)

@@ -35,6 +35,16 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
 }
 """A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""
+RARER_EXAMPLES: dict[str, dict[str, Any]] = {
+    "load": {"steps": ["0.5 mm", "1 mm"]},
+    "balls": {
+        "semi_axes": ["8 mm", "6 mm", "8 mm"],
+        "slope": "20 deg",
+        "tip_radius": "1 mm",
+        "edge_radius": "0.5 mm",
+    },
+}
+"""The same for keys that only some scenes take."""
 
 
 def of_key(error: ErrorDetails, tables: type[BaseModel], data: Mapping[str, Any]) -> str:
@@ -70,8 +80,9 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     written = data.get(table, {}).get(key)
     ball = f" of ball {match['index'][1:-1]}" if match["index"] and isinstance(written, list) else ""
     as_given = f" (written {_written(written)})" if isinstance(written, str) else ""
-    remedy = "move them apart or make them smaller" if "overlap" in match["rule"] else _example(table, key)
-    return f"[{table}] {key}{ball}: {match['rule']}{as_given}; {remedy}"
+    rule, _, remedy = match["rule"].partition("; ")
+    remedy = "move them apart or make them smaller" if "overlap" in rule else remedy or _example(table, key)
+    return f"[{table}] {key}{ball}: {rule}{as_given}; {remedy}"
 
 
 def concerns(text: str, doubtful: set[str]) -> bool:
@@ -81,6 +92,10 @@ def concerns(text: str, doubtful: set[str]) -> bool:
         return False
     table, key = match["table"], match["key"]
     of_balls = {"balls.positions", "balls.radius"} & doubtful
+    if "balls.shape" in doubtful and key in {"radius", *RARER_EXAMPLES["balls"]}:
+        return True  # which of them a ball needs is for its shape to say
+    if key == "steps" and any(name.startswith("load.") for name in doubtful):
+        return True
     return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful
 
 
@@ -93,7 +108,7 @@ def stand_in(errors: Iterable[ErrorDetails], data: Mapping[str, Any]) -> tuple[d
         if error["type"] == "extra_forbidden":
             (inside if key and isinstance(inside, dict) else repaired).pop(key or table, None)
         elif key and isinstance(inside, dict):
-            inside[key] = EXAMPLES.get(table, {}).get(key, "1 N")
+            inside[key] = _examples(table).get(key, "1 N")
             doubtful.add(f"{table}.{key}")
         elif table in EXAMPLES:
             repaired[table] = copy.deepcopy(EXAMPLES[table])
@@ -125,10 +140,14 @@ def _keys_of(tables: type[BaseModel]) -> dict[str, list[str]]:
     return found
 
 
+def _examples(table: str) -> dict[str, Any]:
+    return {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
+
+
 def _example(table: str, key: str) -> str:
     keys = EXAMPLES.get(table, {})
-    if key in keys:
-        return f"for example {key} = {_written(keys[key])}"
+    if key in _examples(table):
+        return f"for example {key} = {_written(_examples(table)[key])}"
     if table == "load" and key:
         return f'for example {key} = "2 N"'
     if not key and keys:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs import surface
 from runs.presentation import Scale, attraction
@@ -136,12 +137,15 @@ def _draw_section(
     angle = np.linspace(-math.pi, 0.0, 181)
     for shape, ball in zip(problem.balls, balls, strict=True):
         center = along(ball["position"])
-        radius = shape.radius
-        if shape.shape == "sphere":
+        radius, body = shape.radius, shape.indenter
+        if isinstance(body, Sphere):
             x, z = center + radius * np.cos(angle), radius * (1.0 + np.sin(angle)) - ball["approach"]
         else:
-            x = center + np.linspace(-radius, radius, 181)
-            z = (x - center) ** 2 / (2.0 * radius) - ball["approach"]
+            direction = along((1.0, 0.0)), along((0.0, 1.0))
+            half, profile = (body.half_width(*direction), body.height) if isinstance(body, Indenter) else (radius, body)
+            half = half or 3.0 * math.sqrt(ball["contact_area"] / math.pi)
+            t = np.linspace(-half, half, 181)
+            x, z = center + t, profile(t * direction[0], t * direction[1]) - ball["approach"]
         axes.plot(x / scale.radius, z / scale.radius, color="0.25", lw=1.0)
     centers = [along(ball["position"]) / scale.radius for ball in balls]
     margin = 1.3 * max(ball["radius"] for ball in balls) / scale.radius

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
-from linear_bem.result import Result
+from linear_bem.result import Result, Step
 from runs.scene import OutputTable, Scene
 
 EFFECTS = {
@@ -39,7 +39,8 @@ class ModelName(enum.StrEnum):
 class Run:
     """What a model is given beside the problem.
 
-    Accuracy, MPI communicator, folder, observer, fields to be written, and the budget of a refinement.
+    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, and the load
+    fractions at which answers are wanted (None: those that a load path passes from first touch).
     """
 
     tangential_force: float | None = None
@@ -48,6 +49,11 @@ class Run:
     observer: Any = None
     output: OutputTable | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
+    steps: Sequence[float] | None = (1.0,)
+
+
+Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
+"""Problem, accuracy, budget, load fractions."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class Model:
     called_for_by: frozenset[str] = frozenset()
     leaves_out: frozenset[str] = frozenset()
     parallel: bool = False
-    plan: Callable[[Problem, float | None, Mapping[str, float]], dict[str, Any]] | None = field(default=None)
+    plan: Planner | None = field(default=None)
 
 
 def _accuracy(value: float | None) -> dict[str, float]:
@@ -80,11 +86,30 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
     return solve(problem, **_accuracy(run.tangential_force))
 
 
+def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
+    """Return a solver of a linear model that answers at every load fraction of its run, each by itself."""
+
+    def along(problem: Problem, run: Run) -> Result:
+        fractions = run.steps
+        if fractions is None:
+            from finite_strain.planning import planned_fractions  # noqa: PLC0415  (no DOLFINx)
+
+            fractions = planned_fractions(problem)
+        steps = []
+        for fraction in fractions:
+            values = [fraction * value for value in problem.load.values]
+            result = solve(problem.with_load(problem.load.kind, values), run)
+            steps.append(Step(result.balls, {"fraction": fraction}))
+        return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps))
+
+    return along
+
+
 def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
     def solve(problem: Problem, run: Run) -> Result:
         import finite_strain  # noqa: PLC0415
 
-        options: dict[str, Any] = {**_accuracy(run.tangential_force), **run.budget}
+        options: dict[str, Any] = {**_accuracy(run.tangential_force), **run.budget, "steps": run.steps}
         if run.output is not None:
             chosen = {} if run.output.fields is None else {"names": run.output.fields}
             options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
@@ -95,11 +120,13 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
     return solve
 
 
-def _elements_plan(kinematics: str) -> Callable[[Problem, float | None, Mapping[str, float]], dict[str, Any]]:
-    def plan(problem: Problem, accuracy: float | None, budget: Mapping[str, float]) -> dict[str, Any]:
+def _elements_plan(kinematics: str) -> Planner:
+    def plan(
+        problem: Problem, accuracy: float | None, budget: Mapping[str, float], steps: Sequence[float] | None
+    ) -> dict[str, Any]:
         import finite_strain  # noqa: PLC0415
 
-        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget)
+        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget, steps=steps)
 
     return plan
 
@@ -109,7 +136,7 @@ _FINITE = frozenset({"finite_strain"})
 MODELS = {
     model.name: model
     for model in (
-        Model("linear_bem", "small strain, boundary elements", _HALF_SPACE, _linear_bem, leaves_out=_FINITE),
+        Model("linear_bem", "small strain, boundary elements", _HALF_SPACE, _stepwise(_linear_bem), leaves_out=_FINITE),
         Model(
             "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, _elements("finite_strain"),
             called_for_by=_FINITE, parallel=True, plan=_elements_plan("finite_strain"),
@@ -118,7 +145,9 @@ MODELS = {
             "small_strain", "small strain, the same finite elements", _HALF_SPACE, _elements("small_strain"),
             leaves_out=_FINITE, parallel=True, plan=_elements_plan("small_strain"),
         ),
-        Model("point_load", "small strain, balls as point loads", _HALF_SPACE, _point_load, leaves_out=_FINITE),
+        Model(
+            "point_load", "small strain, balls as point loads", _HALF_SPACE, _stepwise(_point_load), leaves_out=_FINITE
+        ),
     )
 }  # fmt: skip
 """In the order in which a scene's default is looked for: the first that has its effects and is called for."""

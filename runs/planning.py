@@ -13,20 +13,18 @@ from runs import ranks, tables
 from runs.advice import USUAL, Adviser
 from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, standing, without
 from runs.plain import as_given, plain, to_json
-from runs.presentation import Scale, duration, number
+from runs.presentation import Scale, bodies, duration, number
 from runs.scene import Scene
 
 NAMES = {
     "forms": "form of the elements",
-    "linear_solver": "linear solver of the main mesh",
+    "linear_solver": "linear solver of the finest mesh planned",
     "memory_bytes": "memory",
     "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
     "seconds": "time",
     "symmetries": "symmetries used",
-    "unknowns_companion": "unknowns of the companion mesh, whose difference tells the error",
     "domain": "domain [m]",
-    "element_sizes": "element sizes [m]",
-    "meshes": "meshes, each along the whole load path",
+    "meshes": "meshes",
     "accuracy": "refined until T is known within the share asked, or the next mesh would pass the budget",
 }
 ROUGH = 1e-2
@@ -40,13 +38,15 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         return
     ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
     plans = [_model_plan(model, scene, problem, ahead)]
-    if asked is None and model.name != "linear_bem":
-        # compare solves it twice at every load step: at its normal forces and at its approaches
-        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, 2 * plans[0]["load_steps"]))
+    if asked is None and model.plan is not None:
+        # compare solves it twice at every step of its load path: at its normal forces and at its approaches
+        path = model.plan(problem, scene.tangential_force, scene.budget, scene.steps)["load_steps"]
+        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, 2 * path))
     advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
+        "bodies": bodies(problem),
         "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
         "models": plans,
@@ -62,7 +62,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
-        details = model.plan(problem, scene.tangential_force, scene.budget)
+        details = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
     else:
         details = {
             "symmetries": [],
@@ -85,6 +85,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     unit = "m" if load.kind == "approach" else "N"
     values = ", ".join(number(value) for value in dict.fromkeys(load.values))
     say(f"{scene.problem.size} ball(s), prescribed: {load.kind} {values} {unit}")
+    say(f"shape: {document['bodies']}")
     say("simulated:")
     for name in document["effects_present"]:
         say(f"  [{name}] {EFFECTS[name]}")

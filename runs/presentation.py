@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from linear_bem.problem import Problem
+from linear_bem.indenter import Indenter
+from linear_bem.problem import Ball, Problem
 
 Vector = Sequence[float]
 
@@ -28,6 +30,24 @@ class Scale:
     def force(self) -> float:
         """E1 R^2 [N]."""
         return self.young * self.radius**2
+
+
+def bodies(problem: Problem) -> str:
+    """Return shapes and sizes of the balls: "sphere, radius 0.008 m"."""
+    found = list(dict.fromkeys(_body(ball) for ball in problem.balls))
+    return "; ".join(found[:3]) + (f"; {len(found) - 3} other(s)" if len(found) > 3 else "")
+
+
+def _body(ball: Ball) -> str:
+    body = ball.indenter
+    if not isinstance(body, Indenter):
+        return f"profile f(x, y), radius {number(ball.radius)} m"
+    sizes = []
+    for field in dataclasses.fields(body):
+        value = getattr(body, field.name)
+        said = " x ".join(map(number, value)) if isinstance(value, tuple) else number(value)
+        sizes.append(f"{field.name.replace('_', ' ')} {said} {'rad' if field.name == 'slope' else 'm'}")
+    return f"{type(body).__name__.lower()}, {', '.join(sizes)}"
 
 
 def toward_others(balls: Sequence[Mapping[str, Any]], index: int) -> tuple[float, float] | None:
@@ -94,6 +114,20 @@ def short_number(value: float | None) -> str:
         return number(value, 3)
     mantissa, exponent = f"{value:.2e}".split("e")
     return f"{mantissa}e{int(exponent)}"
+
+
+TERMS = {
+    "discretisation": "discretisation",
+    "enforcement": "contact enforcement",
+    "transfer": "transfer of the small-strain correction",
+    "solver": "solver",
+}
+"""Terms of a finite-element run's error budget, in words."""
+
+
+def error_terms(accuracy: Mapping[str, Any]) -> str:
+    """Return what the error of T at full load consists of: "discretisation 0.3 %, solver 1e-04 %"."""
+    return ", ".join(f"{TERMS.get(k, k)} {100.0 * share:.1g} %" for k, share in (accuracy.get("terms") or {}).items())
 
 
 def duration(seconds: float) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Annotated, Any
 
-from pydantic import PlainValidator
+from pydantic import BaseModel, ConfigDict, PlainValidator
 from pydantic_core import PydanticCustomError
 
 NUMBER_AND_UNIT = re.compile(
@@ -16,7 +16,12 @@ NUMBER_AND_UNIT = re.compile(
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
 """Names with small exponents: pint would work out any expression, 9**9**9 too."""
-DIMENSIONS = {"m": ("a length", "10 mm"), "Pa": ("a pressure", "57.4 kPa"), "N": ("a force", "2 N")}
+DIMENSIONS = {
+    "m": ("a length", "10 mm"),
+    "Pa": ("a pressure", "57.4 kPa"),
+    "N": ("a force", "2 N"),
+    "rad": ("an angle", "20 deg"),
+}
 
 
 def fault(text: str) -> PydanticCustomError:
@@ -59,7 +64,7 @@ def direction(value: object) -> tuple[float, float]:
 
 
 def quantity(value: object, unit: str) -> float:
-    """Return ``value`` in ``unit`` (an SI unit: m, Pa or N); a plain number is in ``unit`` already."""
+    """Return ``value`` in ``unit`` (an SI unit: m, Pa, N or rad); a plain number is in ``unit`` already."""
     if not isinstance(value, str):
         return number(value)
     kind, example = DIMENSIONS[unit]
@@ -98,6 +103,25 @@ def one_or_many(value: object, parse: Callable[[object], float]) -> float | tupl
     return parse(value)
 
 
+def listed(value: object) -> tuple[object, ...]:
+    """Return the items of a list as they are written: what they mean is another key's to say."""
+    if not isinstance(value, list):
+        raise fault("must be a list")
+    return tuple(value)
+
+
+def quantities(values: list[object], unit: str) -> list[float]:
+    """Return load steps in ``unit``, or plain numbers where there is none; raises `PydanticCustomError`."""
+    return _items(values, partial(quantity, unit=unit) if unit else number, of="step")
+
+
+def three_lengths(value: object) -> tuple[float, ...]:
+    """Return the lengths [m] along x, y and z."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise fault('must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]')
+    return tuple(_items(value, partial(quantity, unit="m"), of="length"))
+
+
 def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
     """Return the axis positions (x, y) [m] of a list of pairs."""
     if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
@@ -106,25 +130,34 @@ def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
-def _items(values: list[object], parse: Callable[[object], float], per_ball: int = 1) -> list[float]:
+def _items(values: list[object], parse: Callable[[object], float], per_ball: int = 1, of: str = "ball") -> list[float]:
     parsed, faults = [], []
     for index, value in enumerate(values):
         try:
             parsed.append(parse(value))
         except PydanticCustomError as error:
-            faults.append(f"ball {index // per_ball}: {error.message()}")
+            faults.append(f"{of} {index // per_ball}: {error.message()}")
     if faults:
         raise fault("; ".join(faults))
     return parsed
 
 
 Number = Annotated[float, PlainValidator(number)]
+Listed = Annotated[tuple[object, ...], PlainValidator(listed)]
 Whole = Annotated[int, PlainValidator(whole)]
 Direction = Annotated[tuple[float, float], PlainValidator(direction)]
 Length = Annotated[float, PlainValidator(partial(quantity, unit="m"))]
 Pressure = Annotated[float, PlainValidator(partial(quantity, unit="Pa"))]
+Angle = Annotated[float, PlainValidator(partial(quantity, unit="rad"))]
 Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
 OneOrMany = float | tuple[float, ...]
 Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
 Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
+ThreeLengths = Annotated[tuple[float, float, float], PlainValidator(three_lengths)]
 Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]
+
+
+class Table(BaseModel):
+    """A table of the scene: unknown keys are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

@@ -9,26 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import ValidationError
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, LoadKind, Problem
 from runs import faults
+from runs.balls import BallsTable, per_ball
+from runs.load_table import LoadTable
 from runs.quantities import (
     Direction,
-    Force,
-    Forces,
     Length,
-    Lengths,
     Number,
-    OneOrMany,
-    Positions,
     Pressure,
+    Table,
     Whole,
-    fault,
 )
-
-LOAD_KEYS: tuple[LoadKind, ...] = ("approach", "force", "total_force")
 
 
 class InvalidScene(InvalidProblem):
@@ -44,12 +39,6 @@ class InvalidScene(InvalidProblem):
         return "\n".join([f"{self.path}: {len(self.faults)} faults", *(f"  {text}" for text in self.faults)])
 
 
-class Table(BaseModel):
-    """A table of the scene: unknown keys are faults."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class ElasticTable(Table):
     """Isotropic elastic constants."""
 
@@ -61,36 +50,6 @@ class LayerTable(ElasticTable):
     """[layer]: constants and thickness."""
 
     thickness: Length
-
-
-class BallsTable(Table):
-    """[balls]: one radius or one per ball, axis positions, shape."""
-
-    radius: Lengths
-    positions: Positions
-    shape: Literal["paraboloid", "sphere"] = "paraboloid"
-
-
-class LoadTable(Table):
-    """[load]: exactly one key."""
-
-    approach: Lengths | None = None
-    force: Forces | None = None
-    total_force: Force | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _exactly_one(cls, data: Any) -> Any:
-        named = [key for key in LOAD_KEYS if isinstance(data, dict) and key in data]
-        if isinstance(data, dict) and len(named) != 1:
-            got = f"{len(named)} ({', '.join(named)})" if named else "none of them"
-            raise fault(f"needs exactly one of approach, force, total_force, got {got}")
-        return data
-
-    @property
-    def given(self) -> tuple[LoadKind, OneOrMany]:
-        """The key that is there, and its value."""
-        return next((key, value) for key in LOAD_KEYS if (value := getattr(self, key)) is not None)
 
 
 class FiniteStrainTable(Table):
@@ -191,12 +150,13 @@ class Tables(Table):
 
     def problem(self) -> Problem:
         """Return the contact problem; raises `InvalidProblem` with every fault found."""
-        balls, size = self.balls, len(self.balls.positions)
-        radii = _per_ball(balls.radius, size)
-        texts = []
-        if len(radii) != size:
-            texts.append(f"balls.radius: needs one value or one per ball ({size}), got {len(radii)}")
-            radii = (math.ulp(0.0),) * size
+        size = len(self.balls.positions)
+        texts: list[str] = []
+        try:
+            balls = self.balls.balls()
+        except InvalidProblem as error:
+            texts += error.faults
+            balls = tuple(Ball(place, math.ulp(0.0)) for place in self.balls.positions)
         accuracy = self.accuracy.tangential_force
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
@@ -208,13 +168,24 @@ class Tables(Table):
         if self.output is not None:
             texts += self.output.faults()
         kind, values = self.load.given
+        try:
+            self.load.fractions()
+        except InvalidProblem as error:
+            texts += error.faults
         if self.reciprocation is not None:
             texts += self.reciprocation.faults(kind)
+            if self.load.steps is not None:
+                texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
+            if self.balls.shape in ("ellipsoid", "cone"):
+                texts.append(
+                    f'balls.shape: balls that drift apart until they touch must be round, got "{self.balls.shape}"; '
+                    'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
+                )
         try:
             problem = Problem(
                 Layer(self.layer.young, self.layer.poisson, self.layer.thickness),
-                tuple(Ball(p, r, balls.shape) for p, r in zip(balls.positions, radii, strict=True)),
-                Load(kind, _per_ball(values, 1 if kind == "total_force" else size)),
+                balls,
+                Load(kind, per_ball(values, 1 if kind == "total_force" else size)),
                 Elastic(self.substrate.young, self.substrate.poisson) if self.substrate else None,
                 FiniteStrain(self.finite_strain.law) if self.finite_strain else None,
                 Elements(self.elements.form) if self.elements else None,
@@ -240,10 +211,8 @@ class Scene:
     reciprocation: ReciprocationTable | None = None
     output: OutputTable | None = None
     budget: dict[str, float] = field(default_factory=dict)
-
-
-def _per_ball(value: OneOrMany, size: int) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (value,) * size
+    steps: tuple[float, ...] | None = None
+    """Load fractions at which answers are wanted; None: the command's own."""
 
 
 def read_scene(path: Path) -> Scene:
@@ -267,8 +236,9 @@ def read_scene(path: Path) -> Scene:
     )
     title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
     return Scene(
-        path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output, tables.accuracy.budget
-    )
+        path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output,
+        tables.accuracy.budget, tables.load.fractions(),
+    )  # fmt: skip
 
 
 def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:

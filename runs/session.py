@@ -42,9 +42,10 @@ class Session:
         self.command, self.scene, self.options = command, scene, options
         self.model, self.problem, self.notes = choose(scene, asked)
         self.scale = Scale.of(self.problem)
+        self.steps = scene.steps or (None if command == "compare" else (1.0,))
         self.plan: dict[str, Any] = {}
         if self.model.plan is not None:  # names what the model lacks, cheaply
-            self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget)
+            self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
         if self.problem.elements is not None and not self.model.parallel:
             self.notes = (*self.notes, f"[elements] left out: {self.model.name} has no finite elements")
         if scene.output is not None and not self.model.parallel:
@@ -69,7 +70,7 @@ class Session:
         return ranks.is_root()
 
     def _open_folder(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-        identity = {
+        identity: dict[str, Any] = {
             "command": self.command,
             "format": _element_format() if self.model.parallel else None,
             "model": self.model.name,
@@ -80,6 +81,8 @@ class Session:
             identity["output"] = self.scene.output.model_dump()
         if self.scene.budget and self.model.parallel:
             identity["budget"] = self.scene.budget
+        if self.scene.steps is not None:
+            identity["steps"] = self.scene.steps
         path = self.options.out or self._default_folder()
         self.folder = RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
         finished = self.folder.finished()
@@ -107,7 +110,8 @@ class Session:
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
             tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
-        run = Run(self.scene.tangential_force, self.comm, fields, progress, self.scene.output, self.scene.budget)
+        scene = self.scene
+        run = Run(scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps)
         return self.model.solve(self.problem, run)
 
     def with_notes(self, document: dict[str, Any]) -> dict[str, Any]:

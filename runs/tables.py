@@ -13,7 +13,15 @@ from rich.console import Console
 from rich.table import Table
 
 from runs import ranks
-from runs.presentation import Scale, attraction, number, short_number, with_error, with_error_in_parentheses
+from runs.presentation import (
+    Scale,
+    attraction,
+    error_terms,
+    number,
+    short_number,
+    with_error,
+    with_error_in_parentheses,
+)
 
 ROUNDOFF = 1e-9
 WIDE = 100
@@ -70,6 +78,24 @@ def path_table(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, titl
             number(force / load if load > 0.0 else None, 3),
         )
     return table
+
+
+def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
+    """Return how well T is known at full load, of what its error consists, and on which meshes it was found."""
+    accuracy = solved.get("accuracy") or {}
+    terms = error_terms(accuracy)
+    if not terms:
+        return []
+    meshes = "; ".join(f"{mesh_words(mesh)}: {mesh['unknowns']} unknowns" for mesh in accuracy["meshes"])
+    return [f"T is known to {100.0 * accuracy['reached']:.2g} % at full load: {terms}", f"meshes: {meshes}"]
+
+
+def mesh_words(mesh: Mapping[str, Any]) -> str:
+    """Return order and fineness of a mesh, and by how much its domain is wider than planned; a dash for old runs'."""
+    if "order" not in mesh:
+        return "-"
+    wider = f", domain {mesh['extent']:.2g} times as wide" if mesh.get("extent", 1.0) != 1.0 else ""
+    return f"order {mesh['order']}, fineness {mesh['fineness']:g}{wider}"
 
 
 def comparison_table(

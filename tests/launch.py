@@ -33,14 +33,14 @@ def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def python(
-    *args: str | Path, timeout: float = 300.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
+    *args: str | Path, timeout: float = 900.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
     """Run this Python with ``args`` and return what it did; a run past ``timeout`` seconds is killed and raises."""
     return _run([sys.executable, *map(str, args)], timeout, env, cwd)
 
 
 def mpirun(
-    n: int, *args: str | Path, timeout: float = 300.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
+    n: int, *args: str | Path, timeout: float = 900.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
     """Run this Python with ``args`` on ``n`` ranks; n = 1 runs it alone, without a launcher."""
     if n == 1:

@@ -12,11 +12,11 @@ from tests.launch import ROOT, python
 
 OURS = {"linear_bem", "meshes", "finite_strain", "runs", "tests"}
 HEAVY = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"}
-SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "result", "errors", "closed_forms")}
+SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "indenter", "result", "errors", "closed_forms")}
 MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},
-    "finite_strain": SHARED_WORDS | {"meshes"},
+    "finite_strain": SHARED_WORDS | {"linear_bem.kernel", "linear_bem.solver", "meshes"},
     "runs": {"linear_bem", "meshes", "finite_strain"},
 }
 THIRD_PARTY = {

@@ -11,7 +11,7 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,8 @@ from runs.plain import plain, to_json
 from runs.store import replacing
 
 Array = NDArray[np.float64]
-Solve = Callable[[Problem, Path | None], Result]
-"""Problem, and the folder where a run that takes minutes keeps what it needs to go on after a kill."""
+Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
+"""Problem, folder where a run that takes minutes keeps what it needs to go on after a kill, load fractions answered."""
 
 FORMAT = 1
 """Changes whenever older tables must not be used any more."""
@@ -38,7 +38,7 @@ FEW = (1.0, 1.06, 1.14, 1.25, 1.4, 1.6, 1.9, 2.3, 2.9, 3.7)
 MANY = tuple(float(v) for v in np.geomspace(1.0, 12.0, 24))
 """Distances over the touching one where a pair costs a tenth of a second."""
 DEPTHS = (0.08, 0.12, 0.18, 0.27, 0.4, 0.55, 0.7, 0.85, 1.0, 1.05)
-"""Approaches of the single ball over the prescribed one, where each is a run of its own."""
+"""Approaches of the single ball over the prescribed one."""
 ARRANGEMENTS = {
     "three in a line": ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)),
     "four in a square": ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)),
@@ -56,8 +56,8 @@ class PairTable:
         self.ball, self.approach = _common_ball(problem)
         self.problem, self.solve = problem, solve
         self.touch = 2.0 * self.ball.radius
-        self.by_path = problem.finite_strain is not None
-        self.distances = tuple(self.touch * v for v in (FEW if self.by_path else MANY))
+        self.slow = problem.finite_strain is not None
+        self.distances = tuple(self.touch * v for v in (FEW if self.slow else MANY))
         identity = {
             "format": FORMAT,
             "model": model,
@@ -119,28 +119,23 @@ class PairTable:
         balls = tuple(replace(self.ball, position=place) for place in places)
         return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
 
-    def _solved(self, places: tuple[tuple[float, float], ...], approach: float) -> Result:
+    def _solved(
+        self, places: tuple[tuple[float, float], ...], approach: float, steps: Sequence[float] = (1.0,)
+    ) -> Result:
         """Return the model's answer; its workspace, there for a run of minutes, is gone once it is complete."""
         problem = self._placed(places, approach)
-        if not self.by_path:
-            return self.solve(problem, None)
+        if not self.slow:
+            return self.solve(problem, None, steps)
         workspace = self.path.with_suffix(".unfinished")
-        result = self.solve(problem, workspace)
+        result = self.solve(problem, workspace, steps)
         if ranks.is_root():
             shutil.rmtree(workspace, ignore_errors=True)
         return result
 
     def _single(self) -> dict[str, Any]:
         begun = time.perf_counter()
-        if self.by_path:  # one run gives the whole load path
-            steps = self._solved(((0.0, 0.0),), DEPTHS[-1] * self.approach).steps
-            states = [(step.balls[0].approach, step.balls[0].normal_force) for step in steps]
-        else:
-            states = [
-                (d * self.approach, self._solved(((0.0, 0.0),), d * self.approach).balls[0].normal_force)
-                for d in DEPTHS
-            ]
-        states = sorted(s for s in states if s[1] > 0.0)
+        path = self._solved(((0.0, 0.0),), DEPTHS[-1] * self.approach, [d / DEPTHS[-1] for d in DEPTHS]).steps
+        states = sorted((s.balls[0].approach, s.balls[0].normal_force) for s in path if s.balls[0].normal_force > 0.0)
         if len(states) < 4:
             raise NotConverged(f"pair table: the single ball's load path has only {len(states)} states")
         approaches, forces = zip(*states, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -99,9 +99,10 @@ def table_of(
         if budget:  # tables made without one keep their names
             settings["budget"] = dict(budget)
 
-    def solve(one: Problem, workspace: Path | None) -> Result:
+    def solve(one: Problem, workspace: Path | None, steps: Sequence[float]) -> Result:
         # the workspace is removed with the run: fields in it would be written for nobody
-        return model.solve(one, Run(asked, comm, workspace, output=OutputTable(fields=()), budget=budget or {}))
+        nothing = OutputTable(fields=())
+        return model.solve(one, Run(asked, comm, workspace, output=nothing, budget=budget or {}, steps=steps))
 
     return PairTable(problem, model.name, solve, folder, settings)
 

@@ -16,10 +16,6 @@ VIEWS = {
     "cut": "cut through the axes of the balls: the dent from the side, the field inside the layer",
     "surface": "from above, with balls to look through: the field on the surface",
 }
-_STRAIGHT = [
-    [0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 8, 5, 6], [4, 8, 6, 7], [9, 8, 7, 6], [9, 8, 6, 5],
-]  # fmt: skip
-"""Eight straight tetrahedra that fill a quadratic one, by its nodes in VTK's order."""
 _BEYOND = 1.5
 """How far the drawn part of the layer reaches beyond the outermost balls' axes, in radii of theirs."""
 _BALL, _SECTION, _BASE = "#b9c2cf", "#dde2e9", "#9aa1ab"
@@ -150,8 +146,7 @@ def draw(
 def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
     import pyvista  # noqa: PLC0415
 
-    straight = step.cells[part][:, _STRAIGHT].reshape(-1, 4)
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: straight}, step.points + step.displacement)
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: step.cells[part]}, step.points + step.displacement)
     grid.point_data["values"] = values
     return grid
 

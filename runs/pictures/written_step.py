@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from linear_bem.errors import MissingDependency, OutputUnusable
 
 Array = NDArray[np.float64]
-_MIRRORED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
-"""Nodes of a quadratic tetrahedron in VTK's order after a mirror has turned it inside out."""
+_MIRRORED = [4, 5, 6, 7, 0, 1, 2, 3]
+"""Corners of a hexahedron in VTK's order after a mirror has turned it inside out."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class DrawnBall:
 
 @dataclass(frozen=True)
 class WrittenStep:
-    """Points (n, 3) and displacement (n, 3) [m], quadratic cells (m, 10), region of each (m,), node fields, balls."""
+    """Points (n, 3) and displacement (n, 3) [m], hexahedra (m, 8), region of each (m,), node fields, balls."""
 
     number: int
     points: Array

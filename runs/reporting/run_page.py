@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.presentation import Scale, attraction, duration, number, with_error
+from runs.presentation import Scale, attraction, duration, error_terms, number, with_error
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
-from runs.tables import LEGEND, ROUNDOFF, leading_ball
+from runs.tables import LEGEND, ROUNDOFF, leading_ball, mesh_words
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
 """Parts of a document that have sections of their own, or belong to the figures."""
@@ -46,7 +46,7 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     routes = ball.get("tangential_force_routes") or {}
     if routes:
         rows = [{"route": name.replace("_", " "), "Tx [N]": v[0], "Ty [N]": v[1]} for name, v in routes.items()]
-        parts.append(section("How T is known", table(rows, "The same force by independent routes")))
+        parts.append(section("T by several formulas", table(rows, "The same force by other routes")))
     parts += [_accuracy(document["solved"]), _versions(document["solved"])]
     return parts
 
@@ -221,16 +221,19 @@ def _accuracy(solved: Mapping[str, Any]) -> str:
     asked, reached = (f"{100.0 * told[key]:.2g} %" for key in ("asked", "reached"))
     met = "met" if told.get("met") else "not met"
     words = paragraph(f"Asked for T: {asked}; reached: {reached} ({met}). It ended there because: {told['stopped']}.")
+    terms = error_terms(told)
+    if terms:
+        words += paragraph(f"The error of T at full load, the root of the sum of squares: {terms}.")
     rows = [
         {
-            "element size": mesh["element_size"],
+            "mesh": mesh_words(mesh),
             "unknowns": mesh["unknowns"],
             "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
             "seconds": mesh["seconds"],
         }
         for mesh in told.get("meshes", [])
     ]
-    return section("Accuracy", words, table(rows, "Meshes used; sizes over the main mesh's") if rows else "")
+    return section("Accuracy", words, table(rows, "Meshes used") if rows else "")
 
 
 def _versions(solved: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -22,7 +22,8 @@ class Case:
     """What is solved once: ``name`` is unlike any other's in the study and names its file.
 
     ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
-    ``labels`` say what the case is in the study's tables; ``stop_after`` interrupts the run after that many load
+    ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
+    whole load path); ``stop_after`` interrupts the run after that many load
     steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
     has one rank solve it where several are there.
     """
@@ -33,6 +34,7 @@ class Case:
     accuracy: float
     constants: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Any] = field(default_factory=dict)
+    steps: Sequence[float] | None = (1.0,)
     stop_after: int | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     alone: bool = False
@@ -51,7 +53,8 @@ class Case:
         varied = sorted(self.constants.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())
-        said = repr((code, self.problem, self.model, self.accuracy, varied, self.stop_after, budget, self.alone))
+        steps = None if self.steps is None else tuple(self.steps)
+        said = repr((code, self.problem, self.model, self.accuracy, varied, steps, self.stop_after, budget, self.alone))
         return hashlib.sha256(said.encode()).hexdigest()[:20]
 
 

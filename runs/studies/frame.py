@@ -159,14 +159,13 @@ class _Attempt:
         if self.comm is not None:
             workspace = self.comm.bcast(workspace, root=0)
         goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
-        more: dict[str, Any] = {"budget": case.budget} if case.budget else {}
         while True:
             progress = Progress(
                 Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
             )
             observer = _Stopper(progress, self.stop_after)
             try:
-                run = Run(case.accuracy, self.comm, workspace, observer, **more)
+                run = Run(case.accuracy, self.comm, workspace, observer, budget=case.budget, steps=case.steps)
                 return case.solve(run)
             except _Stopped:
                 self.stop_after = None

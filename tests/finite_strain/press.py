@@ -13,6 +13,7 @@ from linear_bem.errors import ThirdBodyError
 from tests.finite_strain.scenes import Recorder, light_pair
 
 ACCURACY = 0.3
+STEPS = (0.5, 1.0)
 STOPPED = 3
 
 
@@ -40,7 +41,7 @@ def main() -> None:
     if "fail" in rest:
         from finite_strain import loading, newton  # noqa: PLC0415
 
-        loading.MAX_CUTS = 1
+        loading.SHORTEST = 0.4
         begin = newton.NewtonSolver.__init__
 
         def hasty(self: Any, *args: Any, **kwargs: Any) -> None:
@@ -49,7 +50,9 @@ def main() -> None:
 
         newton.NewtonSolver.__init__ = hasty  # type: ignore[method-assign]
     try:
-        result = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer)
+        result = finite_strain.solve(
+            light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS
+        )
     except Stopped:
         raise SystemExit(STOPPED) from None
     except ThirdBodyError as error:

@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from finite_strain.domain import Resolution, box_to_mesh, reduce_scene
-from finite_strain.planning import RunPlan
-from linear_bem import Ball, Elastic, Elements, Layer, Load, Problem
+from finite_strain.extent import Extent
+from finite_strain.planning import RunPlan, plan_run
+from finite_strain.states import Discretisation
+from linear_bem import Ball, Elastic, Elements, Indenter, Layer, Load, Problem
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from finite_strain.forces import ForceMeter
     from finite_strain.loading import LoadPath, StepRecord
+    from finite_strain.mesh_run import ModelRun
     from finite_strain.model import Model
-    from finite_strain.newton import NewtonSolver
-    from finite_strain.traction import TractionRoute
+    from finite_strain.newton import Equilibrium, NewtonSolver
 
 PAPER_LOAD = 2.66666e-3
 STIFF_SUBSTRATE = Elastic(1e3, 0.3)
 SHAPES = {"finite_strain": "sphere", "small_strain": "paraboloid"}
+QUADRATIC, CUBIC = Discretisation(order=2, fineness=1.0), Discretisation(order=3, fineness=1.0)
+"""The coarsest elements of a run: for claims about the code, and about the answer."""
+NEAR = Extent(1.7, 0.8)
+"""Sides and bottom [m] so close that a model is small: exact claims hold in any box."""
 
 
 def relatively(value: Any, tolerance: float) -> Any:
@@ -30,7 +38,11 @@ def relatively(value: Any, tolerance: float) -> Any:
     return pytest.approx(value, rel=tolerance, abs=0.0)
 
 
-def balls_at(*positions: tuple[float, float], radius: float = 1.0, shape: str = "sphere") -> tuple[Ball, ...]:
+def balls_at(
+    *positions: tuple[float, float], radius: float = 1.0, shape: str | Indenter = "sphere"
+) -> tuple[Ball, ...]:
+    if isinstance(shape, Indenter):  # which states its radius itself
+        return tuple(Ball(position, shape=shape) for position in positions)
     return tuple(Ball(position, radius, shape) for position in positions)
 
 
@@ -50,7 +62,7 @@ def pair(
     distance: float = 2.0,
     thickness: float = 1.16,
     substrate: Elastic | None = None,
-    shape: str = "sphere",
+    shape: str | Indenter = "sphere",
     angle: float = 0.0,
     poisson: float = 0.48,
 ) -> Problem:
@@ -60,28 +72,44 @@ def pair(
     return on_layer(balls_at((-x, -y), (x, y), shape=shape), load, thickness, substrate, poisson)
 
 
+UNEQUAL = on_layer(
+    (Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 0.8, "sphere")), Load("approach", (0.1, 0.08)), poisson=0.3
+)
+LOPSIDED = on_layer(
+    balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5)), Load("approach", (0.1, 0.1, 0.1)), poisson=0.3
+)  # fmt: skip
+
+
 def in_form(form: str, problem: Problem) -> Problem:
     """Return the problem with the form of its elements named."""
     return replace(problem, elements=Elements(form))
 
 
+LIGHT = 0.1
+
+
 def light_pair() -> Problem:
-    """Return the thin pair pressed in so lightly that two load steps on small meshes do."""
-    return pair(0.02)
+    """Return a pair that the two coarsest discretisations know well enough for an accuracy of a few per cent."""
+    return pair(LIGHT, poisson=0.3)
 
 
-def single(approach: float, thickness: float = 1.0, poisson: float = 0.48, shape: str = "sphere") -> Problem:
+def single(approach: float, thickness: float = 1.0, poisson: float = 0.48, shape: str | Indenter = "sphere") -> Problem:
     load = Load("approach", (approach,))
     return on_layer(balls_at((0.0, 0.0), shape=shape), load, thickness, poisson=poisson)
 
 
 def coarse_plan(
-    problem: Problem, model: str, resolution: Resolution, contact_radius: float, fractions: tuple[float, ...] = (1.0,)
+    problem: Problem,
+    model: str = "finite_strain",
+    steps: Sequence[float] | None = (1.0,),
+    extent: Extent | None = NEAR,
+    accuracy: float = 0.3,
 ) -> RunPlan:
-    """Return a plan with one mesh, sized for a contact radius [m]."""
-    reduction = reduce_scene(problem)
-    box = box_to_mesh(problem, reduction, resolution, contact_radius)
-    return RunPlan(problem, model, reduction, fractions, (box, box))
+    """Return the plan of a run that reaches as far as ``extent`` says (None: as far as the accuracy needs)."""
+    plan = plan_run(problem, accuracy, model, None, steps)
+    if extent is None:
+        return plan
+    return replace(plan, extent=replace(extent, depth=0.0) if problem.substrate is None else extent)
 
 
 @dataclass
@@ -89,43 +117,60 @@ class Rig:
     """A model on one mesh of this process alone, with what drives and measures it."""
 
     plan: RunPlan
-    model: Model
-    solver: NewtonSolver
-    meter: ForceMeter
-    traction: TractionRoute
-    path: LoadPath
+    run: ModelRun
 
-    def contact_radii(self) -> list[float]:
-        """Return the radius [m] of every model ball's contact, as a run places its domain integrals by."""
-        model = self.model
-        areas = [contact.extremes(model.nodal, model.comm)["contact_area"] for contact in model.contacts]
-        return [
-            math.sqrt(ball.copies * area / math.pi) for ball, area in zip(model.reduction.balls, areas, strict=True)
-        ]
+    @property
+    def model(self) -> Model:
+        return self.run.model
 
-    def press(self) -> list[StepRecord]:
-        """Go along the plan's load path to its end."""
-        return list(self.path.steps(list(self.plan.fractions)))
+    @property
+    def solver(self) -> NewtonSolver:
+        return self.run.solver
+
+    @property
+    def meter(self) -> ForceMeter:
+        return self.run.meter
+
+    @property
+    def path(self) -> LoadPath:
+        return self.run.path
+
+    def contact_radii(self) -> np.ndarray:
+        """Return the radius (balls,) [m] of every model ball's contact, as a run places its domain integrals by."""
+        import numpy as np  # noqa: PLC0415
+
+        return np.sqrt(self.model.contact_areas() / math.pi)
+
+    def normal_forces(self) -> np.ndarray:
+        """Return Q (balls,) [N] of whole balls."""
+        return self.model.forces()[:, 2]
+
+    def press(self, fractions: Sequence[float] | None = None) -> list[StepRecord]:
+        """Go along the plan's load path, or these fractions, and close the last equilibrium."""
+        records = list(self.path.steps(self.plan.path if fractions is None else fractions))
+        done = self.settle()
+        records[-1].newton_iterations += done.iterations
+        records[-1].tangents += done.tangents
+        return records
+
+    def settle(self, tolerance: float = 1e-9) -> Equilibrium:
+        """Close the present equilibrium: a load step leaves it rough, for multipliers are still to be added."""
+        return self.solver.solve(tolerance, float(self.normal_forces().max()), self.path.history[-1].fraction, True)
 
 
-def coarse_rig(plan: RunPlan, folder: Path) -> Rig:
-    """Mesh a plan's main box and return the model on it with its solver, force meter and load path."""
+def coarse_rig(
+    plan: RunPlan, folder: Path, level: Discretisation = QUADRATIC, observer: Any = None, meshed: Any = None
+) -> Rig:
+    """Mesh a plan's box (or take a mesh) and return the model on it with its solver, force meter and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.forces import ForceMeter  # noqa: PLC0415
-    from finite_strain.kinematics import Finite, Small  # noqa: PLC0415
-    from finite_strain.loading import LoadPath  # noqa: PLC0415
-    from finite_strain.model import Model  # noqa: PLC0415
-    from finite_strain.newton import NewtonSolver  # noqa: PLC0415
-    from finite_strain.traction import TractionRoute  # noqa: PLC0415
-    from meshes.layer import write_layer_mesh  # noqa: PLC0415
+    from finite_strain.mesh_run import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415
+    from finite_strain.simulation import Silence  # noqa: PLC0415
 
-    write_layer_mesh(plan.boxes[1], folder / "mesh.msh")
-    kinematics = Small() if plan.model == "small_strain" else Finite()
-    model = Model(plan.problem, plan.reduction, kinematics, folder / "mesh.msh", MPI.COMM_SELF)
-    solver = NewtonSolver(model)
-    meter = ForceMeter(model, plan.boxes[1])
-    return Rig(plan, model, solver, meter, TractionRoute(model, meter, solver), LoadPath(plan.problem, model, solver))
+    box = plan.box(level)
+    meshed = meshed or mesh_box(box, folder / "mesh.msh", MPI.COMM_SELF)
+    run = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, observer or Silence(), "test")
+    return Rig(plan, run)
 
 
 class Recorder:

@@ -15,11 +15,12 @@ from finite_strain.distortion import smallest_volume_ratio
 ROUNDOFF = 1e-12
 
 
-def test_the_smallest_volume_ratio_of_a_quadratic_displacement_is_met_at_its_corner() -> None:
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_the_smallest_volume_ratio_of_a_quadratic_displacement_is_met_at_its_corner(order: int) -> None:
     from dolfinx.mesh import CellType, create_box  # noqa: PLC0415
 
-    mesh = create_box(MPI.COMM_SELF, [np.zeros(3), np.array([1.0, 2.0, 1.5])], [2, 3, 2], CellType.tetrahedron)
-    space = compat.function_space(mesh, 2, (3,))
+    mesh = create_box(MPI.COMM_SELF, [np.zeros(3), np.array([1.0, 2.0, 1.5])], [2, 3, 2], CellType.hexahedron)
+    space = compat.function_space(mesh, order, (3,))
     x, y, z = space.tabulate_dof_coordinates().T
     assert smallest_volume_ratio(space, np.zeros((len(x), 3)), MPI.COMM_SELF) == pytest.approx(1.0, abs=ROUNDOFF)
     bent = np.column_stack([-0.3 * x**2 + 0.2 * z, 0.05 * y**2, -0.1 * z + 0.3 * y])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,86 +14,83 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from finite_strain import compat
-from finite_strain.contact import Contact, Surface
-from finite_strain.domain import Image, ModelBall, Reduction, Resolution
-from finite_strain.planning import RunPlan
-from linear_bem import Ball, Load, NotConverged
-from meshes.box import TAGS, Box, Zone
-from tests.finite_strain.scenes import SHAPES, Rig, coarse_plan, coarse_rig, in_form, on_layer, pair, relatively
-
-UNEQUAL = on_layer((Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 0.8, "sphere")), Load("approach", (0.1, 0.08)))
-LOPSIDED = on_layer(
-    tuple(Ball(p, 1.0, "sphere") for p in ((0.0, 0.0), (2.2, 0.0), (0.0, 2.5))), Load("approach", (0.1, 0.1, 0.1))
+from finite_strain.domain import Image, ModelBall, Reduction
+from finite_strain.load_control import PrescribedApproach
+from finite_strain.newton import NewtonSolver
+from finite_strain.states import Discretisation
+from linear_bem import Problem
+from tests.finite_strain.scenes import (
+    QUADRATIC,
+    SHAPES,
+    UNEQUAL,
+    Rig,
+    coarse_plan,
+    coarse_rig,
+    in_form,
+    pair,
+    relatively,
+    single,
 )
+
 CASES = {
-    "finite strain": (in_form("displacement", pair(0.1)), "finite_strain"),
-    "small strain": (in_form("displacement", pair(0.1, shape="paraboloid")), "small_strain"),
-    "unequal pair": (in_form("displacement", UNEQUAL), "finite_strain"),
-    "three balls": (in_form("displacement", LOPSIDED), "finite_strain"),
+    "finite strain": (pair(0.1, poisson=0.3), "finite_strain"),
+    "small strain": (pair(0.1, poisson=0.3, shape="paraboloid"), "small_strain"),
+    "unequal pair": (UNEQUAL, "finite_strain"),
     "mixed": (in_form("mixed", pair(0.1)), "finite_strain"),
     "incompressible": (pair(0.1, poisson=0.5), "finite_strain"),
-    "incompressible, small strain": (pair(0.1, poisson=0.5, shape="paraboloid"), "small_strain"),
 }
-SOLVER = 1e-12
-"""Residual norm [N] at which these equilibria are closed; forces are of the order of 0.1 N."""
+SOLVER = 1e-11
+"""Residual norm over the normal force at which these equilibria are closed."""
 
 
 def settle(rig: Rig) -> None:
-    """Close the equilibrium by full Newton steps in the end: a line search would stop at its own roundoff."""
-    rig.solver.solve(1e-7)
-    b, x, state = (rig.solver.new_vector() for _ in range(3))
-    for _ in range(20):
-        rig.model.residual(b)
-        if b.norm() < SOLVER:
-            break
-        rig.solver.solve_linear(b, x)
-        rig.model.get_state(state)
-        state.axpy(-1.0, x)
-        rig.model.set_state(state)
-    assert b.norm() < SOLVER
-    for vector in (b, x, state):
-        vector.destroy()
+    """Close the equilibrium beyond what a load step asks for: energies are differentiated here."""
+    rig.settle(SOLVER)
 
 
 @pytest.fixture(scope="module", params=CASES)
 def pressed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Rig:
-    """A coarse model in equilibrium at full load with its contacts augmented, all of the top in reach of every ball."""
+    """A coarse model in equilibrium at full load with its contacts augmented."""
     problem, kind = CASES[request.param]
-    crowd = len(problem.balls) > 2
-    size = 0.6 if crowd else 0.45
-    plan = coarse_plan(problem, kind, Resolution(size, size, size), 0.35, (0.4, 0.7, 1.0))
-    if crowd:  # the identities below hold in any box, and a small one is quick
-        small = replace(plan.boxes[1], x=(-2.6, 2.6), y=(-2.7, 2.7))
-        plan = replace(plan, boxes=(small, small))
-    rig = coarse_rig(plan, tmp_path_factory.mktemp("forces"))
-    model = rig.model
-    for contact, ball in zip(model.contacts, model.reduction.balls, strict=True):
-        contact.surface = whole_top(rig, ball.position)
-        contact.reference = contact.surface.points - np.array([*ball.position, 0.0])
-        contact.multiplier = np.zeros(contact.surface.weights.shape)
-    rig.press()
+    rig = coarse_rig(coarse_plan(problem, kind), tmp_path_factory.mktemp("forces"))
+    *_, last = rig.press([0.4, 0.7, 1.0])
+    assert rig.path.augment(last)
     settle(rig)
     return rig
 
 
-def whole_top(rig: Rig, position: tuple[float, float]) -> Surface:
-    model = rig.model
-    return Surface.near(model.space, model.linear_space, model.facet_tags.find(TAGS["top"]), position, np.inf)
-
-
 @contextmanager
 def unharmed(rig: Rig) -> Iterator[None]:
-    """Bring state, loads, multipliers and mesh back to what they were."""
-    model = rig.model
-    points, values = model.mesh.geometry.x.copy(), model.fields.copy()
-    kept = [dict(vars(contact)) for contact in model.contacts]
+    """Bring state, loads, multipliers, balls and mesh back to what they were."""
+    model, contact = rig.model, rig.model.contact
+    points, values, approaches = model.mesh.geometry.x.copy(), model.fields.copy(), contact.approaches
+    earlier, augmented = contact.earlier.x.array.copy(), float(contact.augmented.value)
     try:
         yield
     finally:
         model.mesh.geometry.x[:] = points
         model.fields.restore(values)
-        for contact, attributes in zip(model.contacts, kept, strict=True):
-            vars(contact).update(attributes)
+        contact.set_approaches(approaches)
+        contact.earlier.x.array[:] = earlier
+        contact.augmented.value = augmented
+        place(rig, 0, 0, 0.0)
+
+
+def place(rig: Rig, number: int, axis: int, length: float) -> None:
+    """Put the balls where they were made, and one of them ``length`` [m] from there along an axis."""
+    positions = np.array([ball.position for ball in rig.model.contact.balls])
+    positions[number, axis] += length
+    for slot in rig.model.contact.slots:
+        slot.set("x", positions[:, 0])
+        slot.set("y", positions[:, 1])
+
+
+def carry(rig: Rig, number: int, axis: int, length: float) -> None:
+    """Move a ball, and with it the mesh by the weight q of its domain integral."""
+    model = rig.model
+    q = rig.meter._ramp(number, rig.contact_radii()[number])
+    model.mesh.geometry.x[:, axis] += length * q[compat.vertex_dofs(model.linear_space)]
+    place(rig, number, axis, length)
 
 
 def energies(rig: Rig, change: Callable[[float], None], step: float) -> tuple[float, float]:
@@ -106,24 +104,8 @@ def energies(rig: Rig, change: Callable[[float], None], step: float) -> tuple[fl
     return found[0], found[1]
 
 
-def shift_ball(contact: Contact, axis: int, length: float) -> None:
-    contact.reference = contact.reference - length * np.eye(3)[axis]
-
-
-def carry(rig: Rig, number: int, axis: int, length: float) -> None:
-    """Move a ball, and with it the mesh by the weight q of its domain integral."""
-    model = rig.model
-    q = rig.meter._ramp(number, rig.contact_radii())
-    model.mesh.geometry.x[:, axis] += length * q[compat.vertex_dofs(model.linear_space)]
-    for other, (contact, ball) in enumerate(zip(model.contacts, model.reduction.balls, strict=True)):
-        contact.surface = whole_top(rig, ball.position)
-        contact.reference = contact.surface.points - np.array([*ball.position, 0.0])
-        if other == number:
-            shift_ball(contact, axis, length)
-
-
 def free_directions(rig: Rig) -> list[tuple[int, int]]:
-    balls = rig.model.reduction.balls
+    balls = rig.model.contact.balls
     return [(b, axis) for b, ball in enumerate(balls) for axis in (0, 1) if axis not in ball.fixed_axes]
 
 
@@ -134,182 +116,138 @@ def test_the_domain_integral_is_the_derivative_of_the_discrete_energy_by_moving_
     step = 1e-4
     with unharmed(pressed):
         if not augmented:
-            for contact in pressed.model.contacts:
-                contact.multiplier = np.zeros_like(contact.multiplier)
+            pressed.model.contact.forget_multipliers()
             settle(pressed)
         forces = pressed.meter.domain(pressed.contact_radii())
         for number, axis in free_directions(pressed):
-            up, down = energies(pressed, lambda length, n=number, a=axis: carry(pressed, n, a, length), step)
-            expected = -pressed.model.reduction.balls[number].copies * (up - down) / (2.0 * step)
+            up, down = energies_from(pressed, number, axis, step, augmented)
+            expected = -pressed.model.contact.balls[number].copies * (up - down) / (2.0 * step)
             # an exact identity of the discretisation: what is left is the difference quotient's error
-            assert forces[number, axis] == relatively(expected, 1e-4)
+            assert forces[number, axis] == pytest.approx(expected, rel=2e-4, abs=1e-8)
+
+
+def energies_from(rig: Rig, number: int, axis: int, step: float, augmented: bool) -> tuple[float, float]:
+    def change(length: float) -> None:
+        if not augmented:
+            rig.model.contact.forget_multipliers()
+        carry(rig, number, axis, length)
+
+    return energies(rig, change, step)
 
 
 def test_a_symmetry_plane_lets_no_force_across(pressed: Rig) -> None:
-    forces = pressed.meter.domain(pressed.contact_radii())
-    for number, ball in enumerate(pressed.model.reduction.balls):
-        assert not np.any(forces[number, list(ball.fixed_axes)])
+    domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
+    for number, ball in enumerate(pressed.model.contact.balls):
+        assert not np.any(domain[number, list(ball.fixed_axes)])
+        assert not np.any(traction[number, list(ball.fixed_axes)])
 
 
 def test_the_traction_integral_is_the_derivative_of_the_energy_by_moving_the_ball_alone(pressed: Rig) -> None:
-    step = 2e-5
-    model = pressed.model
+    step, traction = 2e-5, pressed.model.forces()
     for number, axis in free_directions(pressed):
-        contact = model.contacts[number]
-        up, down = energies(pressed, lambda length, c=contact, a=axis: shift_ball(c, a, length), step)
-        # an exact identity, as above; raw tractions may be small, so they are measured by the normal force
-        force = contact.force(model.nodal)
-        assert -(up - down) / (2.0 * step) == pytest.approx(force[axis], abs=1e-7 * force[2])
+        up, down = energies(pressed, lambda length, n=number, a=axis: place(pressed, n, a, length), step)
+        copies = pressed.model.contact.balls[number].copies
+        # an exact identity, as above, where no quadrature point gains or loses contact; tractions may be small, so
+        # they are measured by the normal force
+        slope = -copies * (up - down) / (2.0 * step)
+        assert slope == pytest.approx(traction[number, axis], abs=5e-6 * traction[number, 2])
 
 
 def test_the_normal_force_is_the_derivative_of_the_energy_by_the_approach(pressed: Rig) -> None:
-    step = 1e-5
-    for contact in pressed.model.contacts:
+    step, contact, forces = 1e-5, pressed.model.contact, pressed.model.part_forces()
+    for number in range(len(forces)):
 
-        def deeper(length: float, contact: Contact = contact) -> None:
-            contact.approach += length
+        def deeper(length: float, number: int = number) -> None:
+            contact.set_approaches(contact.approaches + length * np.eye(len(forces))[number])
 
         up, down = energies(pressed, deeper, step)
         # central difference
-        assert (up - down) / (2.0 * step) == relatively(contact.force(pressed.model.nodal)[2], 1e-6)
+        assert (up - down) / (2.0 * step) == relatively(forces[number], 1e-6)
 
 
-def test_the_stiffness_by_linearisation_is_that_of_solving_again(pressed: Rig) -> None:
-    step = 1e-6
-    stiffness = pressed.path._stiffness()
-    for column, contact in enumerate(pressed.model.contacts):
-        forces = []
-        for sign in (1.0, -1.0):
-            with unharmed(pressed):
-                contact.approach += sign * step
-                settle(pressed)
-                forces.append(pressed.path.normal_forces())
-        slope = (forces[0] - forces[1]) / (2.0 * step)
-        # central difference across a few quadrature points that gain or lose contact
-        assert stiffness[:, column] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
-
-
-def test_comparing_the_routes_leaves_the_model_as_it_was(pressed: Rig) -> None:
-    model = pressed.model
-    with unharmed(pressed):
-        for contact in model.contacts:
-            contact.multiplier = np.zeros_like(contact.multiplier)
-        settle(pressed)
-        before, places = model.fields.copy(), [contact.reference.copy() for contact in model.contacts]
-        pressed.traction.excess(pressed.contact_radii())
-        assert pressed.traction.iterations > 0
-        for now, then in zip(model.fields.copy(), before, strict=True):
-            assert np.array_equal(now, then)
-        for contact, place in zip(model.contacts, places, strict=True):
-            assert np.array_equal(contact.reference, place)
-
-
-def pinned_excess(rig: Rig, number: int, axis: int) -> float:
-    ball, contact = rig.model.reduction.balls[number], rig.model.contacts[number]
-    domain = rig.meter.domain_force(number, ball, rig.contact_radii())[axis]
-    return float(ball.copies * contact.force(rig.model.nodal)[axis] - domain)
-
-
-def test_where_no_equilibrium_is_found_with_moved_balls_the_excess_is_that_of_the_pinned_contact(
-    pressed: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(_tolerance: float) -> None:
-        pressed.model.fields.clear()
-        raise NotConverged("told to")
-
-    monkeypatch.setattr(pressed.solver, "solve", fail)
-    before, places = pressed.model.fields.copy(), [contact.reference for contact in pressed.model.contacts]
-    excess = pressed.traction.excess(pressed.contact_radii())
-    assert pressed.traction.pinned
+def test_the_traction_integral_rattles_by_less_than_a_thousandth_of_the_normal_force(pressed: Rig) -> None:
+    domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
     for number, axis in free_directions(pressed):
-        assert excess[number, axis] == pytest.approx(pinned_excess(pressed, number, axis))
-    assert all(np.array_equal(now, then) for now, then in zip(pressed.model.fields.copy(), before, strict=True))
-    assert all(now.reference is then for now, then in zip(pressed.model.contacts, places, strict=True))
+        # discretisation: one quadratic element per contact radius
+        assert abs(traction[number, axis] - domain[number, axis]) < 1e-3 * traction[number, 2]
 
 
-def test_a_contact_far_from_its_balls_axis_stays_pinned(pressed: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("finite_strain.traction.FARTHEST", 0.0)
-    excess = pressed.traction.excess(pressed.contact_radii())
-    for number, axis in free_directions(pressed):
-        assert excess[number, axis] == pytest.approx(pinned_excess(pressed, number, axis))
+def test_the_balls_of_a_pair_pull_each_other_equally(pressed: Rig) -> None:
+    forces = pressed.meter.domain(pressed.contact_radii())
+    if pressed.model.reduction.planes == (0, 1):
+        assert forces.shape == (1, 2)  # the other ball is a mirror image
+        return
+    # discretisation, and sides as near as these
+    assert abs(forces[:, 0].sum()) < 3e-4 * pressed.normal_forces().max()
 
 
-def test_a_move_in_parts_ends_where_one_at_once_does(pressed: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    model = pressed.model
-    with unharmed(pressed):
-        for contact in model.contacts:
-            contact.multiplier = np.zeros_like(contact.multiplier)
-        settle(pressed)
-        monkeypatch.setattr(pressed.solver, "tolerance", 1e-10)  # of a load path with such forces
-        found = []
-        for part in (1.0, 2e-4):
-            monkeypatch.setattr("finite_strain.traction.LONGEST_PART", part)
-            found.append(pressed.traction.excess(pressed.contact_radii()))
-        assert not pressed.traction.pinned
-        force = np.abs(pressed.meter.domain(pressed.contact_radii())).max()
-        assert np.abs(found[1] - found[0]).max() < 1e-3 * force  # what the solver leaves open, over T
+def whole_layer(folder: Path) -> Rig:
+    """Press one ball into a square of layer without symmetry planes."""
+    problem = single(0.1, poisson=0.3)
+    ball = ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ())
+    plan = replace(coarse_plan(problem), reduction=Reduction((0.0, 0.0), 0.0, (), (ball,), (Image(0, (1, 1)),)))
+    rig = coarse_rig(plan, folder)
+    *_, last = rig.press([0.5, 1.0])
+    rig.path.augment(last)
+    settle(rig)
+    return rig
+
+
+def test_a_single_ball_feels_next_to_no_in_plane_force_though_no_symmetry_is_imposed(tmp_path: Path) -> None:
+    rig = whole_layer(tmp_path)
+    assert rig.model.reduction.planes == ()
+    normal = rig.normal_forces()[0]
+    # the block about the ball is its own mirror image, what gmsh fills the box with is not; the smallest T / Q that
+    # a pair at this approach is asked for is a thousand times larger
+    assert np.abs(rig.meter.domain(rig.contact_radii())).max() < 5e-6 * normal
+    assert np.abs(rig.model.forces()[0, :2]).max() < 5e-6 * normal
+
+
+def carried(problem: Problem, kind: str, folder: Path, shift: float) -> Rig:
+    """Return a rig whose ball and mesh about it stand ``shift`` [m] farther from the mirror plane, the sides as before.
+
+    Meshes of their own would differ in energy by a tenth of what the distance changes.
+    """
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain.mesh_run import mesh_box  # noqa: PLC0415
+
+    plan = coarse_plan(problem, kind)
+    level = Discretisation(3, 2.0)
+    meshed = mesh_box(plan.box(level), folder / "mesh.msh", MPI.COMM_SELF)
+    x = meshed[0].geometry.x
+    x[:, 0] += shift * np.interp(x[:, 0], [0.0, 0.5, 1.5, x[:, 0].max()], [0.0, 1.0, 1.0, 0.0])
+    (ball,) = plan.reduction.balls
+    moved = replace(plan.reduction, balls=(replace(ball, position=(ball.position[0] + shift, 0.0)),))
+    rig = coarse_rig(replace(plan, reduction=moved), folder, level, meshed=meshed)
+    (zone,) = rig.meter.box.zones
+    rig.meter.box = replace(rig.meter.box, zones=(replace(zone, position=(zone.position[0] + shift, 0.0)),))
+    return rig
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_routes_agree_far_better_once_the_traction_is_freed_from_the_pinning(
+def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_approach(
     kind: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    freed, raw = [], []
-    for size in (0.4, 0.3, 0.25):
-        resolution = Resolution(size, 0.8 * size, size)
-        plan = coarse_plan(pair(0.1, shape=SHAPES[kind]), kind, resolution, 0.25, (0.5, 1.0))
-        rig = coarse_rig(plan, tmp_path_factory.mktemp("routes"))
-        rig.press()
-        for contact in rig.model.contacts:
-            contact.multiplier[:] = 0.0
-        settle(rig)
-        (ball,) = rig.model.reduction.balls
-        x = ball.copies * rig.model.contacts[0].force(rig.model.nodal)[0]
-        domain = rig.meter.domain(rig.contact_radii())[0, 0]
-        freed.append(rig.traction.excess(rig.contact_radii())[0, 0] / domain)
-        raw.append(x / domain - 1.0)
-    # discretisation: two to four elements per contact radius
-    assert np.linalg.norm(freed) < 0.3 * np.linalg.norm(raw)
-    assert abs(freed[-1]) < 0.005
+    found, forces, step = [], [], 0.05
+    for shift in (0.0, step, 2.0 * step):
+        problem = pair(0.2, shape=SHAPES[kind])
+        rig = carried(problem, kind, tmp_path_factory.mktemp("slope"), shift)
+        rig.press([0.4, 0.7, 1.0])
+        found.append(4.0 * rig.model.energy())
+        forces.append(rig.meter.domain(rig.contact_radii())[0, 0])
+        rig.run.close()
+    # the right ball moves by two steps, the left one as far the other way. Simpson's rule
+    attraction = -np.array(forces)
+    work = 2.0 * step * (attraction[0] + 4.0 * attraction[1] + attraction[2]) / 3.0
+    assert found[2] - found[0] == relatively(work, 0.05)  # discretisation
 
 
-def test_pressing_the_balls_of_an_unequal_pair_pulls_them_equally(tmp_path_factory: pytest.TempPathFactory) -> None:
-    plan = coarse_plan(UNEQUAL, "finite_strain", Resolution(0.3, 0.3, 0.3), 0.3, (0.4, 0.7, 1.0))
-    rig = coarse_rig(plan, tmp_path_factory.mktemp("unequal"))
+def test_a_solver_of_its_own_closes_the_same_equilibrium(tmp_path: Path) -> None:
+    rig: Any = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path, QUADRATIC)
     rig.press()
-    forces = rig.meter.domain(rig.contact_radii())
-    # discretisation: each ball's integral has a mesh of its own about it
-    assert forces[0, 0] == relatively(-forces[1, 0], 0.03)
-
-
-def test_a_single_ball_on_a_symmetric_mesh_feels_no_in_plane_force(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """No symmetry plane is imposed: the whole layer is simulated, and its mesh is its own mirror image."""
-    zone = Zone((0.0, 0.0), 0.12, 0.45, 0.4, 0.45, mirror=3.0)
-    rig = whole_layer(zone, tmp_path_factory.mktemp("symmetric"))
-    normal = rig.path.normal_forces()[0]
-    # solver: the residual's norm over the force
-    assert np.abs(rig.meter.domain(rig.contact_radii())).max() < 1e-9 * normal
-    assert np.abs(rig.model.contacts[0].force(rig.model.nodal)[:2]).max() < 1e-9 * normal
-
-
-def test_a_symmetric_prism_leaves_a_noise_far_below_the_force_between_balls(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    zone = Zone((0.0, 0.0), 0.12, 0.45, 0.4, 0.45, mirror=0.9)
-    rig = whole_layer(zone, tmp_path_factory.mktemp("prism"))
-    normal = rig.path.normal_forces()[0]
-    noise = np.abs(rig.meter.domain(rig.contact_radii())).max() / normal
-    # discretisation: T / Q of the pair at this approach is 1e-3
-    assert 0.0 < noise < 5e-5
-
-
-def whole_layer(zone: Zone, folder: Path) -> Rig:
-    """Press one ball into a square of layer without symmetry planes."""
-    problem = on_layer((Ball((0.0, 0.0), 1.0, "sphere"),), Load("approach", (0.1,)))
-    ball = ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ())
-    reduction = Reduction((0.0, 0.0), 0.0, (), (ball,), (Image(0, (1, 1)),))
-    box = Box((-3.0, 3.0), (-3.0, 3.0), problem.layer.thickness, 0.0, (zone,), 1.5)
-    rig = coarse_rig(RunPlan(problem, "finite_strain", reduction, (0.5, 1.0), (box, box)), folder)
-    rig.press()
-    settle(rig)
-    return rig
+    before = rig.meter.domain(rig.contact_radii())
+    other = NewtonSolver(rig.model, PrescribedApproach(np.array([0.1])))
+    other.solve(SOLVER, 1.0, 1.0)
+    other.close()
+    assert rig.meter.domain(rig.contact_radii())[0, 0] == relatively(before[0, 0], 1e-5)

@@ -15,13 +15,8 @@ from tests.finite_strain.scenes import PAPER_LOAD, SHAPES, STIFF_SUBSTRATE, pair
 
 pytestmark = pytest.mark.slow
 
-CASES = [
-    ("small_strain", 1.16, 0.02),
-    ("small_strain", 6.0, 0.04),
-    ("finite_strain", 1.16, 0.02),
-    ("finite_strain", 6.0, 0.04),
-]
-"""Model, thickness, and the accuracy asked for: the default, and twice that where the box is large."""
+CASES = [("small_strain", 1.16, 0.1), ("finite_strain", 1.16, 0.02), ("finite_strain", 6.0, 0.02)]
+"""Model, thickness, and the accuracy asked for: the default where a pair takes the mesh's error off."""
 
 
 @pytest.fixture(scope="module", params=CASES, ids=[f"{model}, h = {h}" for model, h, _ in CASES])
@@ -34,24 +29,35 @@ def both(request: pytest.FixtureRequest) -> tuple[str, Any, Any]:
 
 
 def test_the_tangential_force_meets_the_linear_model(both: tuple[str, Any, Any]) -> None:
-    _, elements, linear = both
+    model, elements, linear = both
     ball, reference = elements.balls[0], linear.balls[0]
-    # the default accuracy; theory adds a few tenths of a per cent at D = 0.012 R
-    assert ball.tangential_force[0] == relatively(reference.tangential_force[0], 0.02)
     difference = abs(ball.tangential_force[0] - reference.tangential_force[0])
-    assert difference < ball.tangential_force_error + reference.tangential_force_error
-    assert ball.tangential_force_error < 0.05 * abs(ball.tangential_force[0])
+    # theory: departures are a fifth of sqrt(D/R) = 0.11 at most
+    theory = 0.0 if model == "small_strain" else 0.022 * abs(reference.tangential_force[0])
+    assert difference < ball.tangential_force_error + reference.tangential_force_error + theory
+    accuracy = elements.solved.accuracy
+    assert accuracy["met"]
+    assert ball.tangential_force_error <= accuracy["asked"] * abs(ball.tangential_force[0])
 
 
 def test_the_prescribed_force_is_met_at_the_linear_models_approach(both: tuple[str, Any, Any]) -> None:
     model, elements, linear = both
-    ball, reference = elements.balls[0], linear.balls[0]
-    # solver: the force is met to 1e-7
-    assert ball.normal_force == relatively(PAPER_LOAD, 1e-6)
+    ball, reference, record = elements.balls[0], linear.balls[0], elements.steps[-1].record
+    # solver
+    assert ball.normal_force == relatively(PAPER_LOAD, 1e-8)
     # discretisation, and theory (finite strain): 0.065 sqrt(D/R) of the force is two thirds of that in the approach
     assert ball.approach == relatively(reference.approach, 0.005 if model == "small_strain" else 0.01)
-    assert ball.contact_area == relatively(reference.contact_area, 0.06)
-    assert ball.peak_pressure == relatively(reference.peak_pressure, 0.06)
+    assert record["normal_force_error"] == [0.0, 0.0]
+    assert abs(ball.approach - reference.approach) < record["approach_error"][0] + 0.005 * reference.approach
+
+
+def test_area_and_peak_of_the_pressure_are_the_linear_models(both: tuple[str, Any, Any]) -> None:
+    model, elements, linear = both
+    ball, reference = elements.balls[0], linear.balls[0]
+    # discretisation: elements are a third of the contact wide, and only a pair takes off what that does
+    tolerance = 0.15 if model == "small_strain" else 0.06
+    assert ball.contact_area == relatively(reference.contact_area, tolerance)
+    assert ball.peak_pressure == relatively(reference.peak_pressure, tolerance)
 
 
 def test_the_thin_layers_pair_separates_and_the_thick_ones_attracts(both: tuple[str, Any, Any]) -> None:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
 import pytest
 
 import finite_strain
-import linear_bem
-from finite_strain.domain import Resolution, expected_indentation, reduce_scene
-from finite_strain.extent import ALLOWED
-from finite_strain.planning import COARSENING, plan_run
-from finite_strain.schedule import FIRST, GROWTH, LARGEST_STEP, load_fractions
-from linear_bem import Ball, Elastic, Elements, Layer, Load, Problem, UnsupportedProblem
-from tests.finite_strain.scenes import STIFF_SUBSTRATE, balls_at, on_layer, pair
+from finite_strain.domain import expected_indentation, reduce_scene
+from finite_strain.extent import Extent, choose_extent
+from finite_strain.planning import plan_run
+from finite_strain.refinement import Budget
+from finite_strain.schedule import FIRST, GROWTH, LARGEST_STEP, answered_fractions, load_fractions
+from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, balls_at, on_layer, pair
 from tests.launch import python
 
 KEYS = {
@@ -24,14 +24,12 @@ KEYS = {
     "linear_solver",
     "symmetries",
     "unknowns",
-    "unknowns_companion",
     "meshes",
     "accuracy",
     "memory_bytes",
     "memory_bytes_at_most",
     "seconds",
     "domain",
-    "element_sizes",
     "load_steps",
 }
 """What the command ``plan`` prints."""
@@ -52,14 +50,14 @@ def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: st
 
 
 def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((7.0, 0.0), 10.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((7.0, 0.0), 10.0, "paraboloid"))
     for load in (Load("approach", (0.2, 0.2)), Load("force", (0.17, 1.4)), Load("total_force", (1.0,))):
         paths = []
         for turn in (1, -1):
             values = load.values[::turn]
             problem = Problem(Layer(1.0, 0.45, 2.0), balls[::turn], Load(load.kind, values))
             plan = plan_run(problem, 0.1, "finite_strain")
-            paths.append((plan.fractions, plan.unknowns()))
+            paths.append((plan.path, plan.unknowns(CUBIC)))
         assert paths[0][0] == paths[1][0]
         assert paths[0][1] == pytest.approx(paths[1][1])
         deepest = max(a / b.radius for b, (a, _, _) in zip(balls, expected_indentation(problem)[::-1], strict=True))
@@ -67,74 +65,121 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
         assert paths[0][0][0] ** power * deepest < 1.3 * FIRST  # the smaller ball's own first step
 
 
-def test_a_contact_smaller_than_the_mesh_was_made_for_has_coarser_elements_at_its_edge() -> None:
-    resolution = Resolution(0.2, 0.2, 0.2)
-    assert resolution.at_edge(1.0, 0.5) == resolution.at_edge(0.5, 0.5) == 0.2
-    assert resolution.at_edge(0.25, 0.5) == 0.4
-    assert resolution.at_edge(0.01, 0.5) == 1.0
+def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_follow() -> None:
+    problem = pair(0.2)
+    usual = plan_run(problem, 0.02, "finite_strain")
+    assert usual.goals == (1.0,)
+    assert usual.path == pytest.approx(load_fractions("approach", 0.2))
+    asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
+    assert asked.goals == (0.3, 0.77, 1.0)
+    assert set(asked.path) == {*usual.path, 0.3, 0.77}
+    assert list(asked.path) == sorted(asked.path)
+    every = plan_run(problem, 0.02, "finite_strain", steps=None)
+    assert every.goals == tuple(answered_fractions("approach"))
+    assert set(every.path) == {*usual.path, *every.goals}
 
 
-def test_a_coarser_resolution_is_coarser_everywhere_by_one_ratio() -> None:
-    fine = Resolution(0.25, 0.2, 0.3)
-    assert fine.coarser(1.5) == Resolution(pytest.approx(0.375), pytest.approx(0.3), pytest.approx(0.45))
+@pytest.mark.parametrize("steps", [(), (0.0, 1.0), (-0.5,), (1.0, 0.5), (0.5, 0.5)])
+def test_load_steps_that_do_not_rise_are_refused(steps: tuple[float, ...]) -> None:
+    with pytest.raises(InvalidProblem, match=r"load\.steps: must be greater than 0 and rise, got"):
+        plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
 
 
-def test_more_accuracy_costs_more_unknowns_within_bounds() -> None:
-    problem = pair(0.1)
-    unknowns = [finite_strain.plan(problem, accuracy)["unknowns"] for accuracy in (0.5, 0.06, 0.02, 0.005, 1e-4, 1e-6)]
-    assert unknowns[0] < unknowns[1] < unknowns[2] < unknowns[3] < unknowns[4]
-    assert unknowns[4] == unknowns[5]  # the resolution is clipped: memory is finite
+@pytest.mark.parametrize("accuracy", [0.0, 1.0, -0.1])
+def test_an_accuracy_outside_its_range_is_refused(accuracy: float) -> None:
+    with pytest.raises(InvalidProblem, match=r"accuracy\.tangential_force"):
+        plan_run(pair(0.1), accuracy, "finite_strain")
 
 
-def test_the_companion_mesh_is_coarser_by_the_ratio_that_the_extrapolation_assumes() -> None:
-    coarse, fine = plan_run(pair(0.1), 0.02, "finite_strain").boxes
-    for a, b in zip(coarse.zones, fine.zones, strict=True):
-        assert a.finest / b.finest == pytest.approx(COARSENING)
-        assert a.growth / b.growth == pytest.approx(COARSENING)
-        assert a.outer_growth / b.outer_growth == pytest.approx(COARSENING)
-        assert a.mirror == b.mirror  # the domain integral's ramp ends at the same place on both
-    assert (coarse.x, coarse.y, coarse.substrate) == (fine.x, fine.y, fine.substrate)
+def test_higher_orders_finer_meshes_and_wider_domains_have_more_unknowns() -> None:
+    plan = plan_run(pair(0.1, substrate=STIFF_SUBSTRATE), 0.02, "finite_strain")
+    levels = [QUADRATIC, CUBIC, replace(CUBIC, fineness=2.0), replace(CUBIC, fineness=3.0)]
+    unknowns = [plan.unknowns(level) for level in levels]
+    assert all(a < b for a, b in pairwise(unknowns))
+    assert plan.unknowns(replace(CUBIC, extent=2.0)) > unknowns[1]
+    boxes = [plan.box(level) for level in levels]
+    # finer meshes fill the same box, and a domain twice as wide is twice as wide beyond the balls
+    assert all(
+        (box.x, box.y, box.substrate, box.zones) == (boxes[0].x, boxes[0].y, boxes[0].substrate, boxes[0].zones)
+        for box in boxes
+    )
+    wide = plan.box(replace(CUBIC, extent=2.0))
+    assert wide.substrate == pytest.approx(2.0 * boxes[0].substrate)
+    assert wide.x[1] - 1.0 == pytest.approx(2.0 * (boxes[0].x[1] - 1.0))
 
 
-@pytest.mark.parametrize("substrate", [None, STIFF_SUBSTRATE, Elastic(1.0, 0.48)], ids=["rigid", "stiff", "as soft"])
-def test_the_box_reaches_as_far_as_the_accuracy_needs_and_is_cut_at_mirror_planes(substrate: Elastic | None) -> None:
-    margins = []
-    for accuracy in (0.06, 0.02, 0.005):
-        plan = plan_run(pair(0.1, substrate=substrate), accuracy, "finite_strain")
-        box = plan.boxes[1]
+EXTENT_SCENES = {
+    "approach": pair(0.1),
+    "force": pair(Load("force", (0.01, 0.01))),
+    "stiff substrate": pair(0.1, substrate=STIFF_SUBSTRATE),
+    "as soft": pair(Load("force", (0.01, 0.01)), substrate=Elastic(1.0, 0.48)),
+    "thick": pair(Load("force", (0.01, 0.01)), thickness=6.0),
+    "one ball": on_layer(balls_at((0.0, 0.0)), Load("approach", (0.1,))),
+}
+
+
+@pytest.mark.parametrize("name", EXTENT_SCENES)
+def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> None:
+    problem = EXTENT_SCENES[name]
+    expected = expected_indentation(problem)
+    extents = [choose_extent(problem, expected, accuracy) for accuracy in (0.3, 0.1, 0.02, 0.005, 0.001)]
+    for coarse, fine in pairwise(extents):
+        assert coarse.margin <= fine.margin
+        assert coarse.depth <= fine.depth
+    assert all((extent.depth > 0.0) == (problem.substrate is not None) for extent in extents)
+    if name in ("force", "as soft", "thick"):
+        assert extents[0].margin < extents[-1].margin
+    for extent in extents:  # wide enough for the contacts and the layer in any case
+        assert extent.margin >= max(1.2 * problem.layer.thickness, *(3.0 * radius for _, _, radius in expected))
+
+
+def test_an_extent_grows_in_both_lengths() -> None:
+    assert Extent(2.0, 3.0).larger(1.5) == Extent(3.0, 4.5)
+
+
+def test_the_box_is_cut_at_mirror_planes() -> None:
+    for substrate in (None, STIFF_SUBSTRATE):
+        box = plan_run(pair(0.1, substrate=substrate), 0.02, "finite_strain").box(CUBIC)
         assert (box.x[0], box.y[0]) == (0.0, 0.0)
+        assert box.x[1] - 1.0 == pytest.approx(box.y[1])
         assert (box.substrate > 0.0) == (substrate is not None)
-        margins.append(box.x[1] - 1.0)
-        assert margins[-1] == pytest.approx(box.y[1])
-        forces = np.full(2, expected_indentation(plan.problem)[0][1])
-        linear = linear_bem.solve(plan.problem.with_load("force", forces)).balls[1].tangential_force[0]
-        effect = plan.far_field().tangential_forces(forces)[1, 0]
-        # the choice's own statement, with point loads for the linear force (5 % off at this load)
-        assert abs(effect / linear) <= 1.05 * ALLOWED * accuracy
-    assert margins[0] < margins[1] < margins[2]
+        (zone,) = box.zones
+        assert zone.position == (1.0, 0.0)
 
 
-def test_prisms_of_neighbouring_balls_do_not_overlap() -> None:
+def test_blocks_of_neighbouring_balls_do_not_overlap() -> None:
     balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 3.0))
-    zones = plan_run(on_layer(balls, Load("approach", (0.1,) * 3)), 0.02, "finite_strain").boxes[1].zones
+    zones = plan_run(on_layer(balls, Load("approach", (0.1,) * 3)), 0.02, "finite_strain").box(CUBIC).zones
     assert len(zones) == 3
     for i, a in enumerate(zones):
         for b in zones[i + 1 :]:
             apart = max(abs(a.position[k] - b.position[k]) for k in (0, 1))
-            assert a.mirror + b.mirror < apart
+            assert a.half_width + b.half_width <= apart * (1.0 + 1e-12)
 
 
 def test_the_plan_answers_all_that_is_asked_of_it_in_plain_numbers() -> None:
-    answer = finite_strain.plan(pair(0.2), 0.02)
+    answer = finite_strain.plan(pair(0.2), 0.02, steps=(0.5, 1.0))
     assert set(answer) == KEYS
     assert json.loads(json.dumps(answer)) == answer
     assert len(answer["symmetries"]) == 2
-    assert answer["unknowns"] > answer["unknowns_companion"] > 1000
-    assert answer["load_steps"] == len(load_fractions("approach", 0.2))
-    assert 0.0 < answer["element_sizes"]["finest"] < answer["element_sizes"]["coarsest"]
+    assert answer["unknowns"] > 1000
+    assert answer["load_steps"] == 2
+    assert answer["accuracy"] == {"asked": 0.02, "unknowns_at_most": 120e3, "seconds_at_most": None}
+    assert len(answer["meshes"]) >= 3
     assert answer["domain"]["layer"] == 1.16
-    assert 1e8 < answer["memory_bytes"] < 1e11
+    assert 1e8 < answer["memory_bytes"] < answer["memory_bytes_at_most"] < 1e11
     assert 1.0 < answer["seconds"] < 1e5
+
+
+def test_a_budget_below_the_coarsest_estimate_is_refused() -> None:
+    with pytest.raises(UnsupportedProblem, match=r"accuracy\.unknowns.*got 100"):
+        plan_run(pair(0.1), 0.02, "finite_strain", Budget(unknowns=100.0))
+    with pytest.raises(InvalidProblem, match=r"accuracy\.seconds"):
+        Budget(seconds=0.0)
+    with pytest.raises(InvalidProblem, match=r"accuracy\.unknowns"):
+        Budget(unknowns=-1.0)
+    assert Budget().most_unknowns == 120e3
+    assert Budget(unknowns=3e4).most_unknowns == 3e4
 
 
 BLOCKED = """
@@ -168,7 +213,7 @@ except MissingDependency as error:
 
 def test_everything_that_the_model_lacks_is_named_at_once() -> None:
     balls = balls_at((-1.0, 0.0), (1.0, 0.0))
-    layer, load = Layer(1.0, 0.495, math.inf), Load("force", (0.01, 0.0))
+    layer, load = Layer(1.0, 0.49995, math.inf), Load("force", (0.01, 0.0))
     problem = Problem(layer, balls, load, Elastic(10.0, 0.5), elements=Elements("displacement"))
     with pytest.raises(UnsupportedProblem) as caught:
         plan_run(problem, 0.02, "small_strain")
@@ -177,7 +222,7 @@ def test_everything_that_the_model_lacks_is_named_at_once() -> None:
         "layer.thickness", "elements.form", "load.force",
     ]  # fmt: skip
     assert all("small_strain" in fault for fault in faults)
-    assert "0.495" in faults[1]
+    assert "0.49995" in faults[1]
 
 
 def test_a_shape_given_as_a_function_is_refused_by_its_key() -> None:

@@ -1,300 +1,165 @@
-"""When a run meshes again and how finely, what three meshes tell, and that a refined run is kept and continued."""
+"""Which discretisation comes next, and when refinement ends: decided from records made by hand."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-import finite_strain
-from finite_strain.companion import MeshRecord
-from finite_strain.domain import Resolution
-from finite_strain.extrapolation import (
-    CAUTIOUS_ORDER,
-    FORCE_RATIO_ORDER,
-    force_ratio,
-    gain,
-    indentation,
-    observed_order,
-)
-from finite_strain.planning import plan_run
-from finite_strain.refinement import LARGEST_RATIO, LEAST_RATIO, Budget, decide, first_ratio
-from linear_bem import InvalidProblem, UnsupportedProblem
-from tests.finite_strain.press import ACCURACY
-from tests.finite_strain.scenes import Recorder, light_pair, pair, relatively
+from finite_strain.refinement import FIRST, MOST_LEVELS, STEP, STIFFER, WIDER, Budget, account, decide
+from finite_strain.states import ContactState, Discretisation, Record, Row, saved_records, text_of
+from linear_bem.errors import OutputUnusable
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, relatively
+from tests.finite_strain.test_pairs import state
 
-SIZES = [1.0, 1.4, 1.96]
-SLACK = 1e-9
-"""Roundoff, and the bisection that finds an order."""
+FREE = Budget(unknowns=1e9)
 
 
-def law(order: float, error: float = 0.1, exact: float = 2.0) -> list[np.ndarray]:
-    """Return one ball's values on three meshes that converge with an order."""
-    return [np.array([[exact + error * size**order, 0.0]]) for size in SIZES]
+def size(level: Discretisation) -> float:
+    """Return the unknowns of a discretisation: the cube of the nodes along an edge."""
+    return 100.0 * (level.order * level.fineness * level.extent) ** 3
 
 
-@pytest.mark.parametrize("order", [1.2, 2.0, 2.4])
-def test_three_meshes_tell_a_low_order_and_are_extrapolated_by_it(order: float) -> None:
-    told = force_ratio(law(order), SIZES)
-    assert told.order[0, 0] == relatively(order, 1e-6)
-    assert told.value[0, 0] == relatively(2.0, 1e-6)
-    assert told.error[0, 0] >= 0.1 * (1.0 - 1e-6)
+def record(level: Discretisation, reached: float = math.nan, seconds: float = 10.0, **terms: float) -> Record:
+    """Return a finished discretisation that came to an error of T, of which terms are named."""
+    named = dict.fromkeys(("discretisation", "enforcement", "transfer", "solver"), 0.0) | terms if terms else {}
+    rows = [Row(state(1.0, 0.1, (0.01, 0.0)), state(1.1, 0.1, (0.01, 0.0)))]
+    return Record(level, round(size(level)), seconds, True, rows, [{}], named, reached, 1e-3)
 
 
-def test_an_order_above_the_usual_one_is_not_trusted() -> None:
-    told = force_ratio(law(4.0), SIZES)
-    assert told.order[0, 0] == FORCE_RATIO_ORDER
-    assert abs(told.value[0, 0] - 2.0) < told.error[0, 0]
+def first(reached: float, **terms: float) -> list[Record]:
+    """Return the path finder and the first discretisation that answers."""
+    return [record(QUADRATIC), record(CUBIC, reached, **(terms or {"discretisation": reached}))]
 
 
-def test_two_meshes_extrapolate_by_the_usual_order_and_doubt_by_the_cautious_one() -> None:
-    told = force_ratio(law(FORCE_RATIO_ORDER)[:2], SIZES[:2])
-    assert told.value[0, 0] == relatively(2.0, SLACK)
-    change = 0.1 * (1.4**FORCE_RATIO_ORDER - 1.0)
-    assert told.error[0, 0] == relatively(gain(CAUTIOUS_ORDER, 1.4) * change, SLACK)
+def chosen(asked: float, records: list[Record], budget: Budget = FREE) -> Discretisation:
+    level = decide(asked, records, budget, size).level
+    assert level is not None
+    return level
 
 
-@pytest.mark.parametrize("values", [(2.0, 2.1, 2.0), (2.0, 2.1, 2.15)], ids=["to and fro", "ever faster"])
-def test_meshes_that_do_not_converge_steadily_are_not_extrapolated_and_doubted_more(
-    values: tuple[float, float, float],
-) -> None:
-    told = force_ratio([np.array([[v, 0.0]]) for v in values], SIZES)
-    assert math.isnan(told.order[0, 0])
-    assert told.value[0, 0] == values[0]
-    assert told.error[0, 0] >= gain(CAUTIOUS_ORDER, 1.4) * 0.1 * (1.0 - SLACK)
-
-
-def test_a_chance_agreement_of_two_meshes_is_not_an_error_of_nothing() -> None:
-    told = force_ratio([np.array([[v, 0.0]]) for v in (2.0, 2.0, 2.3)], SIZES)
-    assert told.error[0, 0] == relatively(gain(CAUTIOUS_ORDER, 1.96) * 0.3, SLACK)
-
-
-def test_the_order_of_unevenly_refined_meshes_is_found() -> None:
-    sizes = [1.0, 1.2, 1.9]
-    values = [size**2.2 for size in sizes]
-    assert observed_order(values[0] - values[1], values[1] - values[2], sizes) == relatively(2.2, 1e-6)
-
-
-def test_an_extrapolated_force_never_changes_its_sign() -> None:
-    value, error = indentation(np.array([1e-3, 1.0]), np.array([0.5, 1.1]), 1.4)
-    assert value[0] == 1e-3
-    assert value[1] < 1.0
-    assert np.all(error > 0.0)
-
-
-def test_finer_meshes_answer_where_a_coarser_one_did() -> None:
-    def row(fraction: float) -> dict[str, Any]:
-        lifted = [fraction**1.5, -(fraction**2)]
-        return {
-            "fraction": fraction,
-            "per_squared_force": [[0.2, 0.0], [0.1 + 0.01 * math.log(fraction), 0.0]],
-            "normal_forces": [fraction**1.8, fraction**1.5],
-            "approaches": lifted,
-        }
-
-    record = MeshRecord(1.4, rows=[row(f) for f in (0.3, 0.6, 1.0)])
-    assert record.at(0.6).normal_forces == relatively([0.6**1.8, 0.6**1.5], SLACK)
-    assert record.at(0.6).approaches == relatively([0.6**1.5, -(0.6**2)], SLACK)
-    # it was cut back to 0.3 and came to 0.6 and 1
-    assert record.goals([0.6, 1.0]) == [0.6, 1.0]
-    # it was to go on to 2, and stopped at 1 after a cut-back
-    assert record.goals([0.3, 0.6, 2.0]) == [0.3, 0.6, 1.0]
-
-
-def meshes(*reached: float, unknowns: float = 1e4, seconds: float = 10.0) -> list[MeshRecord]:
-    """Return a companion and as many finished meshes as errors are given, each 1.5 times the last one's size."""
-    records = [MeshRecord(1.4, int(unknowns / 2.7), seconds / 4.0, True)]
-    for number, error in enumerate(reached):
-        grown = 1.5**number
-        records.append(
-            MeshRecord(1.0 / grown ** (1 / 3), int(unknowns * grown), seconds * grown, True, [], [], error, 1.0)
-        )
-    return records
+def test_an_error_estimate_needs_two_discretisations() -> None:
+    assert FIRST[0] == QUADRATIC
+    assert chosen(0.5, [record(QUADRATIC)]) == FIRST[1]
 
 
 def test_an_accuracy_that_is_met_ends_the_refinement() -> None:
-    decision = decide(0.02, meshes(0.019), Budget(), 0.0)
-    assert decision.size is None
+    decision = decide(0.02, first(0.019), FREE, size)
+    assert decision.level is None
     assert "met" in decision.why
 
 
-def test_a_larger_error_is_answered_with_smaller_elements_within_bounds() -> None:
-    sizes = [decide(0.02, meshes(error), Budget(unknowns=1e9), 0.0).size for error in (0.0205, 0.03, 0.04, 0.5)]
-    assert all(size is not None for size in sizes)
-    assert sizes[0] == relatively(1.0 / LEAST_RATIO, SLACK)
-    assert sizes[0] > sizes[1] > sizes[2] > sizes[3]  # type: ignore[operator]
-    assert sizes[3] == relatively(1.0 / LARGEST_RATIO, SLACK)
+def two_meshes(reached: float) -> list[Record]:
+    """Return a path finder and two meshes of cubic elements, whose change tells what a finer one would bring."""
+    return [*first(0.6), record(Discretisation(3, 1.5), reached, discretisation=reached)]
+
+
+def test_a_change_between_orders_asks_for_the_next_mesh_whatever_its_size() -> None:
+    for error in (0.0205, 0.5, math.inf):
+        assert chosen(0.02, first(error)) == replace(CUBIC, fineness=CUBIC.fineness + STEP)
+
+
+def test_a_larger_error_is_answered_with_a_finer_mesh_within_bounds() -> None:
+    levels = [chosen(0.02, two_meshes(error)) for error in (0.0205, 0.06, 0.1, 0.5)]
+    fineness = [level.fineness for level in levels]
+    assert fineness[0] == 1.5 + STEP
+    assert fineness == sorted(fineness)
+    assert fineness[-1] == 2.0 * 1.5
+    assert all(level == replace(CUBIC, fineness=f) for level, f in zip(levels, fineness, strict=True))
+    assert all(f / STEP == round(f / STEP) for f in fineness)
+
+
+def test_an_error_that_is_not_known_is_taken_for_a_large_one() -> None:
+    assert chosen(0.02, two_meshes(math.inf)).fineness == 2.0 * 1.5
+
+
+def test_a_penalty_that_limits_the_accuracy_is_made_stiffer_on_the_same_mesh() -> None:
+    assert chosen(0.02, first(0.04, enforcement=0.039, discretisation=0.009)) == replace(CUBIC, penalty=STIFFER)
+
+
+def test_a_domain_is_widened_where_a_finer_mesh_left_the_pairs_correction_as_it_was() -> None:
+    def after(left: float) -> Discretisation:
+        finer = record(Discretisation(3, 1.5), 0.04, transfer=left, discretisation=0.001)
+        return chosen(0.02, [*first(0.05, transfer=0.05), finer])
+
+    assert after(0.04) == Discretisation(3, 1.5, extent=WIDER)
+    assert after(0.02).fineness > 1.5  # it fell with the mesh: so it is the mesh's
+    assert after(0.02).extent == 1.0
+    # on one mesh nobody can tell
+    assert chosen(0.02, first(0.05, transfer=0.05)).fineness > 1.0
+
+
+def test_what_no_discretisation_removes_is_not_refined_for() -> None:
+    decision = decide(0.02, first(0.04, solver=0.04), FREE, size)
+    assert decision.level is None
+    assert "solver" in decision.why
 
 
 @pytest.mark.parametrize(
     ("budget", "name"),
-    [(Budget(unknowns=1.2e4), "12000 unknowns"), (Budget(seconds=20.0), "20 s")],
+    [(Budget(unknowns=3e3), "3000 unknowns"), (Budget(seconds=30.0), "30 s")],
     ids=["size", "time"],
 )
-def test_no_mesh_is_begun_that_would_pass_the_budget(budget: Budget, name: str) -> None:
-    decision = decide(0.02, meshes(0.04), budget, 0.0)
-    assert decision.size is None
+def test_no_discretisation_is_begun_that_would_pass_the_budget(budget: Budget, name: str) -> None:
+    decision = decide(0.02, first(0.04), budget, size)
+    assert decision.level is None
     assert name in decision.why
 
 
 def test_a_budget_between_takes_the_finest_mesh_that_it_allows() -> None:
-    decision = decide(0.02, meshes(0.08), Budget(unknowns=2e4), 0.0)
-    assert decision.size == relatively(0.5 ** (1.0 / 3.0), SLACK)
+    # a fineness of 3 would suit and has 72 900 unknowns, one of 2.5 has 42 188
+    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=5e4)).fineness == 2.5
+    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=8e4)).fineness == 3.0
 
 
-def test_the_default_budget_grows_with_the_scene() -> None:
-    assert Budget().most_unknowns(2e4) == 6e4
-    assert Budget().most_unknowns(1e5) == 2.5e5
-    assert Budget(unknowns=3e4).most_unknowns(1e5) == 3e4
-
-
-def test_what_no_mesh_removes_is_not_refined_for() -> None:
-    decision = decide(0.02, meshes(0.04), Budget(unknowns=1e9), 0.019)
-    assert decision.size is None
-    assert "not the mesh's" in decision.why
+def test_foreseen_sizes_are_corrected_by_the_last_counted_one() -> None:
+    records = first(0.5)
+    records[-1].unknowns *= 2
+    assert decide(0.02, records, Budget(unknowns=1e4), size).level is None
 
 
 def test_refinement_comes_to_an_end() -> None:
-    decision = decide(1e-6, meshes(*[0.04] * 6), Budget(unknowns=1e9), 0.0)
-    assert decision.size is None
+    records = first(0.5)
+    while (decision := decide(1e-9, records, FREE, size)).level is not None:
+        records.append(record(decision.level, 0.5, discretisation=0.5))
+    assert len(records) == MOST_LEVELS
+    assert str(MOST_LEVELS) in decision.why
 
 
-def test_seconds_left_after_the_companion_bound_the_main_mesh() -> None:
-    companion = MeshRecord(1.4, 5000, 10.0, True)
-    assert first_ratio(1.4, companion, Budget()) == 1.4
-    assert first_ratio(1.4, companion, Budget(seconds=1e4)) == 1.4
-    assert LEAST_RATIO < first_ratio(1.4, companion, Budget(seconds=35.0)) < 1.4
-    assert first_ratio(1.4, companion, Budget(seconds=1.0)) == LEAST_RATIO
+def test_the_account_of_accuracy_is_plain_and_complete() -> None:
+    records = first(0.04, discretisation=0.03, transfer=0.02)
+    told = account(0.02, records, 1, Budget(seconds=9.0), "the money is spent", "the largest tangential force")
+    assert json.loads(json.dumps(told)) == told
+    assert (told["asked"], told["reached"], told["met"]) == (0.02, 0.04, False)
+    assert told["terms"] == records[-1].terms
+    assert told["relative_to"] == {"what": "the largest tangential force", "force": 1e-3}
+    assert told["stopped"] == "the money is spent"
+    assert told["budget"] == {"seconds": 9.0, "unknowns": 120e3}
+    assert [mesh["order"] for mesh in told["meshes"]] == [2, 3]
+    assert [mesh["reached"] for mesh in told["meshes"]] == [None, 0.04]
 
 
-def test_stated_unknowns_bound_the_first_mesh_too_or_are_refused() -> None:
-    free = plan_run(pair(0.1), 0.02, "finite_strain").unknowns()[1]
-    bounded = plan_run(pair(0.1), 0.02, "finite_strain", Budget(unknowns=0.6 * free))
-    assert bounded.unknowns()[1] <= 0.6 * free
-    with pytest.raises(UnsupportedProblem, match=r"accuracy\.unknowns.*got 100"):
-        plan_run(pair(0.1), 0.02, "finite_strain", Budget(unknowns=100.0))
-    with pytest.raises(InvalidProblem, match=r"accuracy\.seconds"):
-        Budget(seconds=0.0)
-
-
-def test_a_finer_mesh_is_finer_everywhere_in_the_same_box() -> None:
-    plan = plan_run(pair(0.1), 0.02, "finite_strain")
-    main, fine = plan.box(1.0), plan.box(0.8)
-    assert (main.x, main.y, main.substrate) == (fine.x, fine.y, fine.substrate)
-    assert fine.zones[0].finest == relatively(0.8 * main.zones[0].finest, SLACK)
-    assert fine.estimated_tetrahedra() > 1.5 * main.estimated_tetrahedra()
-
-
-REFINED = {"unknowns": 1.4e4}
-ASKED = 0.015
-"""What meshes as coarse as those of the lightest tests miss."""
-
-
-class Killed(Exception):
-    """The run was to end here."""
-
-
-class KillAt(Recorder):
-    """Ends the run when a mesh begins its second load step."""
-
-    def __init__(self, mesh: str) -> None:
-        super().__init__()
-        self.mesh = mesh
-
-    def attempt(self, info: dict[str, Any]) -> None:
-        super().attempt(info)
-        if [attempt["mesh"] for attempt in self.attempts].count(self.mesh) == 2:
-            raise Killed
-
-
-@pytest.fixture(scope="module")
-def too_coarse() -> Iterator[None]:
-    """Mesh as for a tenth of the accuracy asked for."""
-    usual = Resolution.for_accuracy
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Resolution, "for_accuracy", staticmethod(lambda _: usual(ACCURACY)))
-        yield
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("refined")
-
-
-@pytest.fixture(scope="module")
-def killed(folder: Path, too_coarse: None) -> Recorder:
-    """What is heard of the light pair, on as many meshes as a small budget pays for, until a kill in the third."""
-    pytest.importorskip("dolfinx")
-    heard = KillAt("finer")
-    with pytest.raises(Killed):
-        finite_strain.solve(light_pair(), tangential_force=ASKED, folder=folder, observer=heard, **REFINED)
-    return heard
-
-
-@pytest.fixture(scope="module")
-def heard() -> Recorder:
-    return Recorder()
-
-
-@pytest.fixture(scope="module")
-def refined(folder: Path, killed: Recorder, heard: Recorder) -> Any:
-    """The same run, continued to its end."""
-    return finite_strain.solve(light_pair(), tangential_force=ASKED, folder=folder, observer=heard, **REFINED)
-
-
-@pytest.mark.slow
-def test_a_run_that_misses_the_accuracy_is_refined_and_tells_how_far_it_came(refined: Any, killed: Recorder) -> None:
-    told = refined.solved.accuracy
-    assert len(told["meshes"]) >= 3
-    assert [mesh["element_size"] for mesh in told["meshes"][:2]] == [1.4, 1.0]
-    unknowns = [mesh["unknowns"] for mesh in told["meshes"]]
-    assert unknowns == sorted(unknowns)
-    assert unknowns[-1] == refined.solved.unknowns <= REFINED["unknowns"]
-    assert told["asked"] == ASKED
-    assert told["met"] == (told["reached"] <= ASKED)
-    ball = refined.balls[0]
-    assert told["reached"] == relatively(ball.tangential_force_error / abs(ball.tangential_force[0]), SLACK)
-    assert told["met"] or any("was asked for" in note for note in refined.solved.notes)
-    assert {attempt["mesh"] for attempt in killed.attempts} == {"companion", "main", "finer"}
-    assert json.loads(json.dumps(refined.solved.to_dict()))["accuracy"]["stopped"]
-
-
-@pytest.mark.slow
-def test_a_run_killed_in_its_third_mesh_goes_on_there(refined: Any, heard: Recorder) -> None:
-    first = heard.attempts[0]
-    assert (first["mesh"], first["fraction"]) == ("finer", 1.0)
-    assert heard.info["resumed_steps"] == len(refined.steps) - 1
-
-
-@pytest.mark.slow
-def test_each_mesh_answers_within_the_bar_of_the_one_before(refined: Any, killed: Recorder) -> None:
-    main = next(step for step in killed.steps if step.record["fraction"] == 1.0)
-    a, b = main.balls[0], refined.balls[0]
-    difference = abs(a.tangential_force[0] - b.tangential_force[0])
-    assert difference < a.tangential_force_error + b.tangential_force_error
-
-
-@pytest.mark.slow
-def test_a_refined_run_is_answered_from_its_folder_without_pressing_again(refined: Any, folder: Path) -> None:
-    again = Recorder()
-    found = finite_strain.solve(light_pair(), tangential_force=ASKED, folder=folder, observer=again, **REFINED)
-    assert not again.attempts
-    assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in refined.steps]
-    assert found.solved.accuracy == refined.solved.accuracy
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mesh", ["companion", "main"])
-def test_nothing_computed_is_lost_by_a_kill_in_the_first_meshes(mesh: str, tmp_path: Path) -> None:
-    pytest.importorskip("dolfinx")
-    with pytest.raises(Killed):
-        finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path, observer=KillAt(mesh))
-    again = Recorder()
-    finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path, observer=again)
-    first = again.attempts[0]
-    assert (first["mesh"], first["fraction"]) == (mesh, 1.0)  # the step before is there already
+def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(tmp_path: Any) -> None:
+    records, file = first(0.04), tmp_path / "discretisations.json"
+    assert saved_records(file, "mine") == []
+    records[0].rows[0] = Row(records[0].rows[0].own)  # a pair that found no equilibrium
+    file.write_text(text_of("mine", records), encoding="utf-8")
+    assert saved_records(file, "another's") == []
+    back = saved_records(file, "mine")
+    assert [each.level for each in back] == [QUADRATIC, CUBIC]
+    assert back[0].rows[0].small is None
+    assert [each.to_dict() for each in back[1:]] == [each.to_dict() for each in records[1:]]
+    row = back[1].at(1.0)
+    assert row is not None
+    assert isinstance(row.own, ContactState)
+    assert row.own.per_squared_force == relatively(np.array([[0.01, 0.0]]), 1e-12) or np.allclose(
+        row.own.per_squared_force, [[0.01, 0.0]]
+    )
+    assert back[1].at(0.5) is None
+    file.write_text("{ torn", encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
+        saved_records(file, "mine")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,19 @@ import h5py
 from scipy.spatial import cKDTree
 
 import finite_strain
+import linear_bem
 from finite_strain.catalogue import CATALOGUE
-from finite_strain.extrapolation import EDGE_ERROR
 from finite_strain.planning import plan_run
+from finite_strain.states import NAME, Discretisation
 from linear_bem.errors import OutputUnusable
-from tests.finite_strain.press import ACCURACY, STOPPED
-from tests.finite_strain.scenes import Recorder, light_pair, relatively
+from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
+from tests.finite_strain.scenes import LIGHT, Recorder, light_pair, relatively
 from tests.launch import mpirun
 
 PARALLEL = 1e-6
 """Relative: equilibria are closed to 1e-9 of the normal force, and T is a thousandth of that force or less."""
 WRITTEN_PRESSURE = 0.2
 """Discretisation: pressure is written linear on triangles, two of which span a contact radius, and never negative."""
-STEPS = 2
 
 
 def press(ranks: int, folder: Path, *args: str, code: int = 0, options: str = "") -> Any:
@@ -51,61 +52,101 @@ def heard() -> Recorder:
 @pytest.fixture(scope="module")
 def result(folder: Path, heard: Recorder) -> Any:
     """The light pair, pressed in by this process."""
-    return finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=heard)
+    return solve(folder, heard)
+
+
+def solve(folder: Path, observer: Any) -> Any:
+    return finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS)
 
 
 def test_two_mirrored_balls_feel_opposite_forces_to_the_last_bit(result: Any) -> None:
     for step in result.steps:
         left, right = step.balls
-        assert left.tangential_force == (-right.tangential_force[0], 0.0)
-        assert left.tangential_force[0] < 0.0  # the thin layer's pair separates
+        assert left.tangential_force[0] == -right.tangential_force[0] != 0.0
+        assert np.abs([left.tangential_force[1], right.tangential_force[1]]).max() < 1e-12 * abs(
+            left.tangential_force[0]
+        )
         assert left.normal_force == right.normal_force
         for ball in step.balls:
             assert ball.tangential_force_error > 0.0
-            assert set(ball.tangential_force_routes) == {
-                "domain",
-                "traction",
-                "domain_main_mesh",
-                "domain_companion_mesh",
-            }
+            assert set(ball.tangential_force_routes) == {"domain", "domain_without_pair", "traction"}
 
 
-def test_forces_are_not_said_to_be_known_better_than_elements_at_the_contacts_edge_let_them(result: Any) -> None:
-    growth = plan_run(light_pair(), ACCURACY, "finite_strain").resolution.inner
+def test_the_error_of_t_is_the_root_of_the_squares_of_its_terms(result: Any) -> None:
     for step in result.steps:
-        for ball, error in zip(step.balls, step.record["normal_force_error"], strict=True):
-            assert error >= 0.999 * EDGE_ERROR * growth**3 * ball.normal_force  # the model's end is taken off Q later
-            assert ball.tangential_force_error >= 2.0 * error / ball.normal_force * abs(ball.tangential_force[0]) * 0.99
+        record = step.record
+        assert set(record["error_terms"]) == set(result.solved.accuracy["terms"]) == {
+            "discretisation", "enforcement", "transfer", "solver",
+        }  # fmt: skip
+        for number, ball in enumerate(step.balls):
+            terms = [values[number] for values in record["error_terms"].values()]
+            assert ball.tangential_force_error == relatively(math.hypot(*terms), 1e-9)
+            assert record["tangential_force_error_at_force"][number] > 0.0
+            assert 0.0 < record["normal_force_error"][number] < 0.1 * ball.normal_force
+        assert record["approach_error"] == [0.0, 0.0]  # approaches are given
+        assert record["imbalance"] == pytest.approx(0.0, abs=1e-18)
+    accuracy = result.solved.accuracy
+    assert accuracy["asked"] == ACCURACY
+    assert accuracy["met"] == (accuracy["reached"] <= ACCURACY)
+    last = result.balls[0]
+    assert accuracy["reached"] * accuracy["relative_to"]["force"] == relatively(last.tangential_force_error, 1e-9)
 
 
 def test_every_step_answers_for_the_prescribed_approach(result: Any) -> None:
-    assert len(result.steps) == STEPS
-    assert [b.approach for b in result.balls] == [relatively(0.02, 1e-12)] * 2
+    assert [step.record["fraction"] for step in result.steps] == list(STEPS)
+    assert [step.record["step"] for step in result.steps] == [1, 2]
+    assert [b.approach for b in result.balls] == [relatively(LIGHT, 1e-12)] * 2
     forces = [step.balls[0].normal_force for step in result.steps]
     assert 0.0 < forces[0] < forces[1]
     assert result.steps[-1].balls == result.balls
 
 
+def test_the_answer_meets_the_linear_model_under_light_load(result: Any) -> None:
+    for step in result.steps:
+        forces = [ball.normal_force for ball in step.balls]
+        linear = linear_bem.solve(replace(light_pair(), finite_strain=None).with_load("force", forces)).balls[0]
+        ball = step.balls[0]
+        # theory: departures are a third of sqrt(D/R), of T measured as the run measures it
+        allowed = math.sqrt(ball.approach) / 3.0 * result.solved.accuracy["relative_to"]["force"]
+        difference = abs(ball.tangential_force[0] - linear.tangential_force[0])
+        assert difference < allowed + ball.tangential_force_error
+        assert linear.approach == relatively(ball.approach, 0.03)
+
+
 def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
     for step in result.steps:
         # solver: the residual is closed to 1e-9 of the normal force
-        assert step.record["force_balance"] <= 1e-8
-        assert 0.0 < step.record["penetration"] < 0.02 * 0.02
+        assert step.record["force_balance"] <= 1e-7
+        assert 0.0 < step.record["penetration"] < 0.03 * LIGHT
+        assert step.record["residual"] < 1e-8 * step.balls[0].normal_force
+        assert step.record["pair_weight"] == [1.0, 1.0]
+        assert 0 < step.record["tangents"] <= step.record["iterations"]
+        assert 0 < step.record["augmentation_iterations"] < step.record["iterations"]
+        assert step.record["pair_iterations"] > 0
+        assert step.record["seconds"] > 0.0
     assert result.solved.converged
-    assert result.solved.certificate["force_balance"] <= 1e-8
+    assert result.solved.certificate["force_balance"] <= 1e-7
 
 
-def test_a_single_rank_foresees_the_number_of_its_unknowns(result: Any) -> None:
-    # theory: the estimate's own statement
-    assert plan_run(light_pair(), ACCURACY, "finite_strain").unknowns()[1] == relatively(result.solved.unknowns, 0.4)
+def test_a_plan_foresees_the_number_of_unknowns(result: Any) -> None:
+    plan = plan_run(light_pair(), ACCURACY, "finite_strain")
+    for mesh in result.solved.accuracy["meshes"]:
+        level = Discretisation(mesh["order"], mesh["fineness"], mesh["extent"])
+        # theory: the estimate's own statement
+        assert plan.unknowns(level) == relatively(mesh["unknowns"], 0.3)
 
 
 def test_the_observer_hears_size_attempts_iterations_and_steps(result: Any, heard: Recorder) -> None:
     assert heard.info["unknowns"] == result.solved.unknowns
-    assert heard.info["load_steps"] == STEPS
+    assert heard.info["load_steps"] == len(STEPS)
     assert heard.info["resumed_steps"] == 0
-    assert {attempt["mesh"] for attempt in heard.attempts} == {"companion", "main"}
-    assert len(heard.residuals) >= result.solved.iterations
+    assert {attempt["mesh"] for attempt in heard.attempts} == {
+        "coarse",
+        "main",
+        "main, small strain",
+        "coarse, small strain",
+    }
+    assert len(heard.residuals) > result.solved.iterations
     assert tuple(heard.steps) == result.steps
 
 
@@ -122,7 +163,7 @@ def test_the_surface_handed_to_the_observer_is_the_whole_scenes(result: Any, hea
     assert force == relatively(sum(ball.normal_force for ball in result.balls), WRITTEN_PRESSURE)
     deepest = surface.points[np.argmin(surface.points[:, 2])]
     assert abs(abs(deepest[0]) - 1.0) < 0.1
-    assert deepest[2] == relatively(-0.02, 0.02)
+    assert deepest[2] == relatively(-LIGHT, 0.02)  # nodes near the axis
 
 
 def integral_over(points: np.ndarray, triangles: np.ndarray, values: np.ndarray) -> float:
@@ -132,10 +173,10 @@ def integral_over(points: np.ndarray, triangles: np.ndarray, values: np.ndarray)
 
 
 def top_triangles(mesh: Any) -> np.ndarray:
-    """Return the faces (n, 3) of a quadratic tetrahedral mesh that lie in z = 0, by their corners."""
-    cells = mesh.cells_dict["tetra10"][:, :4]
-    faces = np.concatenate([np.delete(cells, k, axis=1) for k in range(4)])
-    return faces[np.all(np.abs(mesh.points[faces][..., 2]) < 1e-12, axis=1)]
+    """Return triangles (n, 3) that fill the upper ends of the hexahedra in z = 0."""
+    ends = mesh.cells_dict["hexahedron"][:, 4:]
+    ends = ends[np.all(np.abs(mesh.points[ends][..., 2]) < 1e-12, axis=1)]
+    return np.concatenate([ends[:, [0, 1, 2]], ends[:, [0, 2, 3]]])
 
 
 def test_every_step_file_opens_with_its_fields(result: Any, folder: Path) -> None:
@@ -156,17 +197,17 @@ def test_every_step_file_opens_with_its_fields(result: Any, folder: Path) -> Non
         # the model holds half of one ball
         force = integral_over(mesh.points, top_triangles(mesh), p)
         assert force == relatively(0.5 * step.balls[0].normal_force, WRITTEN_PRESSURE)
-        # discretisation: the deepest node is on the ball's axis, and the approach was extrapolated from two meshes
-        assert u[:, 2].min() == relatively(-step.balls[0].approach, 0.02)
+        # the deepest node is on the ball's axis, and the contact is as stiff as its multipliers make it
+        assert u[:, 2].min() == relatively(-step.balls[0].approach, 0.005)
 
 
 def test_stress_under_the_ball_balances_the_contact_pressure(result: Any, folder: Path) -> None:
     meshio = pytest.importorskip("meshio")
-    mesh = meshio.read(folder / f"step_{STEPS:04d}.xdmf")
+    mesh = meshio.read(folder / f"step_{len(STEPS):04d}.xdmf")
     stress = mesh.point_data["cauchy_stress"]
     assert np.abs(stress - stress.transpose(0, 2, 1)).max() < 1e-12
     under_the_ball = np.argmin(np.linalg.norm(mesh.points - np.array([1.0, 0.0, 0.0]), axis=1))
-    # discretisation: five elements over a contact radius; extended and averaged here, projected there
+    # discretisation: a few elements over a contact radius
     assert stress[under_the_ball, 2, 2] == relatively(-mesh.point_data["contact_pressure"][under_the_ball], 0.1)
 
 
@@ -174,7 +215,7 @@ def test_the_index_holds_every_step(result: Any, folder: Path) -> None:
     meshio = pytest.importorskip("meshio")
     with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
         points, cells = reader.read_points_cells()
-        assert reader.num_steps == STEPS
+        assert reader.num_steps == len(STEPS)
         assert len(cells) == 1
         dents = []
         for k in range(reader.num_steps):
@@ -208,78 +249,74 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_more_ranks_answer_as_one_does(ranks: int, result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(ranks, tmp_path)
-    assert found["solved"]["ranks"] == ranks
+def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path) -> None:
+    found = press(2, tmp_path)
+    assert found["solved"]["ranks"] == 2
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
-    assert found["meshes_run"] == ["companion", "main"]
-    assert (tmp_path / "mesh.msh").read_bytes() == (folder / "mesh.msh").read_bytes()
+    assert "main" in found["meshes_run"]
+    for number in (0, 1):
+        name = f"mesh_{number}.msh"
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
     assert_same_answer(found, result.to_dict(), PARALLEL)
-    for number in range(1, STEPS + 1):
+    for number in range(1, len(STEPS) + 1):
         same_fields(folder / f"step_{number:04d}.h5", tmp_path / f"step_{number:04d}.h5", PARALLEL)
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_multigrid_on_four_ranks_answers_as_factors_do_on_one(result: Any, tmp_path: Path) -> None:
-    found = press(4, tmp_path, options="-thirdbody_direct_up_to 0")
-    assert found["solved"]["ranks"] == 4
-    assert found["solved"]["linear_solver"] == "fgmres + fieldsplit"
-    assert [step["record"]["linear_fallbacks"] for step in found["steps"]] == [0] * STEPS
-    assert_same_answer(found, result.to_dict(), PARALLEL)
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-@pytest.mark.parametrize(("before", "after"), [(2, 1), (1, 4)], ids=["from two ranks to one", "from one to four"])
-def test_a_stopped_run_goes_on_from_its_folder(
-    result: Any, folder: Path, before: int, after: int, tmp_path: Path
+def test_a_run_stopped_in_the_middle_of_a_discretisation_goes_on_there(
+    result: Any, folder: Path, tmp_path: Path
 ) -> None:
-    press(before, tmp_path, "1", code=STOPPED)
+    press(2, tmp_path, "1", code=STOPPED)
     assert (tmp_path / "step_0001.h5").exists()
     assert not (tmp_path / "step_0002.h5").exists()
-    found = press(after, tmp_path)
-    assert found["resumed"] == 1
-    assert found["meshes_run"] == ["main"]  # the companion's answers are kept too
-    assert_same_answer(found, result.to_dict(), PARALLEL)
+    again = Recorder()
+    found = solve(tmp_path, again)
+    assert again.info["resumed_steps"] == 1
+    # the path finder's answers are kept, and of this mesh the first step
+    assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
+    assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
+    assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
     same_fields(folder / "step_0002.h5", tmp_path / "step_0002.h5", PARALLEL)
-    assert all(step["record"]["seconds_output"] > 0.0 for step in found["steps"])
+    assert all(step.record["seconds_output"] > 0.0 for step in found.steps)
 
 
 def test_a_finished_run_is_answered_from_its_folder(result: Any, folder: Path) -> None:
     again = Recorder()
-    found = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=again)
+    found = solve(folder, again)
     assert not again.attempts
     assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in result.steps]
+    assert found.solved.accuracy == result.solved.accuracy
 
 
-@pytest.mark.parametrize("name", ["checkpoint.h5", "companion.json"])
-def test_an_unreadable_file_in_the_folder_is_named(result: Any, folder: Path, tmp_path: Path, name: str) -> None:
-    for file in ("checkpoint.h5", "companion.json"):
-        (tmp_path / file).write_bytes((folder / file).read_bytes())
-    (tmp_path / name).write_bytes(b"{ torn")
-    with pytest.raises(OutputUnusable, match=name):
-        finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path)
+def test_a_run_that_is_to_be_more_accurate_begins_anew(result: Any, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / NAME).write_bytes((folder / NAME).read_bytes())
+    hasty = StopAfter(1)
+    with pytest.raises(Stopped):
+        finite_strain.solve(light_pair(), tangential_force=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS)
+    assert {attempt["mesh"] for attempt in hasty.attempts} >= {"coarse", "main"}
+
+
+def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / NAME).write_bytes(b"{ torn")
+    with pytest.raises(OutputUnusable, match=rf"{NAME} cannot be read"):
+        solve(tmp_path, None)
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     heard = Recorder()
     with pytest.raises(OutputUnusable, match="cannot be written"):
-        finite_strain.solve(light_pair(), folder=tmp_path / "file" / "out", observer=heard)
+        solve(tmp_path / "file" / "out", heard)
     assert not heard.attempts
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", ["checkpoint.h5", "companion.json"])
-def test_an_unreadable_file_stops_every_rank(result: Any, folder: Path, tmp_path: Path, name: str) -> None:
-    for file in ("checkpoint.h5", "companion.json"):
-        (tmp_path / file).write_bytes((folder / file).read_bytes())
-    (tmp_path / name).write_bytes(b"")
+def test_an_unreadable_file_stops_every_rank(tmp_path: Path) -> None:
+    (tmp_path / NAME).write_bytes(b"")
     said = press(2, tmp_path, code=1)
     assert said.count("OutputUnusable") == 2
-    assert said.count(name) == 2
+    assert said.count(NAME) == 2
 
 
 @pytest.mark.mpi
@@ -292,8 +329,3 @@ def test_a_run_that_does_not_converge_says_so_on_every_rank(ranks: int, tmp_path
         assert "NotConverged" in line
         assert "DIVERGED_MAX_IT" in line
         assert "last good state is at 0 of the full load" in line
-
-
-def test_the_tangential_force_is_known_far_better_than_its_own_size(result: Any) -> None:
-    ball = result.balls[0]
-    assert ball.tangential_force_error < 0.3 * math.hypot(*ball.tangential_force)

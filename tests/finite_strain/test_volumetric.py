@@ -20,7 +20,7 @@ def of(poisson: float, substrate: Elastic | None = None) -> Problem:
 
 @pytest.mark.parametrize(
     ("poisson", "form"),
-    [(nu, "displacement") for nu in (0.0, 0.3, 0.449)] + [(nu, "mixed") for nu in (0.45, 0.48, 0.4999, 0.5)],
+    [(nu, "displacement") for nu in (0.0, 0.3, 0.48, 0.4899)] + [(nu, "mixed") for nu in (0.49, 0.4999, 0.5)],
 )
 def test_the_form_follows_from_poissons_ratio(poisson: float, form: str) -> None:
     assert finite_strain.plan(of(poisson))["forms"] == {"layer": form}
@@ -31,7 +31,7 @@ def test_layer_and_substrate_choose_each_for_itself() -> None:
     assert describe_forms(of(0.3, Elastic(10.0, 0.5))) == {"layer": "displacement", "substrate": "mixed"}
 
 
-@pytest.mark.parametrize("poisson", [0.45, 0.47, 0.49])
+@pytest.mark.parametrize("poisson", [0.4, 0.48, 0.4999])
 def test_a_scene_may_name_the_form_where_both_are_fit(poisson: float) -> None:
     for form in ("displacement", "mixed"):
         asked = in_form(form, of(poisson, STIFF_SUBSTRATE))
@@ -49,9 +49,9 @@ def test_the_choice_is_told_where_it_is_not_the_plain_one() -> None:
 @pytest.mark.parametrize(
     ("form", "poisson", "remedy"),
     [
-        ("displacement", 0.4901, "mixed"),
+        ("displacement", 0.49991, "mixed"),
         ("displacement", 0.5, "mixed"),
-        ("mixed", 0.449, "displacement"),
+        ("mixed", 0.399, "displacement"),
         ("mixed", 0.0, "displacement"),
     ],
 )

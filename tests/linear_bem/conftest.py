@@ -11,7 +11,7 @@ def paper_pair():
 
     def build(thickness=1.16, distance=2.0, load=None, **layer):
         solid = {"young": 1.0, "poisson": 0.48, **layer}
-        balls = (Ball((-0.5 * distance, 0.0), 1.0), Ball((0.5 * distance, 0.0), 1.0))
+        balls = (Ball((-0.5 * distance, 0.0), 1.0, "paraboloid"), Ball((0.5 * distance, 0.0), 1.0, "paraboloid"))
         return Problem(
             Layer(solid["young"], solid["poisson"], thickness),
             balls,

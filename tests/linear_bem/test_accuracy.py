@@ -15,7 +15,7 @@ CASES = {
 
 def problem_of(name):
     layer, substrate, force, distance = CASES[name]
-    balls = (Ball((0.0, 0.0), 1.0), Ball((distance * 0.6, distance * 0.8), 1.0))
+    balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((distance * 0.6, distance * 0.8), 1.0, "paraboloid"))
     return Problem(layer, balls, Load("force", (force, force)), substrate)
 
 

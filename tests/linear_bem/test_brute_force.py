@@ -17,22 +17,30 @@ def saddle(x, y):
 
 CASES = {
     "paper's thin pair": Problem(
-        Layer(1.0, 0.48, 1.16), (Ball((-1, 0), 1.0), Ball((1, 0), 1.0)), Load("force", (PAPER_LOAD,) * 2), STEEL
+        Layer(1.0, 0.48, 1.16),
+        (Ball((-1, 0), 1.0, "paraboloid"), Ball((1, 0), 1.0, "paraboloid")),
+        Load("force", (PAPER_LOAD,) * 2),
+        STEEL,
     ),
     "three in a triangle": Problem(
         Layer(1.0, 0.48, 1.16),
-        (Ball((0, 0), 1.0), Ball((2.1, 0), 1.0), Ball((1, 1.9), 1.0)),
+        (Ball((0, 0), 1.0, "paraboloid"), Ball((2.1, 0), 1.0, "paraboloid"), Ball((1, 1.9), 1.0, "paraboloid")),
         Load("force", (PAPER_LOAD, 2 * PAPER_LOAD, 4 * PAPER_LOAD)),
         STEEL,
     ),
     "askew ellipsoid beside a ball": Problem(
-        Layer(1.0, 0.4, 0.7), (Ball((-1, 0), 1.0, saddle), Ball((1, 0), 1.0)), Load("force", (2e-2, 1e-2)),
+        Layer(1.0, 0.4, 0.7),
+        (Ball((-1, 0), 1.0, saddle), Ball((1, 0), 1.0, "paraboloid")),
+        Load("force", (2e-2, 1e-2)),
         Elastic(10.0, 0.2),
     ),
     "incompressible, unequal": Problem(
-        Layer(1.0, 0.5, 0.6), (Ball((-1, 0), 1.0), Ball((0.9, 0.4), 0.8)), Load("force", (1e-2, 5e-3)), STEEL
+        Layer(1.0, 0.5, 0.6),
+        (Ball((-1, 0), 1.0, "paraboloid"), Ball((0.9, 0.4), 0.8, "paraboloid")),
+        Load("force", (1e-2, 5e-3)),
+        STEEL,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -55,7 +63,7 @@ def test_its_energy_falls_as_the_pair_follows_the_mutual_force():
     step = 0.02
 
     def at(distance):
-        balls = (Ball((-0.5 * distance, 0), 1.0), Ball((0.5 * distance, 0), 1.0))
+        balls = (Ball((-0.5 * distance, 0), 1.0, "paraboloid"), Ball((0.5 * distance, 0), 1.0, "paraboloid"))
         return Problem(base.layer, balls, Load("approach", (depth,) * 2), base.substrate)
 
     kernel, reach = fitted(at(2.5))

@@ -9,12 +9,14 @@ from linear_bem.stress import stress_response, vertical_stress
 @pytest.fixture(scope="module")
 def hertz():
     """One ball on a half-space with contact radius 0.1."""
-    return solve_contact(Problem(Layer(1.0, 0.3, np.inf), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.01,))))
+    return solve_contact(
+        Problem(Layer(1.0, 0.3, np.inf), (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (0.01,)))
+    )
 
 
 @pytest.fixture(scope="module")
 def unlike():
-    balls = (Ball((-1.1, 0.0), 1.0), Ball((1.1, 0.4), 0.8))
+    balls = (Ball((-1.1, 0.0), 1.0, "paraboloid"), Ball((1.1, 0.4), 0.8, "paraboloid"))
     return solve_contact(Problem(Layer(1.0, 0.45, 0.6), balls, Load("approach", (0.02, 0.03)), Elastic(5.0, 0.2)), 1e-6)
 
 
@@ -54,7 +56,7 @@ def test_three_routes_to_the_tangential_force_agree(unlike):
 
 
 def test_the_energy_route_holds_for_touching_balls_too():
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     touching = solve_contact(
         Problem(Layer(1.0, 0.48, 1.16), balls, Load("force", (2.66666e-3,) * 2), Elastic(1e3, 0.3)), 1e-6
     )
@@ -72,7 +74,7 @@ def test_vertical_stress_on_the_axis_is_hertz(hertz):
 
 @pytest.mark.parametrize("depth", [0.1, 0.6])
 def test_vertical_stress_on_a_plane_carries_the_load(depth):
-    problem = Problem(Layer(1.0, 0.45, 0.6), (Ball((0.0, 0.0), 1.0),), Load("force", (0.01,)))
+    problem = Problem(Layer(1.0, 0.45, 0.6), (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("force", (0.01,)))
     z, w = np.polynomial.legendre.leggauss(300)
     r, w = 10.0 * (1 + z), 10.0 * w
     stress = vertical_stress(solve_contact(problem), r, 0 * r, depth)
@@ -91,7 +93,7 @@ def test_stress_outside_the_layer_is_refused(unlike):
 
 
 def test_stress_on_a_grid_meets_polynomials_from_one_cell_on_and_is_refused_above():
-    balls = (Ball((0.0, 0.0), 1.0), Ball((2.0, 0.0), 1.0))
+    balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.0, 0.0), 1.0, "paraboloid"))
     problem = Problem(Layer(1.0, 0.4, 0.3), balls, Load("force", (0.05, 0.02)))
     grid, smooth = solve_contact(problem, 1e-3), solve_contact(problem, 1e-5)
     cell = max(patch.cell for patch in grid.contacts.patches.patches)

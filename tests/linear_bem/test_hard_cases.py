@@ -31,7 +31,7 @@ from linear_bem.solution import SmoothContacts
 
 
 def pair(layer, substrate=None, distance=2.0, force=2.66666e-3):
-    balls = (Ball((-0.5 * distance, 0.0), 1.0), Ball((0.5 * distance, 0.0), 1.0))
+    balls = (Ball((-0.5 * distance, 0.0), 1.0, "paraboloid"), Ball((0.5 * distance, 0.0), 1.0, "paraboloid"))
     return Problem(layer, balls, Load("force", (force, force)), substrate)
 
 
@@ -72,7 +72,7 @@ def test_a_thousand_radii_of_layer_are_a_half_space(ratio):
 @pytest.mark.parametrize(("poisson", "limit"), [(0.3, bonded_compressible_force), (0.5, bonded_incompressible_force)])
 def test_a_thin_layer_on_a_rigid_base_has_the_asymptotic_stiffness(poisson, limit):
     layer = Layer(1.0, poisson, 1e-3)
-    ball = solve(Problem(layer, (Ball((0.0, 0.0), 1.0),), Load("approach", (1e-3,)))).balls[0]
+    ball = solve(Problem(layer, (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (1e-3,)))).balls[0]
     # the edge's correction is of order h/a = 0.02
     assert ball.normal_force == pytest.approx(limit(1e-3, 1.0, layer), rel=0.06)
 
@@ -106,7 +106,7 @@ def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(
         else [(2.0 * (i // 3), 2.0 * (i % 3)) for i in range(9)]
     )
     load = Load("total_force", (2.66666e-3 * len(xy),))
-    problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(p, 1.0) for p in xy), load, Elastic(1e3, 0.3))
+    problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(p, 1.0, "paraboloid") for p in xy), load, Elastic(1e3, 0.3))
     smooth = solve(problem)
     monkeypatch.setattr(linear_bem.smooth_contact, "ROUGHEST", -1.0)
     grid = solve(problem)
@@ -169,7 +169,11 @@ def test_merging_contacts_share_one_grid_and_stay_symmetric():
 
 
 def test_a_ball_a_hundred_times_larger_than_its_neighbours():
-    balls = (Ball((0.0, 0.0), 100.0), Ball((20.0, 0.0), 1.0), Ball((0.0, -21.0), 1.0))
+    balls = (
+        Ball((0.0, 0.0), 100.0, "paraboloid"),
+        Ball((20.0, 0.0), 1.0, "paraboloid"),
+        Ball((0.0, -21.0), 1.0, "paraboloid"),
+    )
     result = solve(Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (0.1, 0.1, 0.1))))
     t = np.array([b.tangential_force for b in result.balls])
     slope = np.array([b.tangential_force_routes["slope"] for b in result.balls])
@@ -213,7 +217,7 @@ def test_an_elliptic_profile_meets_hertz():
 
 def beside_a_deep_ball(overlap):
     """A ball that its deep neighbour's dent would leave without force, pressed in beyond that by a little."""
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, substrate, deep = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 0.0768
     lifted = solve_contact(Problem(layer, balls, Load("approach", (deep, -0.5)), substrate), 1e-6)
     height = rest_height(lifted.contacts, 1)

@@ -29,7 +29,7 @@ def test_prescribed_force_and_approach_are_inverse_on_a_layer():
     pressed = solve_height_field(layer, substrate, heights, cell, approach=0.03)
     loaded = solve_height_field(layer, substrate, heights, cell, normal_force=pressed.normal_force)
     assert loaded.approach == pytest.approx(0.03, rel=1e-7)
-    ball = Problem(layer, (Ball((0.0, 0.0), 1.0),), Load("approach", (0.03,)), substrate)
+    ball = Problem(layer, (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (0.03,)), substrate)
     assert pressed.normal_force == pytest.approx(solve(ball).balls[0].normal_force, rel=2e-3)
 
 

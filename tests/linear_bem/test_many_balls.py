@@ -21,7 +21,7 @@ def loads(result):
 
 def block(load, thickness=1.16, count=3):
     xy = [(2.0 * i, 2.0 * j) for i in range(count) for j in range(count)]
-    return Problem(Layer(1.0, 0.48, thickness), tuple(Ball(p, 1.0) for p in xy), load, Elastic(1e3, 0.3))
+    return Problem(Layer(1.0, 0.48, thickness), tuple(Ball(p, 1.0, "paraboloid") for p in xy), load, Elastic(1e3, 0.3))
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_dense_random_heap_has_equal_forces_by_both_routes():
     while len(balls) < 50:
         x, y, r = *rng.uniform(-8.0, 8.0, 2), rng.uniform(0.5, 1.0)
         if all(np.hypot(x - b.position[0], y - b.position[1]) >= 2 * np.sqrt(r * b.radius) for b in balls):
-            balls.append(Ball((x, y), r))
+            balls.append(Ball((x, y), r, "paraboloid"))
     result = solve(Problem(Layer(1.0, 0.48, np.inf), tuple(balls), Load("approach", (0.1,) * 50)), 1e-3)
     t = forces(result)
     slope = np.array([b.tangential_force_routes["slope"] for b in result.balls])
@@ -97,7 +97,7 @@ def test_the_displacement_around_many_balls_is_exact_to_what_is_stated():
 @pytest.fixture(scope="module")
 def uneven():
     """Three unlike balls on a layer: no symmetry to hide behind."""
-    balls = (Ball((-1.1, 0.3), 1.0), Ball((1.2, 0.0), 0.7, "sphere"), Ball((0.2, 1.9), 0.9))
+    balls = (Ball((-1.1, 0.3), 1.0, "paraboloid"), Ball((1.2, 0.0), 0.7, "sphere"), Ball((0.2, 1.9), 0.9, "paraboloid"))
     return Problem(Layer(1.0, 0.45, 0.9), balls, Load("force", (5e-3, 2e-3, 8e-3)), Elastic(20.0, 0.2))
 
 
@@ -127,7 +127,11 @@ def test_scaling_moduli_and_lengths_scales_the_answer_to_roundoff(uneven):
 
 
 def test_a_ball_that_a_neighbours_dent_leaves_behind_carries_no_load():
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0), Ball((9.0, 0.0), 1.0))
+    balls = (
+        Ball((-1.0, 0.0), 1.0, "paraboloid"),
+        Ball((1.0, 0.0), 1.0, "paraboloid"),
+        Ball((9.0, 0.0), 1.0, "paraboloid"),
+    )
     problem = Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (0.1, 1e-3, 0.05)))
     pressed, lifted, far = solve(problem).balls
     assert lifted.normal_force == 0.0
@@ -137,7 +141,7 @@ def test_a_ball_that_a_neighbours_dent_leaves_behind_carries_no_load():
 
 
 def test_an_unloaded_ball_rests_on_the_deformed_surface():
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     problem = Problem(Layer(1.0, 0.48, np.inf), balls, Load("force", (1e-3, 0.0)))
     pressed, resting = solve(problem).balls
     assert resting.normal_force == 0.0

@@ -12,7 +12,7 @@ from linear_bem.grid_contact import GridContacts
 @pytest.mark.parametrize("substrate", [Elastic(1e3, 0.3), None])
 def test_unequal_balls_under_one_holder_agree_with_their_common_approach_prescribed(radius, distance, substrate):
     """Cells differ up to tenfold in side; under a prescribed approach there is no force to keep."""
-    balls = (Ball((0.0, 0.0), radius), Ball((distance, 0.0), 1.0))
+    balls = (Ball((0.0, 0.0), radius, "paraboloid"), Ball((distance, 0.0), 1.0, "paraboloid"))
     held = Problem(Layer(1.0, 0.48, 1.16), balls, Load("total_force", (0.5,)), substrate)
     together = solve_contact(held, 1e-3)
     assert isinstance(together.contacts, GridContacts)
@@ -28,7 +28,7 @@ def test_unequal_balls_under_one_holder_agree_with_their_common_approach_prescri
 @pytest.mark.parametrize("force", [30.0, 40.0])
 def test_contacts_that_merge_far_beyond_polynomials_go_to_a_grid(force):
     """Newton's equations become singular on the way there."""
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     solution = solve_contact(Problem(Layer(1.0, 0.48, np.inf), balls, Load("force", (force, force))), 1e-2)
     assert isinstance(solution.contacts, GridContacts)
     left, right = solution.result().balls
@@ -40,7 +40,7 @@ def test_a_custom_ball_that_lifts_on_a_grid_has_no_force():
     def sphere(x, y):
         return (x**2 + y**2) / (1.0 + np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0)))
 
-    balls = (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), 1.0, sphere))
+    balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.2, 0.0), 1.0, sphere))
     solution = solve_contact(Problem(Layer(1.0, 0.3, 0.1), balls, Load("approach", (0.05, -0.1))), 1e-2)
     assert isinstance(solution.contacts, GridContacts)
     lifted = solution.result().balls[1]
@@ -49,7 +49,7 @@ def test_a_custom_ball_that_lifts_on_a_grid_has_no_force():
 
 
 def test_a_profile_that_starts_above_its_axis_is_refused():
-    balls = (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), 1.0, lambda x, y: 0.5 * (x**2 + y**2) + 0.02))
+    balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.2, 0.0), 1.0, lambda x, y: 0.5 * (x**2 + y**2) + 0.02))
     with pytest.raises(InvalidProblem, match=r"must be 0 at the ball's axis, .* is 0\.02 m there; subtract it"):
         solve(Problem(Layer(1.0, 0.3, np.inf), balls, Load("total_force", (1e-3,))))
 

@@ -30,7 +30,7 @@ def test_force_changes_sign_at_the_reference_thicknesses(paper_pair, thickness):
 def test_one_ball_is_hertz():
     layer = Layer(3.0, 0.3, np.inf)
     for load in (1e-8, 1e-2, 1.0):
-        ball = solve(Problem(layer, (Ball((0.3, 0.2), 2.0),), Load("force", (load,)))).balls[0]
+        ball = solve(Problem(layer, (Ball((0.3, 0.2), 2.0, "paraboloid"),), Load("force", (load,)))).balls[0]
         approach = hertz_approach(load, 2.0, layer.contact_modulus)
         a = hertz_contact_radius(approach, 2.0)
         assert ball.approach == pytest.approx(approach, rel=1e-9)

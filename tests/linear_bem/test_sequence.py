@@ -61,7 +61,7 @@ def test_other_bodies_are_solved_from_nothing():
 
 def test_a_ball_that_comes_into_contact_or_leaves_it_is_noticed():
     def scene(approach):
-        pair = (Ball((0.0, 0.0), 1.0), Ball((2.5, 0.0), 1.0))
+        pair = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.5, 0.0), 1.0, "paraboloid"))
         return Problem(Layer(1.0, 0.48, np.inf), pair, Load("approach", (0.1, approach)))
 
     sequence = ContactSequence(ACCURACY)
@@ -74,7 +74,7 @@ def test_a_ball_that_comes_into_contact_or_leaves_it_is_noticed():
 
 def test_merging_contacts_are_answered_from_nothing():
     def scene(distance):
-        pair = (Ball((0.0, 0.0), 1.0), Ball((distance, 0.0), 1.0))
+        pair = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((distance, 0.0), 1.0, "paraboloid"))
         return Problem(Layer(1.0, 0.48, np.inf), pair, Load("force", (12.0, 12.0)))
 
     sequence = ContactSequence(ACCURACY)

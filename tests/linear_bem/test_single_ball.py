@@ -33,7 +33,7 @@ def test_a_paraboloid_on_a_bonded_layer_meets_the_fredholm_solution(case):
     poisson, chi = case
     force, area = PARABOLOID[case]
     layer, radius, approach = Layer(1.0, poisson, 1.0), chi**2 * 1e4, 1e-4
-    result = solve(Problem(layer, (Ball((0.0, 0.0), radius),), Load("approach", (approach,))))
+    result = solve(Problem(layer, (Ball((0.0, 0.0), radius, "paraboloid"),), Load("approach", (approach,))))
     ball = result.balls[0]
     assert not result.solved.notes
     # the table's last digit, or the default accuracy of forces

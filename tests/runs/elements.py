@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -25,16 +27,29 @@ from linear_bem import solve as solve_linear
 from linear_bem.result import Result, Solved, Step
 
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
+"""The load path, which is answered where no steps are asked for."""
+TERMS = ("discretisation", "enforcement", "transfer", "solver")
+"""Terms of the error budget, each a half of the whole: they add up as a root of squares."""
 
 
 def plan(
-    problem: Problem, tangential_force: float = 0.01, model: str = "finite_strain", **_budget: float
+    problem: Problem,
+    tangential_force: float = 0.01,
+    model: str = "finite_strain",
+    *,
+    seconds: float | None = None,
+    unknowns: float | None = None,
+    steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
     if problem.load.kind != "approach":
         raise UnsupportedProblem(f"{model}: load.{problem.load.kind}: the stand-in knows load.approach")
     return {
-        "symmetries": ["mirror plane x = 0"], "unknowns": 1234, "memory_bytes": 5e8, "seconds": 65.0,
-        "domain": [4.0, 4.0, 1.0], "element_sizes": {"finest": 0.05}, "load_steps": len(FRACTIONS),
+        "forms": {"layer": "mixed"}, "linear_solver": "cholesky (mumps): up to 150000 unknowns",
+        "symmetries": ["mirror plane x = 0"], "unknowns": 1234, "meshes": ["order 3, fineness 1: about 1234 unknowns"],
+        "memory_bytes": 5e8, "memory_bytes_at_most": 6e8, "seconds": 65.0,
+        "domain": {"x": [0.0, 4.0], "y": [0.0, 4.0], "layer": 1.0, "substrate": 0.0},
+        "load_steps": len(FRACTIONS if steps is None else steps),
+        "accuracy": {"asked": tangential_force, "unknowns_at_most": unknowns or 120e3, "seconds_at_most": seconds},
     }  # fmt: skip
 
 
@@ -46,30 +61,49 @@ def solve(
     comm: Any = None,
     folder: Path | None = None,
     observer: Any = None,
-    **_budget: float,
+    fields: Any = None,
+    seconds: float | None = None,
+    unknowns: float | None = None,
+    steps: Sequence[float] | None = (1.0,),
 ) -> Result:
     assert comm is not None
     assert folder is not None
     assert observer is not None
     checkpoint = folder / "checkpoint.json"
     saved = json.loads(checkpoint.read_text()) if comm.rank == 0 and checkpoint.exists() else []
-    steps = [Step.from_dict(step) for step in comm.bcast(saved, root=0)]
+    done = [Step.from_dict(step) for step in comm.bcast(saved, root=0)]
     observer.started({"unknowns": 1234, "versions": {"numpy": np.__version__}})
-    for number, fraction in enumerate(FRACTIONS):
-        if number < len(steps):
+    for number, fraction in enumerate(FRACTIONS if steps is None else steps):
+        if number < len(done):
             continue
-        observer.attempt({"step": number + 1, "approach": fraction * max(problem.load.values)})
+        observer.attempt({"mesh": "main", "fraction": fraction, "cuts": 0})
         if number == 2:
             _go_wrong(comm, observer, folder.parent)
-        observer.newton({"iteration": 1})
+        observer.newton({"iteration": 1, "residual": 1e-9})
         step = _state(problem, fraction, number, model, tangential_force)
-        steps.append(step)
+        done.append(step)
         if comm.rank == 0:
             folder.mkdir(parents=True, exist_ok=True)
-            checkpoint.write_text(json.dumps([s.to_dict() for s in steps]))
+            checkpoint.write_text(json.dumps([s.to_dict() for s in done]))
         observer.step_done(step, _surface(problem, step) if comm.rank == 0 else None)
-    solved = Solved(True, 20, 1234, 1.0, comm.size, {"numpy": np.__version__})
-    return Result(model, steps[-1].balls, solved, tuple(steps))
+    accuracy = _accuracy(done[-1], tangential_force, seconds, unknowns)
+    solved = Solved(True, 20, 1234, 1.0, comm.size, {"numpy": np.__version__}, accuracy=accuracy)
+    return Result(model, done[-1].balls, solved, tuple(done))
+
+
+def _accuracy(step: Step, asked: float, seconds: float | None, unknowns: float | None) -> dict[str, Any]:
+    largest = max(math.hypot(*ball.tangential_force) for ball in step.balls)
+    mesh = {
+        "order": 3, "fineness": 1.0, "extent": 1.0, "unknowns": 1234, "seconds": 1.0, "reached": asked,
+        "tangential_force_per_squared_force": [[t / b.normal_force**2 for t in b.tangential_force] for b in step.balls],
+        "normal_forces": [ball.normal_force for ball in step.balls],
+    }  # fmt: skip
+    return {
+        "asked": asked, "reached": asked, "met": True, "terms": dict.fromkeys(TERMS, 0.5 * asked),
+        "relative_to": {"what": "the largest tangential force", "force": largest},
+        "stopped": "the accuracy asked for is met",
+        "budget": {"seconds": seconds, "unknowns": unknowns or 120e3}, "meshes": [mesh],
+    }  # fmt: skip
 
 
 def _go_wrong(comm: Any, observer: Any, out: Path) -> None:
@@ -106,7 +140,16 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
         force = (x * factor, y * factor)
         error = accuracy * float(np.hypot(*force))
         balls.append(dataclasses.replace(ball, tangential_force=force, tangential_force_error=error))
-    return Step(tuple(balls), {"step": number + 1, "iterations": 5, "seconds": 0.1})
+    errors, none = [ball.tangential_force_error for ball in balls], [0.0] * len(balls)
+    record = {
+        "step": number + 1, "mesh": 1, "fraction": fraction, "iterations": 5, "tangents": 3,
+        "augmentation_iterations": 2, "pair_iterations": 4, "augmented": True, "cuts": 0, "residual": 1e-12,
+        "penetration": 1e-6, "force_balance": 1e-9, "smallest_volume_ratio": 0.9, "strain_energy": 1.0,
+        "error_terms": {name: [0.5 * error for error in errors] for name in TERMS},
+        "pair_weight": [1.0] * len(balls), "imbalance": 0.0, "normal_force_error": none, "approach_error": none,
+        "tangential_force_error_at_force": errors, "linear_solver": "cholesky (mumps)", "seconds": 0.1,
+    }  # fmt: skip
+    return Step(tuple(balls), record)
 
 
 def _surface(problem: Problem, step: Step) -> SimpleNamespace:

@@ -34,12 +34,12 @@ def test_a_budget_of_nothing_is_a_fault_of_its_key(key: str, tmp_path: Path) -> 
 
 
 def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
-    done = python("-m", "runs.cli", "plan", scene(tmp_path, "unknowns = 30000\nseconds = 900"), "--json")
+    done = python("-m", "runs.cli", "plan", scene(tmp_path, "unknowns = 40000\nseconds = 900"), "--json")
     assert done.returncode == 0, done.stderr
     (elements,) = (model for model in json.loads(done.stdout)["models"] if model["model"] == "finite_strain")
-    assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 30000.0, "seconds_at_most": 900.0}
-    assert [mesh.split(",")[0] for mesh in elements["meshes"]] == ["companion", "main", "finer ones"]
-    assert elements["unknowns"] <= 30000
+    assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 40000.0, "seconds_at_most": 900.0}
+    assert [mesh.split(",")[0] for mesh in elements["meshes"]] == ["order 2", "order 3", "order 3", "finer ones"]
+    assert elements["unknowns"] <= 40000
 
 
 def test_a_budget_too_small_for_any_mesh_is_refused_before_any_work(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ poisson = 0.48
 [balls]
 radius = "8 mm"
 positions = [["-8 mm", 0], ["8 mm", 0]]
+shape = "paraboloid"
 [load]
 approach = "0.1 mm"
 """

@@ -184,7 +184,11 @@ def test_two_ranks_write_and_say_what_one_rank_does(tmp_path: Path, compared: tu
 
 
 def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
-    done = run(1, "solve", tmp_path / "out", "--model", "small_strain")
+    scene = tmp_path / "scene.toml"
+    text = SCENE.read_text(encoding="utf-8")
+    scene.write_text(text.replace("[load]", '[load]\nsteps = ["0.5 mm", "1 mm", "1.5 mm"]'), encoding="utf-8")
+    args = ("solve", scene, "--out", tmp_path / "out", "--model", "small_strain")
+    done = mpirun(1, "-m", "tests.runs.elements", *args, timeout=120.0)
     assert done.returncode == 0, done.stderr
     assert "[finite_strain] left out" in done.stdout
     assert "load path of ball 0" in done.stdout

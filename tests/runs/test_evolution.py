@@ -1,4 +1,4 @@
-"""Drift of hard balls: the analytic law, contacts that hold and part, symmetry, equilibria, and the pair table."""
+"""Drift of hard balls: the analytic law, contacts that hold and part, symmetry, and equilibria."""
 
 from __future__ import annotations
 
@@ -8,63 +8,29 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, UnsupportedProblem, solve, solve_point_load
-from runs.evolution import equilibria, pair_table
+from linear_bem import Ball, Layer, LayeredKernel, Load, Problem, UnsupportedProblem
+from runs.evolution import equilibria
 from runs.evolution.drawing import chosen_cycles
 from runs.evolution.drift import Drift, Moment
-from runs.evolution.forces import DirectForces, State, at
+from runs.evolution.forces import DirectForces, State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.outcome import equilibrium, position_error
-from runs.evolution.pair_forces import PairForces, SingleBall
-from runs.evolution.providers import DIRECT_DIFFERENCE, Provider, provider
+from runs.evolution.providers import DIRECT_DIFFERENCE, Provider
 from runs.evolution.record import Record, events
-from runs.models import MODELS
+from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
 
 Array = NDArray[np.float64]
 
 ROUNDOFF = 1e-10
 THEORY = 0.01
 """Of L^3 linear in the path: a pair at a fixed approach loses load, by 0.7 % at 2 R and D = 1e-4 R."""
-FOAM = Layer(57.4e3, 0.3, 0.08)
-RADIUS, APPROACH = 0.01, 0.012
 TOLERANCE = 1e-6 * RADIUS
 REST = 1e-6
-
-
-def scene(positions: list[tuple[float, float]], layer: Layer = FOAM, approach: float = APPROACH) -> Problem:
-    balls = tuple(Ball(p, RADIUS, "sphere") for p in positions)
-    return Problem(layer, balls, Load("approach", (approach,) * len(balls)))
-
-
-def line(count: int, distance: float) -> list[tuple[float, float]]:
-    return [((i - 0.5 * (count - 1)) * distance, 0.0) for i in range(count)]
 
 
 def path(forces: object, problem: Problem, end: float, start: Array | None = None, rest: float = REST) -> list[Moment]:
     x = np.array([ball.position for ball in problem.balls]) if start is None else start
     return list(Drift(forces, HardBalls.of(problem), TOLERANCE, rest).path(x, end))  # type: ignore[arg-type]
-
-
-def of(name: str, problem: Problem, folder: Path) -> Provider:
-    return provider(MODELS[name], problem, None, "pairs", folder)
-
-
-@pytest.fixture(scope="module")
-def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("tables")
-
-
-@pytest.fixture(scope="module")
-def foam(tables: Path) -> Provider:
-    """Point loads on foam: cheap, and the same machinery as every other model."""
-    return of("point_load", scene(line(2, 0.03)), tables)
-
-
-def spread(forces: Provider, problem: Problem) -> PairForces:
-    """Return the same law for another number of the same balls."""
-    pair = forces.forces
-    assert isinstance(pair, PairForces)
-    return PairForces(problem, [pair.singles[0]] * problem.size, pair.law, pair.share)
 
 
 @pytest.mark.parametrize(("model", "thickness"), [("point_load", np.inf), ("point_load", 100.0), ("full", np.inf)])
@@ -265,92 +231,11 @@ def test_a_pair_settles_at_the_distance_where_its_force_vanishes() -> None:
     assert np.ptp(end.positions[:, 0]) == pytest.approx(0.045, rel=1e-4)
 
 
-def test_pairs_of_the_table_are_the_models_own_and_more_balls_are_close(
-    tables: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # as few distances as a finite-strain table has
-    monkeypatch.setattr(pair_table, "MANY", pair_table.FEW)
-    problem = scene(line(3, 0.023))
-    given = of("linear_bem", problem, tables)
-    assert given.table is not None
-    for distance in (0.02, 0.0237, 0.041):
-        pair = scene([(0.0, 0.0), (0.0, distance)])
-        true = solve(pair, tangential_force=1e-4).balls[0]
-        state = spread(given, pair)(np.array([[0.0, 0.0], [0.0, distance]]))
-        # the table's accuracy, and interpolation between ten distances
-        assert state.tangential[0] == pytest.approx([0.0, true.tangential_force[1]], rel=2e-3, abs=1e-9)
-        assert state.normal[0] == pytest.approx(true.normal_force, rel=1e-3)
-    rows = given.table["additivity"]
-    assert {row["arrangement"] for row in rows} == {"three in a line", "four in a square"}
-    assert all(row["coupled"] < 0.03 < row["bare_sum"] for row in rows)
-    x = np.array([ball.position for ball in problem.balls])
-    state = given.forces(x)
-    full = DirectForces(problem, 1e-2)(x)
-    assert np.max(np.abs(state.tangential - full.tangential)) <= np.max(state.error) + np.max(full.error)
-    assert state.tangential.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
-
-
-def test_point_loads_are_the_models_own(foam: Provider) -> None:
-    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035)])
-    x = np.array([ball.position for ball in problem.balls])
-    state = spread(foam, problem)(x)
-    balls = solve_point_load(at(problem, x)).balls
-    # both interpolate the single ball's law; this one is the nearer to it
-    assert state.normal == pytest.approx([ball.normal_force for ball in balls], rel=0.015)
-    assert state.tangential == pytest.approx(np.array([ball.tangential_force for ball in balls]), rel=0.03, abs=1e-3)
-    pair = foam.forces
-    assert isinstance(pair, PairForces)
-    for depth in (0.0095, 0.0115):
-        alone = Problem(FOAM, (Ball((0.0, 0.0), RADIUS, "sphere"),), Load("approach", (depth,)))
-        true = solve(alone, tangential_force=1e-3).balls[0].normal_force
-        assert pair.singles[0].force(np.array([depth])) == pytest.approx(true, rel=5e-4)
-
-
-def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.5, 3.0, 6.0))
-    problem = Problem(
-        Layer(1.0, 0.48, 6.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.05,) * 2)
-    )
-    problem = Problem(problem.layer, problem.balls, problem.load, Elastic(1e3, 0.3))
-    calls: list[int] = []
-
-    def dies_after(count: int) -> pair_table.Solve:
-        def run(one: Problem, workspace: Path | None) -> object:
-            if len(calls) >= count:
-                raise KeyboardInterrupt
-            calls.append(one.size)
-            return solve(one, tangential_force=1e-2)
-
-        return run  # type: ignore[return-value]
-
-    table = pair_table.PairTable(problem, "linear_bem", dies_after(12), tmp_path, {})
-    with pytest.raises(KeyboardInterrupt):
-        table.complete()
-    calls.clear()
-    again = pair_table.PairTable(problem, "linear_bem", dies_after(99), tmp_path, {})
-    assert again.missing == 4  # the single ball's ten approaches and two pairs are there
-    again.complete()
-    assert calls == [2, 2, 3, 4]
-    whole = pair_table.PairTable(problem, "linear_bem", dies_after(999), tmp_path / "other", {})
-    whole.complete()
-    x = np.array([[-1.1, 0.0], [1.1, 0.3]])
-    assert again.forces()(x).tangential == pytest.approx(whole.forces()(x).tangential, rel=1e-14)
-    assert len(list(tmp_path.glob("*.json"))) == 1
-
-
-def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
-    depths = np.geomspace(0.1, 1.0, 6)
-    ball = SingleBall(list(depths), list(4.0 / 3.0 * depths**1.5))
-    at_any = np.array([-0.1, 0.0, 1e-3, 0.37, 2.0])
-    assert ball.force(at_any) == pytest.approx(4.0 / 3.0 * np.maximum(at_any, 0.0) ** 1.5, rel=1e-10)
-    assert ball.approach(ball.force(at_any))[2:] == pytest.approx(at_any[2:], rel=1e-10)
-
-
 @pytest.mark.parametrize(("thickness", "verdict"), [(1.16, "none"), (2.0, "stable"), (100.0, "stable")])
 def test_equilibria_of_the_full_model_are_sought_without_balls_inside_each_other(
     thickness: float, verdict: str
 ) -> None:
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     problem = Problem(Layer(1.0, 0.3, thickness), balls, Load("approach", (0.012, 0.012)))
     forces = DirectForces(problem, 1e-2)
     end = path(forces, problem, 300.0)[-1]

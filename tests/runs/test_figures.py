@@ -12,7 +12,11 @@ from linear_bem import Ball, Layer, Load, Problem
 from runs import figures, surface
 from runs.presentation import Scale
 
-PAIR = Problem(Layer(1.0, 0.48, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.3, 0.3)))
+PAIR = Problem(
+    Layer(1.0, 0.48, 2.0),
+    (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid")),
+    Load("approach", (0.3, 0.3)),
+)
 
 
 def bowl(count: int = 61) -> SimpleNamespace:

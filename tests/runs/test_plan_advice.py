@@ -117,7 +117,7 @@ def test_incompressibility_and_point_loads_are_judged_against_the_full_solution(
 
 
 def test_far_neighbours_that_add_nothing_are_named() -> None:
-    balls = tuple(Ball((2.0 * i, 0.0), 1.0) for i in range(6))
+    balls = tuple(Ball((2.0 * i, 0.0), 1.0, "paraboloid") for i in range(6))
     row = Problem(Layer(1.0, 0.48, 1.16), balls, Load("force", (1e-3,) * 6), SUBSTRATE)
     found = advice(row)["neighbours"]
     assert found.matters is False

@@ -204,10 +204,11 @@ def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) 
         "position": [0.0, 0.0], "radius": 1.0, "approach": 0.1, "normal_force": 0.1, "tangential_force": [0.0, 0.0],
         "tangential_force_error": 0.0, "peak_pressure": 1.0, "contact_area": 0.1,
     }  # fmt: skip
-    meshes = [{"element_size": 1.4, "unknowns": 9648, "reached": None, "seconds": 5.0}]
+    meshes = [{"order": 3, "fineness": 1.5, "extent": 1.0, "unknowns": 9648, "reached": None, "seconds": 5.0}]
     accuracy = {
         "asked": 0.02,
         "reached": 0.031,
+        "terms": {"discretisation": 0.03, "enforcement": 1e-4, "transfer": 0.0078, "solver": 1e-6},
         "met": False,
         "stopped": "the budget of 60000 unknowns",
         "meshes": meshes,
@@ -222,6 +223,8 @@ def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) 
     (tmp_path / "result.json").write_text(json.dumps({"balls": [state], "steps": [], "solved": solved}))
     text = " ".join(Page(page_of(read_folder(tmp_path))).text)
     assert "Asked for T: 2 %; reached: 3.1 % (not met). It ended there because: the budget of 60000 unknowns." in text
+    assert "discretisation 3 %, contact enforcement 0.01 %, transfer of the small-strain correction 0.8 %" in text
+    assert "order 3, fineness 1.5" in text
     assert "9648" in text
 
 

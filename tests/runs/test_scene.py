@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
-from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load
+from linear_bem import (
+    Ball,
+    Cone,
+    Elastic,
+    Ellipsoid,
+    FiniteStrain,
+    Indenter,
+    InvalidProblem,
+    Layer,
+    Load,
+    Punch,
+)
 from runs.plain import as_given
 from runs.scene import InvalidScene, read_scene
 
@@ -38,7 +50,10 @@ def faults(folder: Path, text: str) -> tuple[str, ...]:
 def test_units_become_si(tmp_path: Path) -> None:
     problem = read_scene(write(tmp_path, PAIR)).problem
     assert problem.layer == Layer(pytest.approx(57.4e3), 0.48, pytest.approx(0.01))
-    assert problem.balls == (Ball((pytest.approx(-0.008), 0.0), 0.008), Ball((pytest.approx(0.008), 0.0), 0.008))
+    assert problem.balls == (
+        Ball((pytest.approx(-0.008), 0.0), 0.008, "sphere"),
+        Ball((pytest.approx(0.008), 0.0), 0.008, "sphere"),
+    )
     assert problem.load == Load("approach", (0.0015, 0.0015))
 
 
@@ -67,6 +82,29 @@ def test_tables_name_effects_accuracy_and_title(tmp_path: Path) -> None:
     assert scene.title == "A pair"
 
 
+@pytest.mark.parametrize(
+    ("load", "fractions"),
+    [
+        ('approach = "1.5 mm"', None),
+        ('approach = "1.5 mm"\nsteps = ["0.3 mm", 7.5e-4]', (0.2, 0.5, 1.0)),
+        ('force = ["2 N", "2 N"]\nsteps = ["500 mN", "2 N"]', (0.25, 1.0)),
+        ('total_force = "4 N"\nsteps = [1]', (0.25, 1.0)),
+        ('approach = ["1 mm", "2 mm"]\nsteps = [0.5]', (0.5, 1.0)),
+    ],
+)
+def test_load_steps_are_fractions_that_end_in_full_load(
+    load: str, fractions: tuple[float, ...] | None, tmp_path: Path
+) -> None:
+    steps = read_scene(write(tmp_path, PAIR.replace('approach = "1.5 mm"', load))).steps
+    assert steps == (None if fractions is None else pytest.approx(fractions))
+
+
+def test_load_steps_of_unlike_loads_are_plain_fractions(tmp_path: Path) -> None:
+    unlike = PAIR.replace('approach = "1.5 mm"', 'approach = ["1 mm", "2 mm"]\nsteps = ["0.5 mm"]')
+    (fault,) = faults(tmp_path, unlike)
+    assert "[load] steps: must hold values between 0 and 1, fractions of the unlike loads" in fault
+
+
 def test_lists_hold_one_value_per_ball(tmp_path: Path) -> None:
     text = PAIR.replace('radius = "8 mm"', 'radius = ["8 mm", "4 mm"]').replace(
         'approach = "1.5 mm"', 'force = ["2 N", 0.5]'
@@ -74,6 +112,33 @@ def test_lists_hold_one_value_per_ball(tmp_path: Path) -> None:
     problem = read_scene(write(tmp_path, text)).problem
     assert [ball.radius for ball in problem.balls] == [0.008, 0.004]
     assert problem.load == Load("force", (2.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("keys", "shape", "radius"),
+    [
+        ('shape = "ellipsoid"\nsemi_axes = ["8 mm", "6 mm", "16 mm"]', Ellipsoid((0.008, 0.006, 0.016)), 0.003),
+        ('shape = "cone"\nslope = "20 deg"\ntip_radius = "1 mm"', Cone(math.radians(20.0), 0.001), 0.001),
+        ('shape = "punch"\nradius = "8 mm"\nedge_radius = "0.5 mm"', Punch(0.008, 0.0005), 0.008),
+    ],
+)
+def test_a_shape_brings_its_own_keys(keys: str, shape: Indenter, radius: float, tmp_path: Path) -> None:
+    text = PAIR.replace('radius = "8 mm"', keys)
+    ball = read_scene(write(tmp_path, text)).problem.balls[0]
+    assert ball.shape == shape
+    assert ball.radius == pytest.approx(radius)
+    sliding = '[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1\n'
+    if isinstance(shape, Punch):
+        read_scene(write(tmp_path, text + sliding))
+    else:
+        (fault,) = faults(tmp_path, text + sliding)
+        assert "[balls] shape: balls that drift apart until they touch must be round" in fault
+
+
+def test_every_punch_of_a_list_is_as_wide_as_stated(tmp_path: Path) -> None:
+    keys = 'shape = "punch"\nradius = ["8 mm", "4 mm"]\nedge_radius = "0.5 mm"'
+    problem = read_scene(write(tmp_path, PAIR.replace('radius = "8 mm"', keys))).problem
+    assert [ball.shape for ball in problem.balls] == [Punch(0.008, 0.0005), Punch(0.004, 0.0005)]
 
 
 def test_a_total_force_is_one_value_for_all_balls(tmp_path: Path) -> None:
@@ -120,7 +185,56 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ('radius = "8 mm"', "radius = 0", ["[balls] radius:", "greater than 0"]),
         ('"0.8 cm"', '"0.7 cm"', ["[balls] positions", "overlap", "move them apart"]),
         ('["0.8 cm", 0]', '["0.8 cm"]', ["[balls] positions", "[x, y] pairs"]),
-        ("[load]", 'shape = "cone"\n[load]', ["[balls] shape", '"paraboloid" or "sphere"', '"cone"']),
+        ("[load]", 'shape = "torus"\n[load]', ["[balls] shape", '"sphere", "paraboloid", "ellipsoid"', '"torus"']),
+        ('radius = "8 mm"', "", ["[balls] radius", "is missing", 'radius = "8 mm"']),
+        ('radius = "8 mm"', 'shape = "punch"\nradius = "8 mm"', ["[balls] edge_radius", "missing", '"0.5 mm"']),
+        (
+            'radius = "8 mm"',
+            'radius = "8 mm"\ntip_radius = "1 mm"',
+            [
+                "[balls] tip_radius",
+                'shape = "sphere"',
+                "takes radius",
+                '"1 mm"',
+                'leave it out, or take shape = "cone"',
+            ],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = "cone"\nslope = "20 deg"\ntip_radius = "1 mm"\nradius = "8 mm"',
+            [
+                "[balls] radius",
+                'shape = "cone"',
+                "slope and tip_radius",
+                '"8 mm"',
+                '"sphere" or "paraboloid" or "punch"',
+            ],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = "cone"\nslope = 20\ntip_radius = "1 mm"',
+            ["[balls] slope", "between 0 and 90 deg", "20", '"20 deg" in a scene'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = "cone"\nslope = "20 mm"\ntip_radius = "1 mm"',
+            ["[balls] slope", "must be an angle", "a length", '"20 deg"'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = "ellipsoid"\nsemi_axes = ["8 mm", "6 mm"]',
+            ["[balls] semi_axes", "list of three lengths", '["8 mm", "6 mm", "8 mm"]'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = "punch"\nradius = "8 mm"\nedge_radius = "9 mm"',
+            ["[balls] edge_radius", "not be larger than the punch", '"9 mm"', "0.008 m"],
+        ),
+        ("[load]", "[load]\nsteps = 1", ["[load] steps", "must be a list", '["0.5 mm", "1 mm"]']),
+        ("[load]", "[load]\nsteps = []", ["[load] steps", "greater than 0 and rise", "none"]),
+        ("[load]", '[load]\nsteps = ["1 mm", "0.5 mm"]', ["[load] steps", "rise", "0.001"]),
+        ("[load]", '[load]\nsteps = ["1 mm", "2 mm"]', ["[load] steps", "not exceed", "0.0015 m", "0.002", "drop"]),
+        ("[load]", '[load]\nsteps = ["1 N"]', ["[load] steps", "values of approach", "a length", "a force"]),
         ("[load]", '[finite_strain]\nlaw = "ogden"\n[load]', ["[finite_strain] law", "neo_hookean", "ogden"]),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
     ],

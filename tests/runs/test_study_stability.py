@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from finite_strain.planning import plan_run
-from finite_strain.refinement import Budget
 from runs.models import MODELS, Run
 from runs.studies.case import Case, varied
+from runs.studies.levels import Level, LevelCase
 from runs.studies.records import Found
 from runs.studies.stability import ENDINGS, present
 from runs.studies.stability.agreement import at_force, compared
@@ -154,21 +154,19 @@ def test_a_stop_is_judged_by_what_it_reached() -> None:
 
 def test_bad_meshes_are_what_they_are_called() -> None:
     chosen = {c.name: c for c in cases(quick=False) if c.model == "finite_strain"}
+    usual, graded = chosen["usual-finite-strain"], chosen["badly-graded-finite-strain"]
+    level = Level().discretisation()
 
-    def main_mesh(name: str) -> Any:
-        case = chosen[name]
+    def growth(case: Case) -> float:
         with varied(case.constants):
-            return plan_run(case.problem, case.accuracy, case.model, Budget(**case.budget)).boxes[1]
+            return plan_run(case.problem, case.accuracy, case.model).box(level).rate
 
-    usual, coarse = main_mesh("usual-finite-strain"), main_mesh("coarse-finite-strain")
-    assert coarse.zones[0].finest >= 2.0 * usual.zones[0].finest
-    graded = main_mesh("badly-graded-finite-strain").zones[0]
-    assert graded.far_growth >= 2.0
-    assert graded.far_radius <= graded.radius
-    for same in ("leap", "restart", "scaled"):  # whose answers are held to closer than any two meshes agree
-        radius = chosen[f"{same}-finite-strain"].problem.balls[0].radius
-        zone = main_mesh(f"{same}-finite-strain").in_units_of(radius).zones[0]
-        assert zone.finest == pytest.approx(usual.zones[0].finest)
+    assert math.expm1(growth(graded)) == pytest.approx(2.0 * math.expm1(growth(usual)))
+    coarse = chosen["coarse-finite-strain"]
+    assert isinstance(coarse, LevelCase)
+    assert {each.order for each in coarse.levels} == {2}
+    with varied(chosen["one-step-finite-strain"].constants):
+        assert len(plan_run(usual.problem, 0.1, usual.model).path) == 1
 
 
 def test_the_energy_of_a_mesh_is_held_against_the_work_on_that_mesh() -> None:
@@ -205,16 +203,16 @@ def test_bars_of_every_load_step_are_judged_where_the_linear_answer_knows_better
 def test_linear_cases_pass_the_load_steps_of_the_elements() -> None:
     case = next(c for c in cases(quick=False) if c.name == "usual-linear-bem")
     elements = next(c for c in cases(quick=False) if c.name == "usual-small-strain")
-    result = case.solve(Run(1e-2, None, None, None))
-    fractions = plan_run(elements.problem, elements.accuracy, elements.model).fractions
+    result = case.solve(Run(1e-2, steps=case.steps))
+    fractions = plan_run(elements.problem, elements.accuracy, elements.model, steps=elements.steps).goals
     assert [step.record["fraction"] for step in result.steps] == list(fractions)
     assert result.steps[-1].balls == result.balls
     assert [step.balls[0].approach for step in result.steps] == pytest.approx([0.1 * f for f in fractions])
-    assert case.key() != Case.key(case)
+    assert case.key() != dataclasses.replace(case, steps=(1.0,)).key()
 
 
 def test_a_stop_tells_how_far_it_came_even_on_the_mesh_before() -> None:
-    reason = "companion mesh: load step to 0.9: after 8 cut-backs; the last good state is at 0.85 of the full load"
+    reason = "coarse mesh: load step to 0.9: after 8 cut-backs; the last good state is at 0.85 of the full load"
     assert last_good([], "not converged", reason) == 0.85
     assert last_good([], "refused", "too deep") == 0.0
     assert last_good([{"record": {"fraction": 0.3}}], "running", "") == 0.3

@@ -9,9 +9,8 @@ from typing import Any
 
 from runs.presentation import duration
 from runs.studies.accuracy.front import LADDER, OWN, TRUE
-from runs.studies.accuracy.matrix import ALL_RANKS, REFERENCES, USUAL_CASE, knobs
+from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
 from runs.studies.records import DONE, Found
-from runs.studies.stability.bars import bars_of
 from runs.studies.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
@@ -19,6 +18,8 @@ SAME_TIME = 1.25
 """Ratio of processor times that differ by chance on a machine with other runs."""
 DEFAULTS = ("linear-bem-0.0001", "small-strain-0.02", "finite-strain-0.02")
 """The cases that ask for what a scene without [accuracy] asks for."""
+ON_ONE = "finite-strain-0.02"
+"""The case on one rank that the one on all ranks is held against."""
 
 
 def present(found: Found, folder: Path, quick: bool) -> str:
@@ -41,7 +42,7 @@ def present(found: Found, folder: Path, quick: bool) -> str:
     lines += ["![Error of T against processor time](pareto.svg)", ""]
     for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
         lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
-    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows), *_bars(found)]
+    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows)]
     columns = {
         "model": "model", "knob": "knob", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
         "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
@@ -110,19 +111,20 @@ def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
             "time over the default's": row["seconds"] / usual["seconds"],
         }
         for row in rows
-        if row["knob"] in knobs()
+        if row["knob"] in KNOBS
     ]
     text = (
-        f"Each turned alone on the meshes for an accuracy of {usual['value']:g}, whose own error is "
-        f"{_percent(usual[OWN])}; the default is in brackets. By default: {usual['iterations']} Newton iterations."
+        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {_percent(usual[OWN])}; "
+        f"the default is in brackets. By default: {usual['iterations']} Newton iterations."
     )
     ranks = next((row for row in rows if row["knob"] == ALL_RANKS), None)
+    one = next((row for row in rows if row["case"] == ON_ONE), None)
     lines = ["## What the solver's own knobs do", "", text, "", *markdown(turned), ""]
-    if ranks is not None:
+    if ranks is not None and one is not None:
         lines += [
-            f"On {ranks['ranks']} ranks T moves by {_relative(ranks['force'], usual['force']):.1g}, in "
-            f"{ranks['seconds']:.0f} s of processor time instead of {usual['seconds']:.0f} s; by the clock "
-            f"{ranks['wall']:.0f} s instead of {usual['wall']:.0f} s, on a machine that other runs shared.",
+            f"On {ranks['ranks']} ranks T moves by {_relative(ranks['force'], one['force']):.1g}, in "
+            f"{ranks['seconds']:.0f} s of processor time instead of {one['seconds']:.0f} s; by the clock "
+            f"{ranks['wall']:.0f} s instead of {one['wall']:.0f} s, on a machine that other runs shared.",
             "",
         ]
     return lines
@@ -142,20 +144,6 @@ def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         f"off by more than their own estimate; the largest error is {max(shares)[0]:.2g} of it ({max(shares)[1]}).",
         "",
     ]
-
-
-def _bars(found: Found) -> list[str]:
-    """Return the section on the error bars of every load step of the elements at small strain."""
-    rows = []
-    for case in found.cases:
-        row = bars_of(found, case.name, REFERENCES["linear_bem"]) if case.model == "small_strain" else None
-        if row is not None:
-            asked = case.labels["value"]
-            rows.append({"asked of small_strain": asked if isinstance(asked, str) else f"{asked:g}", **row})
-    if not rows:
-        return []
-    text = "T of small_strain at every load step against linear_bem's; the accuracy asked for is that of full load."
-    return ["## Whether the error bars hold on the way", "", text, "", *markdown(rows), ""]
 
 
 def _percent(value: float | None) -> str:

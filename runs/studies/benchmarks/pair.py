@@ -23,13 +23,13 @@ def lattice(count: int) -> Problem:
     side = int(np.ceil(np.sqrt(count)))
     middle = 0.5 * (side - 1)
     places = [(2.0 * (i % side - middle), 2.0 * (i // side - middle)) for i in range(count)]
-    balls = tuple(Ball(place, 1.0) for place in places)
+    balls = tuple(Ball(place, 1.0, "paraboloid") for place in places)
     return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("total_force", (FORCE * count,)), Elastic(1e3, 0.3))
 
 
 def pair() -> Problem:
     """Return the paper's pair."""
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("force", (FORCE,) * 2), Elastic(1e3, 0.3))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 LAYER = {"thickness": 1.16, "young": 1.0, "poisson": 0.3}
 LINEAR: dict[str, Mapping[str, object]] = {
     "layer": LAYER,
-    "balls": {"radius": 1.0, "positions": [[-1.25, 0.0], [1.25, 0.0]]},
+    "balls": {"radius": 1.0, "positions": [[-1.25, 0.0], [1.25, 0.0]], "shape": "paraboloid"},
     "load": {"approach": 0.012},
 }
 ELEMENTS = {

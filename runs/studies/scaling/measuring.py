@@ -17,13 +17,14 @@ from linear_bem import Ball, Elements, Layer, Load, Problem
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from finite_strain.model import Model
+    from finite_strain.mesh_run import ModelRun
 
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio that each form of the elements is measured with."""
 SOLVERS = {"MUMPS": "1e12", "multigrid": "0"}
 """Unknowns up to which factors are taken."""
 DEPTH = 0.1
+FINENESSES = np.arange(1.0, 4.1, 0.25).tolist()
 PATH = (0.2, 0.6, 1.0)
 """Parts of the depth at which equilibrium is found before anything is measured."""
 
@@ -33,45 +34,49 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
     """
-    from finite_strain.mesh_run import MeshRun  # noqa: PLC0415  (imports DOLFINx, as all below do)
+    from finite_strain.mesh_run import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
     from finite_strain.planning import plan_run  # noqa: PLC0415
     from finite_strain.simulation import Silence  # noqa: PLC0415
+    from finite_strain.states import Discretisation  # noqa: PLC0415
 
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
     plan = plan_run(Problem(layer, balls, load, None, elements=Elements(form)), 0.02, "finite_strain")
-    box = plan.box((plan.unknowns()[1] / target) ** (1.0 / 3.0))
+    levels = [Discretisation(3, fineness) for fineness in FINENESSES]
+    level = min(levels, key=lambda level: abs(plan.unknowns(level) - target))
+    box = plan.box(level)
     _forget_peak()
     before = _status("VmRSS")
     with TemporaryDirectory() as folder:
-        where = Path(comm.bcast(folder, root=0))
-        run = MeshRun(plan, box, where / "mesh.msh", comm, Silence(), "scaling")
+        meshed = mesh_box(box, Path(comm.bcast(folder, root=0)) / "mesh.msh", comm)
         comm.barrier()
-    for _ in run.path.steps(list(PATH)):
+    run = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, Silence(), "scaling")
+    for _ in run.path.steps(PATH):
         pass
     run.solver.close()
     for name in SOLVERS:
-        yield {"form": form, "solver": name, "target": target, **_solved_by(name, run.model, before)}
+        yield {"form": form, "solver": name, "target": target, **_solved_by(name, run, before)}
     run.model.close()
 
 
-def _solved_by(name: str, model: Model, before: float) -> dict[str, Any]:
+def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     from petsc4py import PETSc  # noqa: PLC0415
 
     from finite_strain.newton import NewtonSolver  # noqa: PLC0415
 
-    comm, options = model.comm, PETSc.Options("thirdbody_")
+    model, options = run.model, PETSc.Options("thirdbody_")
+    comm = model.comm
     _forget_peak()
     options["direct_up_to"] = SOLVERS[name]
-    solver = NewtonSolver(model)
-    b, x = solver.new_vector(), solver.new_vector()
-    model.approach_derivative(model.contacts, b)
-    spent = []
+    solver = NewtonSolver(model, run.path.control)
+    ksp, b, x = solver.linear.ksp, model.matrix.createVecRight(), model.matrix.createVecRight()
+    model.border(np.ones(len(model.contact.balls)), b)
+    spent, iterations, failed = [], 0, 0
     for _ in range(2):  # the second finds the pattern analysed, as all but the first of a load path do
         assembled = _seconds(model.tangent, comm)
-        solver.linear.renew()
-        spent.append((assembled, _seconds(lambda: solver.solve_linear(b, x, refactor=False), comm)))
-    account = solver.account()
+        ksp.setOperators(model.matrix)
+        spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
+        iterations, failed = ksp.getIterationNumber(), failed + (ksp.getConvergedReason() < 0)
     used = comm.allreduce(_status("VmHWM") - before)
     for vector in (b, x):
         vector.destroy()
@@ -83,8 +88,8 @@ def _solved_by(name: str, model: Model, before: float) -> dict[str, Any]:
         "assembly_seconds": spent[1][0],
         "first_seconds": spent[0][1],
         "solve_seconds": spent[1][1],
-        "krylov_iterations": account["linear_iterations"] // 2 if name == "multigrid" else 0,
-        "fallbacks": account["linear_fallbacks"],
+        "krylov_iterations": iterations if name == "multigrid" else 0,
+        "fallbacks": failed,
         "kilobytes_per_unknown": used / model.unknowns / 1e3,
         "load": os.getloadavg()[0],
     }

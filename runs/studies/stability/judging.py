@@ -186,7 +186,7 @@ def _third_law(steps: Sequence[Mapping[str, Any]], faults: list[str], passed: li
 
 
 def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> float:
-    """Return the part of the load that was reached; a stop on a companion mesh tells it in words alone."""
+    """Return the part of the load that was reached; a stop on the first mesh says it in words alone."""
     if steps:
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
     told = re.search(r"last good state is at (\S+) of the full load", reason)

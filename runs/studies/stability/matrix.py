@@ -1,8 +1,8 @@
 """The hard cases: what makes each hard, which models are asked, and what its answer is checked against.
 
 Dimensionless, R = 1 and E1 = 1, but for the scaled twin. A check names another case of the study that must give the
-same force by another route: another model, another path, a limit, the same problem in other units. The meshes are
-the coarsest that an accuracy sizes: what is asked here is whether an answer stands within its own error bar.
+same force by another route: another model, another path, a limit, the same problem in other units. The accuracy asked
+for is a low one: what is asked here is whether an answer stands within its own error bar.
 """
 
 from __future__ import annotations
@@ -13,19 +13,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
-from linear_bem.result import Result, Step
-from runs.models import MODELS, Run
 from runs.studies.case import Case
+from runs.studies.levels import Level, LevelCase
 
 STIFF = Elastic(1e3, 0.3)
 ACCURACY = 0.1
-"""Relative accuracy of T that sizes the meshes; none finer follow, whatever the first two reach."""
-QUICK_ACCURACY = 0.2
-TWO_MESHES = {"finite_strain.refinement.MOST_MESHES": 1}
-STEPS = "finite_strain.schedule"
-"""Module of the constants that choose the load steps."""
-DOMAIN = "finite_strain.domain"
-"""Module of the constants that grade the meshes."""
+"""Relative accuracy of T that is asked of finite elements."""
+QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
+ONE_STEP = {"finite_strain.schedule.LARGEST_STEP": 10.0, "finite_strain.schedule.GROWTH": 1e9}
+GRADED = {"meshes.box.GROWTH": 2.4}
+"""Twice the usual growth of the elements."""
+QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
 """Where two cases are compared: at full load, in the limit of no load, or where the other passes the same Q."""
 FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
@@ -54,30 +52,10 @@ class Hard:
     problem: Problem
     models: tuple[str, ...]
     checks: Mapping[str, Check] = field(default_factory=dict)
-    constants: Mapping[str, float] = field(default_factory=lambda: TWO_MESHES)
+    constants: Mapping[str, float] = field(default_factory=dict)
     stop_after: int | None = None
     accuracy: float | None = None
-    budget: Mapping[str, float] = field(default_factory=dict)
-
-
-class LinearPath(Case):
-    """A case of linear_bem with the load steps that elements pass, to hold theirs against."""
-
-    def key(self) -> str:
-        """Return a digest unlike that of the case at full load alone."""
-        return f"path-{super().key()}"
-
-    def solve(self, run: Run) -> Result:
-        """Return the answer at full load, with those at the load steps before."""
-        from finite_strain.planning import planned_fractions  # noqa: PLC0415  (no DOLFINx, but not for every command)
-
-        load = self.problem.load
-        steps = []
-        for fraction in planned_fractions(self.problem):
-            values = [fraction * value for value in load.values]
-            result = MODELS[LINEAR].solve(self.problem.with_load(load.kind, values), run)
-            steps.append(Step(result.balls, {"fraction": fraction}))
-        return dataclasses.replace(result, steps=tuple(steps))
+    levels: tuple[Level, ...] = ()
 
 
 def pair(
@@ -100,12 +78,6 @@ def pair(
 
 def hard_cases() -> list[Hard]:
     """Return every hard case; those that others are checked against come first, the longest last."""
-    from finite_strain.schedule import GROWTH  # noqa: PLC0415
-
-    one_step = {f"{STEPS}.LARGEST_STEP": 10.0, f"{STEPS}.GROWTH": 1e9}
-    # five usual steps in one: the first step, which sizes the meshes, stays what it was
-    leap = {f"{STEPS}.LARGEST_STEP": 10.0, f"{STEPS}.GROWTH": GROWTH**5}
-    graded = {f"{DOMAIN}.FAR_CONTACTS": 1.3, f"{DOMAIN}.FAR_NEIGHBOURS": 0.0, f"{DOMAIN}.FAR_GROWTH": 8.0}
     usual = pair(0.1)
 
     def checks(name: str) -> dict[str, Check]:
@@ -119,24 +91,22 @@ def hard_cases() -> list[Hard]:
         return Hard(name, words, problem, (FINITE, SMALL, LINEAR), checks(name) | own, **more)
 
     def finite(name: str, words: str, constants: Mapping[str, float], check: Check, **more: Any) -> Hard:
-        return Hard(name, words, usual, (FINITE,), {FINITE: check}, {**TWO_MESHES, **constants}, **more)
+        return Hard(name, words, usual, (FINITE,), {FINITE: check}, constants, **more)
 
     twin = "usual-finite-strain"
     point = {POINT: Check("linear_bem, another model of the same problem", "usual-linear-bem")}
     return [
         Hard("usual", "touching balls, D = 0.1 R on h = 1.16 R, to compare with", usual,
              (FINITE, SMALL, LINEAR, POINT), checks("usual") | point),
-        finite("one-step", "the whole load in one step, on meshes for that step", one_step,
-               Check("path independence: many steps", twin)),
-        finite("leap", "the usual meshes, from the first step to full load at once", leap,
+        finite("one-step", "the whole load in one step", ONE_STEP,
                Check("path independence: many steps", twin, 1e-3)),
         finite("restart", "stopped after the third load step and started again", {},
                Check("a run that was not stopped", twin, 1e-6), stop_after=3),
         Hard("scaled", "the same in other units: lengths 1000 times, moduli 1e9 times", pair(0.1, scale=1e3),
              (FINITE,), {FINITE: Check("scaling: T ~ E R^2", twin, 1e-6, 1e15)}),
-        finite("coarse", "elements twice as large: two over the first contact's diameter",
-               {"finite_strain.planning.COARSEST": 2.5}, Check("the usual mesh", twin), budget={"unknowns": 700.0}),
-        finite("badly-graded", "elements that grow twice as fast as their distance from the contact", graded,
+        finite("coarse", "quadratic elements on the two coarsest meshes", {}, Check("the usual elements", twin),
+               levels=QUADRATIC),
+        finite("badly-graded", "elements that grow twice as fast from one to the next", GRADED,
                Check("the usual mesh", twin)),
         three("light", "hardly touching: D = 1e-4 R", pair(1e-4)),
         three("nearly-incompressible", "nu = 0.4999", pair(0.1, poisson=0.4999),
@@ -172,24 +142,28 @@ def cases(quick: bool) -> list[Case]:
             for h in chosen
             if h.name in names
         ]
-    return [_case(hard, model, quick) for hard in chosen for model in hard.models]
+    return [
+        case_of(hard, model, QUICK_ACCURACY if quick else hard.accuracy or ACCURACY)
+        for hard in chosen
+        for model in hard.models
+    ]
 
 
-def _case(hard: Hard, model: str, quick: bool) -> Case:
+def case_of(hard: Hard, model: str, accuracy: float) -> Case:
+    """Return the case of a model; ``accuracy`` is asked of finite elements, along the whole load path."""
     problem = hard.problem
     if model != FINITE:
         problem = Problem(problem.layer, problem.balls, problem.load, problem.substrate)
-    elements = model in (FINITE, SMALL)
-    accuracy = 1e-4 if not elements else QUICK_ACCURACY if quick else hard.accuracy or ACCURACY
     check = hard.checks.get(model)
     labels = {
         "case": hard.name,
         "words": hard.words,
         "check": dataclasses.asdict(check) if check is not None else None,
     }
-    stop = hard.stop_after if model == FINITE else None
     name = f"{hard.name}-{model.replace('_', '-')}"
-    if not elements:
-        kind = LinearPath if model == LINEAR else Case
-        return kind(name, problem, model, accuracy, labels=labels)
-    return Case(name, problem, model, accuracy, hard.constants, labels, stop, hard.budget)
+    if model not in (FINITE, SMALL):
+        return Case(name, problem, model, LINEAR_ACCURACY, labels=labels, steps=None if model == LINEAR else (1.0,))
+    if hard.levels:
+        return LevelCase(name, problem, model, accuracy, hard.constants, labels, None, levels=hard.levels)
+    stop = hard.stop_after if model == FINITE else None
+    return Case(name, problem, model, accuracy, hard.constants, labels, None, stop)

@@ -12,12 +12,11 @@ from runs.studies.records import Found
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import SIDES
-from runs.studies.strengthening.ratios import cancelled, factors, on_one_mesh, small_strain_partner
+from runs.studies.strengthening.ratios import factors
 from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
-PAIRED = "two runs on one mesh"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
 DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
@@ -130,32 +129,24 @@ def _ladder(rows: Mapping[str, Rows]) -> list[str]:
 
 
 def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    """Fit how every curve leaves 1: by pairs of runs on one mesh where they are there, else by the curve itself."""
-    shown, paired = [], set()
+    """Fit the slope with which every curve leaves 1."""
+    shown = []
     for case in found.cases:
         # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
         if case.labels["group"] in ("sign", "deeper", "paraboloid") or case.name not in rows:
             continue
-        paths: dict[str, Rows] = {"against linear_bem": rows[case.name]}
-        partner = small_strain_partner(found, case)
-        if partner is not None and on_one_mesh(found, case, partner):
-            paths = {PAIRED: cancelled(found.steps(case.name), found.steps(partner.name))}
-            paired.add(_words(case))
-        for how, path in paths.items():
-            slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
-            if all(slopes.values()):
-                both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
-                c, e = both["D/R"]
-                resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
-                shown.append({"case": _words(case), "from": how, **both, "leaves 1": resolved})
-    shown = [row for row in shown if row["from"] == PAIRED or row["case"] not in paired]
+        slopes = {x: fitting.initial_slope(rows[case.name], x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
+        if all(slopes.values()):
+            both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
+            c, e = both["D/R"]
+            resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
+            shown.append({"case": _words(case), **both, "leaves 1": resolved})
     text = (
         f"S_Q - 1 = c x + c' x² fitted to D <= {fitting.SMALL_LOAD:g} R, with x = sqrt(D/R) and with x = D/R: c and "
         "its error. Forces and contact radii depart from linear theory like sqrt(D/R); where that root's c is small "
-        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D. Whether it does is told by c of D/R. In a "
-        "pair of runs on one mesh, finite over small strain, the mesh error cancels."
+        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D; c of D/R says whether it does."
     )
-    return ["", "## How the curves leave 1", "", text, "", *markdown(shown)]
+    return ["", "## Initial slope of S_Q", "", text, "", *markdown(shown)]
 
 
 def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:

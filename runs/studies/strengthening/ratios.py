@@ -23,8 +23,6 @@ from runs.studies.records import Found
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""
-MESHES = ("domain_main_mesh", "domain_companion_mesh")
-"""Routes of a finite-element result that hold T on its finer and on its coarser mesh alone."""
 
 
 def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
@@ -83,64 +81,3 @@ def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 def _ratio(above: float, below: float) -> float | None:
     return above / below if below and math.isfinite(below) and math.isfinite(above) else None
 
-
-def small_strain_partner(found: Found, case: Case) -> Case | None:
-    """Return the case that is the same but for finite strain: its meshes and load steps are the same too."""
-    alike = dataclasses.replace(case.problem, finite_strain=None)
-    for other in found.cases:
-        if other.model == "small_strain" and other.problem == alike and other.accuracy == case.accuracy:
-            return other
-    return None
-
-
-def on_one_mesh(found: Found, case: Case, partner: Case) -> bool:
-    """Return whether both runs are complete and ended on meshes of the same size."""
-    sizes = [found.records.get(c.name, {}).get("solved", {}).get("unknowns") for c in (case, partner)]
-    return sizes[0] is not None and sizes[0] == sizes[1]
-
-
-def cancelled(finite: Sequence[Mapping[str, Any]], small: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
-    """Return S_Q from two runs on the same meshes, finite over small strain, in which the mesh error cancels.
-
-    T / Q^2 of the small-strain run is interpolated to the force of the finite one. The error is what the ratio still
-    changes by from the coarser mesh to the finer: with a size ratio of 1.4 or more and second order or better that
-    bounds what is left. Empty where the runs do not tell T on each mesh.
-    """
-    if not all(set(MESHES) <= set(step["balls"][0]["tangential_force_routes"]) for step in (*finite, *small)):
-        return []
-    per_mesh = []
-    for mesh in MESHES:
-        loads = [math.log(step["balls"][0]["normal_force"]) for step in small]
-        reference = [_per_squared_force(step, mesh) for step in small]
-        ratios = []
-        for step in finite:
-            at = math.log(step["balls"][0]["normal_force"])
-            ratios.append(_per_squared_force(step, mesh) / _interpolated(at, loads, reference))
-        per_mesh.append(ratios)
-    rows = []
-    for step, fine, coarse in zip(finite, *per_mesh, strict=True):
-        ball = step["balls"][0]
-        rows.append(
-            {
-                "D": ball["approach"],
-                "Q": ball["normal_force"],
-                "a": math.sqrt(ball["contact_area"] / math.pi),
-                "S_Q": fine,
-                "S_Q_error": abs(fine - coarse),
-            }
-        )
-    return rows
-
-
-def _per_squared_force(step: Mapping[str, Any], mesh: str) -> float:
-    ball = step["balls"][0]
-    return float(ball["tangential_force_routes"][mesh][0]) / float(ball["normal_force"]) ** 2
-
-
-def _interpolated(at: float, x: Sequence[float], y: Sequence[float]) -> float:
-    """Return y at a point, linear between the nearest two x and beyond the ends."""
-    if len(x) == 1:
-        return y[0]
-    i = min(max(sum(value <= at for value in x) - 1, 0), len(x) - 2)
-    share = (at - x[i]) / (x[i + 1] - x[i])
-    return y[i] + share * (y[i + 1] - y[i])

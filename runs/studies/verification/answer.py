@@ -8,14 +8,30 @@ from typing import Any
 
 from runs.studies.records import Found
 from runs.studies.tables import markdown, save_csv
-from runs.studies.verification import convergence, experiments, hard, one_ball, pictures, routes, small_load, timing
-from runs.studies.verification.part import Part, Row, cases_of
+from runs.studies.verification import (
+    bars,
+    convergence,
+    experiments,
+    hard,
+    one_ball,
+    pictures,
+    routes,
+    small_load,
+    timing,
+)
+from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row, cases_of
 
-PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART, hard.PART, timing.PART)
+PARTS = (
+    one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, hard.PART, timing.PART,
+)  # fmt: skip
 """In the order of the page."""
 ENDINGS = ("done", "refused", "not converged", "failed")
 """States that tell how a case ended: all but those that wait."""
 ENDED = frozenset(ENDINGS)
+COUNTED = (
+    "Only what is right or wrong is a claim: a refusal or a stop gives no answer, and an answer whose own error bar is "
+    "above 10 % claims nothing."
+)
 
 
 def present(found: Found, folder: Path, quick: bool) -> str:
@@ -25,29 +41,27 @@ def present(found: Found, folder: Path, quick: bool) -> str:
         if rows:
             save_csv(folder / f"{name}.csv", rows)
     pictures.draw(tables, folder)
-    held = [row["holds"] for rows in tables.values() for row in rows if row["holds"] is not None]
+    every = _counts([row for rows in tables.values() for row in rows])
     lines = ["# Verification of the finite-strain model", ""]
-    lines += [f"**{held.count(True)} of {len(held)} claims hold.**", ""]
+    lines += [f"**{', '.join(f'{count} {word}' for word, count in every.items())}.** {COUNTED}", ""]
     lines += [*markdown([_verdict(part, tables[part.name], found) for part in PARTS]), ""]
     lines += ["![One ball, small loads, order of convergence, routes to T](verification.svg)"]
     for part in PARTS:
-        rows = [{**row, "holds": _word(row["holds"])} for row in tables[part.name]]
-        columns = {**part.columns, "holds": "holds"}
+        rows = [{**row, "verdict": row["verdict"] or "-"} for row in tables[part.name]]
+        columns = {**part.columns, "verdict": "verdict"}
         lines += ["", f"## {part.title}", "", part.text, "", *markdown(rows, columns)]
     return "\n".join(lines)
 
 
 def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:
     mine = cases_of(found, part.name)
-    claims = [row["holds"] for row in rows if row["holds"] is not None]
-    return {
-        "part": part.title,
-        "cases": f"{sum(found.state(case.name) in ENDED for case in mine)} of {len(mine)}",
-        "claims": len(claims),
-        "hold": claims.count(True),
-        "do not": claims.count(False),
+    ended = f"{sum(found.state(case.name) in ENDED for case in mine)} of {len(mine)}"
+    return {"part": part.title, "cases": ended, **_counts(rows)}
+
+
+def _counts(rows: Sequence[Row]) -> dict[str, int]:
+    """Return how many rows have each verdict."""
+    verdicts = [row["verdict"] for row in rows]
+    return {word: verdicts.count(word) for word in (RIGHT, WRONG, REFUSED, STOPPED)} | {
+        "without a claim": verdicts.count(None)
     }
-
-
-def _word(holds: bool | None) -> str:
-    return "-" if holds is None else "yes" if holds else "**no**"

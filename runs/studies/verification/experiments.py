@@ -9,7 +9,7 @@ from runs.presentation import Scale, attraction
 from runs.studies.case import Case
 from runs.studies.records import Found
 from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
-from runs.studies.verification.part import Part, cases_of, pair
+from runs.studies.verification.part import Part, cases_of, pair, worded
 
 NAME = "experiments"
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -17,7 +17,7 @@ DIAMETERS = (7, 10, 16)
 """Diameters [mm] of the balls on 10 mm of rubber, pressed in by 1.5 mm [the paper, section 2.2]."""
 ACCURACY = 0.1
 DEEP_ACCURACY = 0.05
-"""Of the thick layer at nu = 0.48: elements of a companion mesh made for 0.1 fold before full load there."""
+"""Of the thick layer at nu = 0.48."""
 
 
 def cases(quick: bool) -> list[Case]:
@@ -47,7 +47,7 @@ def cases(quick: bool) -> list[Case]:
 
 def _case(name: str, words: str, problem: Any, accuracy: float = ACCURACY) -> Case:
     labels = {"part": NAME, "words": words, "check": None}
-    return Case(f"{NAME}-{name}", problem, "finite_strain", accuracy, labels=labels)
+    return Case(f"{NAME}-{name}", problem, "finite_strain", accuracy, labels=labels, steps=None)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
@@ -58,9 +58,8 @@ def rows(found: Found) -> list[dict[str, Any]]:
 def _row(found: Found, case: Case) -> dict[str, Any]:
     steps, record = found.steps(case.name), found.records.get(case.name, {})
     ended, why = verdict(found, case.name, case.labels)
-    row: dict[str, Any] = {"scene": case.labels["words"], "ended": ended, "why": why, "holds": None}
-    if found.state(case.name) != "not run yet":
-        row["holds"] = ended == "right"
+    row: dict[str, Any] = {"scene": case.labels["words"], "ended": ended, "why": why}
+    row["verdict"] = worded(found, case, ended)
     if steps:
         scale, ball = Scale.of(case.problem), steps[-1]["balls"][0]
         size = attraction(steps[-1]["balls"], 0, ball["tangential_force"])

@@ -11,14 +11,14 @@ from typing import Any
 from runs.studies.case import Case
 from runs.studies.records import Found
 from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
-from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, STEPS, Check, Hard, hard_cases
-from runs.studies.verification.part import COARSE, Part, as_seen_by, cases_of, pair
+from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, Check, Hard, case_of, hard_cases
+from runs.studies.verification.part import COARSE, Part, cases_of, pair, worded
 
 NAME = "hard"
 ACCURACY = 0.1
 TAKEN = (
     "usual",
-    "leap",
+    "one-step",
     "coarse",
     "incompressible",
     "nearly-incompressible",
@@ -28,8 +28,6 @@ TAKEN = (
     "lifted",
 )
 """Cases of the study ``stability`` that belong here; where two are checked against each other, the reference first."""
-LONG_STEP = {f"{STEPS}.FIRST": 0.125, f"{STEPS}.LARGEST_STEP": 0.65}
-"""Ten times the usual ones; the first sizes the mesh, and so both error bars are granted. "leap" keeps the mesh."""
 LARGER_THAN_T = "the error of T is larger than T"
 """What the judge says of a T that is zero within its error."""
 
@@ -59,12 +57,6 @@ def chosen() -> list[Hard]:
             (LINEAR, SMALL, FINITE),
             {SMALL: Check(linear, "hard-resting-linear-bem")},
         ),
-        Hard("usual-steps", "D = 0.125 R in the usual steps", pair(0.125), (FINITE,)),
-        Hard(
-            "tenfold-step", "the same with a first step ten times as long", pair(0.125), (FINITE,),
-            {FINITE: Check("the usual steps, on a mesh for their own first one", "hard-usual-steps-finite-strain")},
-            LONG_STEP,
-        ),
     ]  # fmt: skip
 
 
@@ -75,23 +67,16 @@ def cases(quick: bool) -> list[Case]:
 
 
 def _case(hard: Hard, model: str, quick: bool) -> Case:
-    check = hard.checks.get(model)
-    if check is not None and not check.other.startswith(NAME):
-        check = dataclasses.replace(check, other=f"{NAME}-{check.other}")
-    labels = {
-        "part": NAME,
-        "case": hard.name,
-        "words": hard.words,
-        "check": dataclasses.asdict(check) if check is not None else None,
-    }
-    accuracy = 1e-4 if model == LINEAR else COARSE if quick else hard.accuracy or ACCURACY
-    constants, budget = (hard.constants, hard.budget) if model != LINEAR else ({}, {})
-    name = f"{NAME}-{hard.name}-{model.replace('_', '-')}"
-    return Case(name, as_seen_by(model, hard.problem), model, accuracy, constants, labels, budget=budget)
+    case = case_of(hard, model, COARSE if quick else hard.accuracy or ACCURACY)
+    labels = {"part": NAME, **case.labels}
+    check = labels["check"]
+    if check is not None and not check["other"].startswith(NAME):
+        labels["check"] = {**check, "other": f"{NAME}-{check['other']}"}
+    return dataclasses.replace(case, name=f"{NAME}-{case.name}", labels=labels)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per case and model; a stop or a refusal with its reason holds, a wrong number does not."""
+    """Return one row per case and model; a stop and a refusal are neither right nor wrong if they say why."""
     return [_row(found, case) for case in cases_of(found, NAME)]
 
 
@@ -109,12 +94,10 @@ def judged(found: Found, case: Case) -> tuple[str, str]:
 
 
 def _row(found: Found, case: Case) -> dict[str, Any]:
-    steps, state = found.steps(case.name), found.state(case.name)
+    steps = found.steps(case.name)
     ended, why = judged(found, case)
     row: dict[str, Any] = {"case": case.labels["words"], "model": case.model, "ended": ended, "why": why}
-    # a stop is honest if it says where: the last good state is the last row of the case's steps
-    told = {"right": True, "named refusal": True, "not converged": bool(why)}
-    row["holds"] = None if state in ("not run yet", "running") else told.get(ended, False)
+    row["verdict"] = worded(found, case, ended)
     if steps:
         balls = steps[-1]["balls"]
         ball = balls[0]

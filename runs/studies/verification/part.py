@@ -15,14 +15,25 @@ THIN, POISSON, STIFF = 1.16, 0.48, Elastic(1e3, 0.3)
 PAPER_LOAD = 2.66666e-3
 COARSE = 0.2
 """Accuracy asked of T in the quick version: the coarsest meshes that there are."""
+RIGHT, WRONG, REFUSED, STOPPED = "right", "WRONG", "refused by name", "not converged"
+"""Verdicts of a row; None where nothing is claimed."""
+WIDEST = 0.1
+"""Relative error bar beyond which an answer claims nothing."""
 Row = Mapping[str, Any]
+
+
+def claimed(holds: bool, bar: float = 0.0) -> str | None:
+    """Return the verdict on a row whose own error bar is a relative one."""
+    return None if bar > WIDEST else RIGHT if holds else WRONG
+
+
 
 
 @dataclass(frozen=True)
 class Part:
     """One question: ``cases`` of the quick or the full version, and ``rows`` of what was found.
 
-    A row's "holds" is True, False, or None where nothing is claimed; ``columns`` are the ones shown.
+    A row's "verdict" is one of those above; ``columns`` are the ones shown.
     """
 
     name: str
@@ -36,6 +47,20 @@ class Part:
 def cases_of(found: Found, part: str) -> list[Case]:
     """Return the cases of one part."""
     return [case for case in found.cases if case.labels["part"] == part]
+
+
+def worded(found: Found, case: Case, ended: str) -> str | None:
+    """Return the verdict on how a case ended (see `runs.studies.stability.judging.verdict`).
+
+    An answer whose error bar is wider than `WIDEST` claims nothing.
+    """
+    if found.state(case.name) in ("not run yet", "running"):
+        return None
+    if ended in ("named refusal", STOPPED):
+        said = found.records[case.name].get("reason")
+        return (STOPPED if ended == STOPPED else REFUSED) if said else WRONG
+    accuracy = found.records[case.name].get("solved", {}).get("accuracy") or {}
+    return claimed(ended == RIGHT, accuracy.get("reached") or 0.0)
 
 
 def pair(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -72,20 +71,17 @@ def _limits(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _convergence(axis: Any, rows: Sequence[Row]) -> None:
-    for number, row in enumerate(r for r in rows if math.isfinite(r["order"])):
-        gaps = [abs(row["coarse"] - row["middle"]), abs(row["middle"] - row["fine"])]
-        short = f"{row['quantity']}, {row['model'].split('_')[0]}, D = {row['D']:g} R"
-        gaps = [gap / abs(row["fine"]) for gap in gaps]
-        axis.plot([1.4, 1.0], gaps, "o-" if row["quantity"] == "Q" else "s--", color=COLORS[number // 2 % 4], ms=4,
-                  lw=1.2, label=f"{short}: {row['order']:.1f}")  # fmt: skip
+    for number, row in enumerate(rows):
+        finenesses, errors = ([float(part) for part in row[key].split(", ")] for key in ("fineness", "errors"))
+        style, label = "o-" if row["quantity"] == "Q" else "s--", f"{row['quantity']}, nu = {row['nu']:g}"
+        sizes = [abs(error) for error in errors]
+        axis.plot(finenesses, sizes, style, ms=4, lw=1.2, color=COLORS[number // 2 % 4], label=label)
     if axis.has_data():
-        axis.set(xscale="log", yscale="log", xlim=(0.9, 1.55))
-        axis.set_xticks([1.0, 1.4], ["fine", "coarse"])
+        axis.set(xscale="log", yscale="log")
+        axis.set_xticks(finenesses, [f"{f:g}" for f in finenesses])
         axis.minorticks_off()
-        low, high = axis.get_ylim()
-        axis.set_ylim(low, high * 12.0)  # room for the legend
-    axis.set(xlabel="pair of meshes, ratio 1.4", ylabel="relative change")
-    axis.set_title("observed orders")
+    axis.set(xlabel="fineness", ylabel="error against linear_bem [%]")
+    axis.set_title("convergence, small strain")
 
 
 def _routes(axis: Any, rows: Sequence[Row]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from runs.presentation import attraction
 from runs.studies.case import Case
 from runs.studies.records import DONE, Found
-from runs.studies.verification.part import COARSE, Part, cases_of, pair
+from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
 
 NAME = "timing"
 DEPTHS, ASKED = (0.1, 0.3), (0.05, 0.02, 0.01)
@@ -46,7 +46,9 @@ def rows(found: Found) -> list[dict[str, Any]]:
                 "ranks": record["ranks"], "meshes": len(accuracy["meshes"]),
                 "unknowns": record["solved"]["unknowns"], "wall": record["wall_seconds"],
                 "cpu": record["cpu_seconds"], "stopped": accuracy["stopped"],
-                "holds": bool(accuracy["met"]) and off * abs(other[0]) <= value[1] + other[1],
+                "verdict": claimed(
+                    bool(accuracy["met"]) and off * abs(other[0]) <= value[1] + other[1], accuracy["reached"]
+                ),
             }
         )  # fmt: skip
     return table

@@ -1,0 +1,294 @@
+"""Rigid indenters, each one expression: how high its surface stands above its lowest point.
+
+``height(x, y)`` and ``gap(x, y, z)`` take lengths [m] from the lowest point, x and y in the surface plane and z up, and
+use + - * / ** and abs alone: numpy arrays, the form language of finite elements (UFL, which differentiates them
+symbolically) and the dual numbers of `slope` all take the same line. No expression divides by zero or has a root
+of zero on the axis or at an edge: roots are kept from zero by `TINY` of the body's own length.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import InvalidProblem
+
+Array = NDArray[np.float64]
+
+TINY = 1e-9
+"""Length that keeps a root from zero, over the length that the root is scaled by: its square is under roundoff."""
+WALL = 1e3
+"""Slope at which a profile goes on beyond a punch's edge, where there is no surface to touch."""
+
+
+def positive(v: Any) -> Any:
+    """Return v where it is positive, else 0."""
+    return 0.5 * (v + abs(v))
+
+
+def _cap(squared: Any, steep: float = 1.0) -> Any:
+    """Return 1 - sqrt(1 - s) for s = (r/R)^2 without cancellation; beyond the equator 1 + steep (s - 1)."""
+    beyond = positive(squared - 1.0)
+    return (squared - beyond) / (1.0 + (positive(1.0 - squared) + TINY**2) ** 0.5) + steep * beyond
+
+
+@dataclass(frozen=True)
+class Indenter:
+    """A rigid surface with its lowest point at the origin; lengths in m, frozen and hashable."""
+
+    def __post_init__(self) -> None:
+        faults = [fault for f in fields(self) for fault in self._faults_of(f.name, getattr(self, f.name))]
+        if faults:
+            raise InvalidProblem(*faults)
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        if _positive_and_finite(value):
+            return []
+        return [f"balls.{key}: must be greater than 0 and finite, got {value} m"]
+
+    @property
+    def apex_radius(self) -> float:
+        """Radius of curvature [m] at the lowest point, which sizes are estimated and scaled by."""
+        raise NotImplementedError
+
+    @property
+    def reach(self) -> float:
+        """Largest horizontal distance [m] from the axis of a point that can be touched; infinite without an edge."""
+        return math.inf
+
+    def half_width(self, x: float, y: float) -> float:
+        """Return how far [m] the body stands out in the direction of the unit vector (x, y); 0 if it has no end."""
+        return self.reach if math.isfinite(self.reach) else 0.0
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m] of the surface above its lowest point."""
+        raise NotImplementedError
+
+    def gap(self, x: Any, y: Any, z: Any) -> Any:
+        """Return a distance [m] of points from the body, negative inside: 0 on it, of gradient (0, 0, -1) at its apex.
+
+        The vertical one, unless the body has a better one for points that move sideways.
+        """
+        return self.height(x, y) - z
+
+
+@dataclass(frozen=True)
+class Paraboloid(Indenter):
+    """r^2 / 2R, the paper's ball."""
+
+    radius: float
+
+    @property
+    def apex_radius(self) -> float:
+        """R [m]."""
+        return self.radius
+
+    def half_width(self, x: float, y: float) -> float:
+        """Return R [m]: it stands for a ball."""
+        return self.radius
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m]."""
+        return (x**2 + y**2) / (2.0 * self.radius)
+
+
+@dataclass(frozen=True)
+class Sphere(Indenter):
+    """R - sqrt(R^2 - r^2); beyond the equator, where there is nothing to touch, ``height`` goes on steeply."""
+
+    radius: float
+
+    @property
+    def apex_radius(self) -> float:
+        """R [m]."""
+        return self.radius
+
+    @property
+    def reach(self) -> float:
+        """R [m]."""
+        return self.radius
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m]."""
+        return self.radius * _cap((x**2 + y**2) / self.radius**2)
+
+    def gap(self, x: Any, y: Any, z: Any) -> Any:
+        """Return the distance [m] from the whole sphere."""
+        return (x**2 + y**2 + (z - self.radius) ** 2 + (TINY * self.radius) ** 2) ** 0.5 - self.radius
+
+
+@dataclass(frozen=True)
+class Ellipsoid(Indenter):
+    """Semi-axes (a, b, c) [m] along x, y and z: apex radii of curvature a^2/c and b^2/c."""
+
+    semi_axes: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if isinstance(self.semi_axes, list):  # frozen and hashable all the same
+            object.__setattr__(self, "semi_axes", tuple(self.semi_axes))
+        super().__post_init__()
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        if isinstance(value, tuple) and len(value) == 3 and all(map(_positive_and_finite, value)):
+            return []
+        return [f"balls.{key}: must be three lengths along x, y and z, each greater than 0 and finite, got {value} m"]
+
+    @property
+    def apex_radius(self) -> float:
+        """A b / c [m], the geometric mean of the two."""
+        a, b, c = self.semi_axes
+        return a * b / c
+
+    @property
+    def reach(self) -> float:
+        """Larger horizontal semi-axis [m]."""
+        return max(self.semi_axes[:2])
+
+    def half_width(self, x: float, y: float) -> float:
+        """Return the distance [m] of its equator in that direction."""
+        a, b, _ = self.semi_axes
+        return 1.0 / math.hypot(x / a, y / b)
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m], beyond the equator going on steeply."""
+        a, b, c = self.semi_axes
+        return c * _cap(x**2 / a**2 + y**2 / b**2)
+
+    def gap(self, x: Any, y: Any, z: Any) -> Any:
+        """Return c (s - 1) [m], s = 1 on the whole ellipsoid: for a sphere the distance itself."""
+        a, b, c = self.semi_axes
+        return c * ((x**2 / a**2 + y**2 / b**2 + (z - c) ** 2 / c**2 + TINY**2) ** 0.5 - 1.0)
+
+
+@dataclass(frozen=True)
+class Cone(Indenter):
+    """A cone of ``slope`` [rad] against the surface plane with a rounded tip: a hyperboloid of revolution."""
+
+    slope: float
+    tip_radius: float
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        if key != "slope":
+            return super()._faults_of(key, value)
+        if _positive_and_finite(value) and value < 0.5 * math.pi:
+            return []
+        return [
+            f"balls.{key}: must lie between 0 and 90 deg, the angle between flank and surface, got {value} rad; "
+            'write degrees as "20 deg" in a scene, math.radians(20) in Python'
+        ]
+
+    @property
+    def apex_radius(self) -> float:
+        """Radius of the tip [m]."""
+        return self.tip_radius
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return sqrt(s^2 r^2 + t^2) - t [m], s = tan(slope), t = s^2 times the tip's radius, without cancellation."""
+        square = math.tan(self.slope) ** 2
+        t, rise = square * self.tip_radius, square * (x**2 + y**2)
+        return rise / ((rise + t**2) ** 0.5 + t)
+
+
+@dataclass(frozen=True)
+class Punch(Indenter):
+    """A flat-ended cylinder whose edge is rounded by a quarter circle of ``edge_radius`` [m]."""
+
+    radius: float
+    edge_radius: float
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        faults = super()._faults_of(key, value)
+        if key != "edge_radius":
+            return faults
+        if faults:
+            return [f"{faults[0]}; a sharp edge has no finite pressure: take a small one, such as radius / 100"]
+        if _positive_and_finite(self.radius) and value > self.radius:
+            return [f"balls.{key}: must not be larger than the punch, got {value} m at balls.radius {self.radius} m"]
+        return []
+
+    @property
+    def apex_radius(self) -> float:
+        """Radius of the punch [m]: its end is flat, and this is its length."""
+        return self.radius
+
+    @property
+    def reach(self) -> float:
+        """Radius of the punch [m]."""
+        return self.radius
+
+    def _beyond_flat(self, x: Any, y: Any) -> Any:
+        """Return the distance r [m] from the axis less the flat end's radius."""
+        return (x**2 + y**2 + (TINY * self.radius) ** 2) ** 0.5 - (self.radius - self.edge_radius)
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m], beyond the edge a wall."""
+        e = self.edge_radius
+        return e * _cap((positive(self._beyond_flat(x, y)) / e) ** 2, 0.5 * WALL)
+
+    def gap(self, x: Any, y: Any, z: Any) -> Any:
+        """Return the distance [m] from end, edge and side."""
+        e = self.edge_radius
+        side, end = self._beyond_flat(x, y), e - z
+        corner = (positive(side) ** 2 + positive(end) ** 2 + (TINY * e) ** 2) ** 0.5
+        inside = -positive(-0.5 * (side + end + abs(side - end)))
+        return corner + inside - e
+
+
+def _positive_and_finite(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and 0.0 < float(value) < math.inf
+
+
+def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return the exact df/dx and df/dy of an indenter's height f, from its own expression."""
+    one, none = np.ones_like(x), np.zeros_like(x)
+    change = indenter.height(_Dual(x, one, none), _Dual(y, none, one))
+    return change.dx, change.dy
+
+
+@dataclass(frozen=True)
+class _Dual:
+    """Values with their derivatives by x and y: what the operators of an expression make of them."""
+
+    value: Array
+    dx: Array
+    dy: Array
+    __array_ufunc__ = None
+
+    def _chain(self, value: Array, by: Any) -> _Dual:
+        return _Dual(value, by * self.dx, by * self.dy)
+
+    def __add__(self, other: Any) -> _Dual:
+        if isinstance(other, _Dual):
+            return _Dual(self.value + other.value, self.dx + other.dx, self.dy + other.dy)
+        return self._chain(self.value + other, 1.0)
+
+    def __mul__(self, other: Any) -> _Dual:
+        if isinstance(other, _Dual):
+            a, b = self._chain(self.value * other.value, other.value), other._chain(other.value, self.value)
+            return _Dual(a.value, a.dx + b.dx, a.dy + b.dy)
+        return self._chain(self.value * other, other)
+
+    def __pow__(self, power: float) -> _Dual:
+        return self._chain(self.value**power, power * self.value ** (power - 1.0))
+
+    def __abs__(self) -> _Dual:
+        return self._chain(abs(self.value), np.sign(self.value))
+
+    def __neg__(self) -> _Dual:
+        return self * -1.0
+
+    def __sub__(self, other: Any) -> _Dual:
+        return self + (-other)
+
+    def __rsub__(self, other: Any) -> _Dual:
+        return -self + other
+
+    def __truediv__(self, other: Any) -> _Dual:
+        return self * (other**-1.0 if isinstance(other, _Dual) else 1.0 / other)
+
+    __radd__, __rmul__ = __add__, __mul__

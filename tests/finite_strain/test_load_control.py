@@ -1,0 +1,121 @@
+"""Prescribed forces: met exactly, at the approach that answers them, and for hardly more than prescribed approaches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from finite_strain.domain import reduce_scene
+from finite_strain.load_control import load_control
+from linear_bem import Ball, Load
+from linear_bem.closed_forms import indentation_of_layer
+from tests.finite_strain.scenes import (
+    UNEQUAL,
+    Rig,
+    coarse_plan,
+    coarse_rig,
+    on_layer,
+    pair,
+    relatively,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from linear_bem import Problem
+
+FORCE = 1e-8
+"""Relative: what Newton's method leaves open of a prescribed force."""
+PENALTY = 2e-4
+"""Relative, of an approach: a tenth of what the penalty leaves, which follows the approach expected at first."""
+DEARER = 1.3
+"""Tangents of a path by forces over those of the same path by approaches, at most."""
+PATH = [0.3, 0.6, 1.0]
+
+
+def pressed(
+    problem: Problem, folder: Path, path: list[float] | None = None, meshed_for: Problem | None = None
+) -> tuple[Rig, int]:
+    """Return a rig at full load on the mesh of some load, and the tangents that its path took."""
+    plan = coarse_plan(meshed_for or problem)
+    rig = coarse_rig(replace(plan, problem=problem), folder)
+    records = rig.press(path or PATH)
+    assert rig.path.augment(records[-1])
+    return rig, sum(record.tangents for record in records)
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.4999], ids=["displacement form", "mixed form"])
+def test_a_prescribed_force_is_met_at_the_approach_that_answers_it(
+    poisson: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    problem = pair(0.1, poisson=poisson)
+    by_approach, tangents = pressed(problem, tmp_path_factory.mktemp("approach"), [f ** (2 / 3) for f in PATH])
+    (force,) = by_approach.normal_forces()
+    by_force, more = pressed(
+        problem.with_load("force", (force, force)), tmp_path_factory.mktemp("force"), None, problem
+    )
+    assert by_force.normal_forces() == relatively([force], FORCE)
+    assert by_force.model.contact.approaches == relatively([0.1], PENALTY)
+    assert np.abs(by_force.model.nodal - by_approach.model.nodal).max() < 0.01 * 0.1
+    assert more <= DEARER * tangents
+
+
+def test_every_step_of_a_path_meets_its_share_of_the_force(tmp_path: Path) -> None:
+    problem = pair(Load("force", (0.05, 0.05)), poisson=0.3)
+    rig = coarse_rig(coarse_plan(problem), tmp_path)
+    for record in rig.path.steps(PATH):
+        rig.settle()
+        assert rig.normal_forces() == relatively([record.fraction * 0.05], FORCE)
+        # and with multipliers, too
+        assert rig.path.augment(record)
+        assert rig.normal_forces() == relatively([record.fraction * 0.05], FORCE)
+
+
+def test_unequal_forces_find_an_approach_each(tmp_path_factory: pytest.TempPathFactory) -> None:
+    by_approach, _ = pressed(UNEQUAL, tmp_path_factory.mktemp("approach"))
+    forces = by_approach.normal_forces()
+    by_force, _ = pressed(UNEQUAL.with_load("force", forces), tmp_path_factory.mktemp("force"), None, UNEQUAL)
+    assert by_force.normal_forces() == relatively(forces, FORCE)
+    assert by_force.model.contact.approaches == relatively([0.1, 0.08], PENALTY)
+
+
+def test_one_total_force_on_unequal_balls_is_shared_at_a_common_approach(tmp_path: Path) -> None:
+    balls = (Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 0.7, "sphere"))
+    rig, _ = pressed(on_layer(balls, Load("total_force", (0.1,)), poisson=0.3), tmp_path)
+    forces, approaches = rig.normal_forces(), rig.model.contact.approaches
+    assert forces.sum() == relatively(0.1, FORCE)
+    assert forces[0] > forces[1] > 0.0
+    assert approaches[0] == approaches[1]
+
+
+def test_one_total_force_on_mirrored_balls_is_shared_equally(tmp_path_factory: pytest.TempPathFactory) -> None:
+    total, _ = pressed(pair(Load("total_force", (0.1,)), poisson=0.3), tmp_path_factory.mktemp("total"))
+    each, _ = pressed(pair(Load("force", (0.05, 0.05)), poisson=0.3), tmp_path_factory.mktemp("each"))
+    assert total.normal_forces() == relatively([0.05], FORCE)
+    assert total.model.contact.approaches == relatively(each.model.contact.approaches, PENALTY)
+
+
+def test_loads_begin_where_each_ball_alone_would_be() -> None:
+    problem = replace(UNEQUAL, load=Load("force", (0.05, 0.02)))
+    control = load_control(problem, reduce_scene(problem))
+    alone = [
+        indentation_of_layer(problem.layer, None, radius, normal_force=0.5 * force).approach
+        for radius, force in ((1.0, 0.05), (0.8, 0.02))
+    ]
+    assert control.approaches(0.5) == relatively(alone, 0.05)  # the closed form is a paraboloid's
+    # half of each ball is simulated
+    assert control.targets(0.5) == relatively([0.5 * 0.025, 0.5 * 0.01], 1e-12)
+    assert np.array_equal(control.moves, np.eye(2))
+    shared = replace(problem, load=Load("total_force", (0.07,)))
+    control = load_control(shared, reduce_scene(shared))
+    assert control.targets(1.0) == relatively([0.035], 1e-12)
+    assert np.array_equal(control.moves, np.ones((2, 1)))
+    given = load_control(UNEQUAL, reduce_scene(UNEQUAL))
+    assert given.moves.shape == (2, 0)
+    assert given.targets(1.0).shape == (0,)
+    assert given.approaches(0.5) == relatively([0.05, 0.04], 1e-12)

@@ -1,0 +1,105 @@
+"""The small-strain problem as control variate: what it takes off, how much it counts, and what it leaves open."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from finite_strain.pairs import ALIKE, UNLIKE, LinearTruth, paired, unpaired
+from finite_strain.states import ContactState
+from tests.finite_strain.scenes import relatively
+
+ROUNDOFF = 1e-13
+FAR_FROM_ZERO = np.array([1e-6])
+"""A scale [1/N] of T / Q^2 far below those that occur here."""
+
+
+def state(q: float, d: float, per_squared: tuple[float, float], gap: float = 0.0) -> ContactState:
+    """Return a state of one ball with Q, D and T / Q^2."""
+    one: Any = np.array([[per_squared[0] * q**2, per_squared[1] * q**2]])
+    same = np.array([1.0])
+    return ContactState(1.0, np.array([d]), np.array([q]), one, one, same, same, same, same, np.array([gap]))
+
+
+def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:
+    one = np.array([1.0])
+    return LinearTruth(np.array([q]), np.array([d]), q**2 * np.array([per_squared]), 1e-9 * one, one, one)
+
+
+@pytest.mark.parametrize("forces_given", [False, True], ids=["approach given", "force given"])
+def test_where_both_strains_are_one_the_answer_is_the_linear_truth(forces_given: bool) -> None:
+    own = small = state(0.9, 0.11, (-0.021, 0.004))
+    truth = linear(0.9 if forces_given else 1.0, 0.1 if forces_given else 0.11, (-0.02, 0.003))
+    answer = paired(own, small, truth, FAR_FROM_ZERO, forces_given)
+    assert answer.weight == [1.0]
+    assert answer.normal_force == relatively(truth.normal_force, ROUNDOFF)
+    assert answer.approach == relatively(truth.approach, ROUNDOFF)
+    assert answer.tangential_force == relatively(truth.tangential_force, ROUNDOFF)
+    assert answer.transfer == [0.0]
+    assert answer.force_transfer == [0.0]
+
+
+def test_an_error_that_both_share_is_taken_off() -> None:
+    # the mesh is 3 % too stiff and has 1e-3 too much T / Q^2; finite strain softens by a tenth
+    truth, exact = linear(1.0, 0.1, (-0.02, 0.0)), state(0.9, 0.1, (-0.023, 0.0))
+    answer = paired(state(0.927, 0.1, (-0.022, 0.0)), state(1.03, 0.1, (-0.019, 0.0)), truth, FAR_FROM_ZERO, False)
+    assert answer.normal_force == relatively(exact.normal_force, ROUNDOFF)
+    assert answer.per_squared_force[0] == pytest.approx([-0.023, 0.0], abs=ROUNDOFF)
+    # what may not carry over: difference against ratio, 1e-3 times 3/22, and 3 % of a tenth
+    assert answer.transfer == relatively(1e-3 * (3.0 / 22.0) / (1.0 - 3.0 / 22.0), 1e-12)
+    assert answer.force_transfer == relatively(0.1 * (1.0 - 1.0 / 1.03), 1e-12)
+
+
+def test_at_given_force_the_approach_is_corrected_and_the_force_kept() -> None:
+    own, small, truth = state(1.0, 0.12, (0.02, 0.0)), state(1.0, 0.105, (0.02, 0.0)), linear(1.0, 0.1, (0.02, 0.0))
+    answer = paired(own, small, truth, FAR_FROM_ZERO, True)
+    assert answer.normal_force == own.normal_force
+    assert answer.approach == relatively([0.12 + 0.1 - 0.105], ROUNDOFF)
+    assert answer.force_transfer == relatively([(0.105 - 0.1) / 0.105 * (0.12 / 0.105 - 1.0)], 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unlike", "weight"),
+    [(0.0, 1.0), (ALIKE, 1.0), (0.5 * (ALIKE + UNLIKE), 0.5), (UNLIKE, 0.0), (0.9, 0.0), (1.5, 0.0)],
+)
+def test_the_pair_counts_less_the_less_the_two_forces_are_alike(unlike: float, weight: float) -> None:
+    own, small = state(1.0, 0.1, (1.0 - unlike, 0.0)), state(1.0, 0.1, (1.0, 0.0))
+    answer = paired(own, small, linear(1.1, 0.1, (1.2, 0.0)), FAR_FROM_ZERO, False)
+    if unlike > 1.0:  # the difference is measured by the larger of the two
+        assert answer.weight[0] == 0.0
+        return
+    assert answer.weight[0] == pytest.approx(weight, abs=ROUNDOFF)
+    assert answer.per_squared_force[0, 0] == pytest.approx(1.0 - unlike + weight * 0.2, abs=ROUNDOFF)
+    assert answer.normal_force[0] == relatively(1.1**weight, ROUNDOFF)
+    # nothing is left open of a correction between problems that are one, all of it between strangers
+    assert answer.transfer[0] == pytest.approx(0.2 * min(unlike / max(1.0 - unlike, 0.5), 1.0), abs=ROUNDOFF)
+
+
+def test_near_the_zero_of_t_differences_are_measured_by_the_scale() -> None:
+    # T of the two has opposite signs, and both are a hundredth of what counts
+    own, small = state(1.0, 0.1, (1e-4, 0.0)), state(1.0, 0.1, (-1e-4, 0.0))
+    truth = linear(1.0, 0.1, (-3e-4, 0.0))
+    near, far = (paired(own, small, truth, np.array([scale]), False) for scale in (1e-2, 1e-6))
+    assert near.weight == [1.0]
+    assert near.per_squared_force[0, 0] == relatively(1e-4 - 2e-4, 1e-12)
+    assert far.weight == [0.0]
+    assert far.per_squared_force[0, 0] == 1e-4
+
+
+def test_a_ball_without_force_has_no_correction_and_no_nan() -> None:
+    nothing, truth = state(0.0, 0.0, (0.0, 0.0)), linear(0.0, 0.0, (0.0, 0.0))
+    for forces_given in (False, True):
+        answer = paired(nothing, nothing, truth, np.array([0.0]), forces_given)
+        for values in (answer.normal_force, answer.approach, answer.per_squared_force, answer.transfer):
+            assert not np.any(values)
+
+
+def test_without_a_pair_the_discretisation_speaks_for_itself() -> None:
+    own = state(0.9, 0.1, (-0.02, 0.001))
+    answer = unpaired(own)
+    assert answer.tangential_force == relatively(own.tangential_force, ROUNDOFF)
+    assert answer.normal_force == own.normal_force
+    for none in (answer.weight, answer.transfer, answer.force_transfer):
+        assert none == [0.0]

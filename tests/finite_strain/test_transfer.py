@@ -1,0 +1,150 @@
+"""A state taken off its mesh: exact for the elements' own polynomials, wherever it came from and goes to."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from dolfinx.fem import Function
+from mpi4py import MPI
+
+from finite_strain import compat
+from finite_strain.fields import Fields
+from finite_strain.mesh_run import mesh_box
+from finite_strain.states import Discretisation
+from finite_strain.transfer import Snapshot
+from linear_bem.errors import OutputUnusable
+from tests.finite_strain.scenes import coarse_plan, pair
+from tests.launch import mpirun
+
+ROUNDOFF = 1e-10
+"""Of polynomials of order one to three at places that Newton's method finds in skew cells."""
+APPROACHES = np.array([0.1, 0.07])
+
+
+def fields_on(mesh: Any, order: int) -> Fields:
+    """Return a displacement of an order and a pressure of the order below."""
+    spaces = compat.function_space(mesh, order, (3,)), compat.function_space(mesh, order - 1)
+    displacement, pressure = (Function(space) for space in spaces)
+    return Fields(displacement, [pressure])
+
+
+def polynomial(points: np.ndarray, order: int) -> np.ndarray:
+    """Return a polynomial (n, 3) of total degree ``order``, which hexahedra with straight edges of that order hold."""
+    x, y, z = points.T
+    return np.column_stack(
+        [x * y ** (order - 1) - z, (0.3 * x + y - 0.2 * z) ** order, z**order - 2.0 * x * z ** (order - 1)]
+    )
+
+
+def fill(fields: Fields, order: int) -> None:
+    nodal, pressures = fields.points
+    fields.displacement.x.array[:] = polynomial(nodal, order).ravel()
+    fields.pressures[0].x.array[:] = polynomial(pressures, order - 1)[:, 1]
+
+
+def mismatch(fields: Fields, snapshot: Snapshot, order: int) -> float:
+    """Return the largest difference between what a snapshot says at the fields' nodes and the polynomial there."""
+    nodal, pressure = snapshot.at(fields)
+    first, second = fields.points
+    return max(
+        float(np.abs(nodal - polynomial(first, order)).max()),
+        float(np.abs(pressure - polynomial(second, order - 1)[:, 1]).max()),
+    )
+
+
+def meshes(folder: Path, comm: MPI.Comm) -> list[Any]:
+    """Return two meshes of one box, the second finer."""
+    plan = coarse_plan(pair(0.1, poisson=0.3))
+    return [
+        mesh_box(plan.box(Discretisation(2, fineness)), folder / f"mesh_{fineness}.msh", comm)[0]
+        for fineness in (1.0, 2.0)
+    ]
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    return meshes(tmp_path_factory.mktemp("meshes"), MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 3), (3, 2), (3, 3)])
+@pytest.mark.parametrize("way", [(0, 1), (1, 0)], ids=["to a finer mesh", "to a coarser one"])
+def test_polynomials_of_the_order_go_from_mesh_to_mesh_unchanged(
+    two: list[Any], before: int, after: int, way: tuple[int, int]
+) -> None:
+    order = min(before, after)
+    source, target = fields_on(two[way[0]], before), fields_on(two[way[1]], after)
+    fill(source, order)
+    snapshot = Snapshot.take(0.5, source, APPROACHES)
+    assert mismatch(target, snapshot, order) < ROUNDOFF
+
+
+def test_a_saved_state_comes_back_to_the_last_bit(two: list[Any], tmp_path: Path) -> None:
+    fields = fields_on(two[0], 3)
+    random = np.random.default_rng(1)
+    for function in fields.functions:
+        function.x.array[:] = random.normal(size=function.x.array.shape)
+    kept, path = Snapshot.take(0.25, fields, APPROACHES), tmp_path / "state.npz"
+    kept.save(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["state.npz"]
+    back = Snapshot.load(path)
+    assert back.fraction == 0.25
+    assert np.array_equal(back.approaches, APPROACHES)
+    assert np.array_equal(back.corners, kept.corners)
+    assert all(np.array_equal(a, b) for a, b in zip(back.values, kept.values, strict=True))
+    # on its own mesh it is what it was, to roundoff of the nodes' places
+    for now, then in zip(back.at(fields), fields.copy(), strict=True):
+        assert np.abs(now - then).max() < ROUNDOFF
+
+
+def test_a_file_that_holds_no_state_is_refused_by_its_name(tmp_path: Path) -> None:
+    torn, foreign = tmp_path / "torn.npz", tmp_path / "foreign.npz"
+    torn.write_bytes(b"PK torn")
+    np.savez(foreign, something=np.zeros(3))
+    for path in (torn, foreign, tmp_path / "missing.npz"):
+        with pytest.raises(OutputUnusable, match=rf"{path.name} cannot be read .*: remove it to start anew"):
+            Snapshot.load(path)
+
+
+def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> None:
+    source = fields_on(two[0], 2)
+    snapshot = Snapshot.take(1.0, source, APPROACHES)
+    wider = mesh_box(
+        coarse_plan(pair(0.1, distance=4.0, poisson=0.3)).box(Discretisation(2, 1.0)), tmp_path / "m.msh", MPI.COMM_SELF
+    )[0]
+    with pytest.raises(OutputUnusable, match="belongs to another scene"):
+        snapshot.at(fields_on(wider, 2))
+
+
+@pytest.mark.mpi
+def test_a_state_of_one_rank_is_taken_up_by_two_and_theirs_by_one(two: list[Any], tmp_path: Path) -> None:
+    fields = fields_on(two[0], 3)
+    fill(fields, 3)
+    Snapshot.take(0.5, fields, APPROACHES).save(tmp_path / "one.npz")
+    done = mpirun(2, "-m", "tests.finite_strain.test_transfer", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert all(float(word) < ROUNDOFF for word in done.stdout.split())
+    assert len(done.stdout.split()) == 2
+    assert mismatch(fields_on(two[1], 3), Snapshot.load(tmp_path / "two.npz"), 3) < ROUNDOFF
+
+
+def main() -> None:
+    """On two ranks: take up what one left, leave a state of two, and print the largest mismatch of each rank."""
+    folder, comm = Path(sys.argv[1]), MPI.COMM_WORLD
+    coarse, fine = (fields_on(mesh, 3) for mesh in meshes(folder, comm))
+    found = comm.gather(mismatch(fine, Snapshot.load(folder / "one.npz"), 3), root=0)
+    fill(coarse, 3)
+    state = Snapshot.take(0.5, coarse, APPROACHES)
+    if found is not None:
+        state.save(folder / "two.npz")
+        print(*found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,100 @@
+"""T of many balls from a table of pairs: the model's own, close for more balls, and kept through a kill."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_point_load
+from runs.evolution import pair_table
+from runs.evolution.forces import DirectForces, at
+from runs.evolution.pair_forces import PairForces, SingleBall
+from runs.evolution.providers import Provider
+from runs.models import MODELS, Run
+from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
+
+
+def test_pairs_of_the_table_are_the_models_own_and_more_balls_are_close(
+    tables: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # as few distances as a finite-strain table has
+    monkeypatch.setattr(pair_table, "MANY", pair_table.FEW)
+    problem = scene(line(3, 0.023))
+    given = of("linear_bem", problem, tables)
+    assert given.table is not None
+    for distance in (0.02, 0.0237, 0.041):
+        pair = scene([(0.0, 0.0), (0.0, distance)])
+        true = solve(pair, tangential_force=1e-4).balls[0]
+        state = spread(given, pair)(np.array([[0.0, 0.0], [0.0, distance]]))
+        # the table's accuracy, and interpolation between ten distances
+        assert state.tangential[0] == pytest.approx([0.0, true.tangential_force[1]], rel=2e-3, abs=1e-9)
+        assert state.normal[0] == pytest.approx(true.normal_force, rel=1e-3)
+    rows = given.table["additivity"]
+    assert {row["arrangement"] for row in rows} == {"three in a line", "four in a square"}
+    assert all(row["coupled"] < 0.03 < row["bare_sum"] for row in rows)
+    x = np.array([ball.position for ball in problem.balls])
+    state = given.forces(x)
+    full = DirectForces(problem, 1e-2)(x)
+    assert np.max(np.abs(state.tangential - full.tangential)) <= np.max(state.error) + np.max(full.error)
+    assert state.tangential.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
+
+
+def test_point_loads_are_the_models_own(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035)])
+    x = np.array([ball.position for ball in problem.balls])
+    state = spread(foam, problem)(x)
+    balls = solve_point_load(at(problem, x)).balls
+    # both interpolate the single ball's law; this one is the nearer to it
+    assert state.normal == pytest.approx([ball.normal_force for ball in balls], rel=0.015)
+    assert state.tangential == pytest.approx(np.array([ball.tangential_force for ball in balls]), rel=0.03, abs=1e-3)
+    pair = foam.forces
+    assert isinstance(pair, PairForces)
+    for depth in (0.0095, 0.0115):
+        alone = Problem(FOAM, (Ball((0.0, 0.0), RADIUS, "sphere"),), Load("approach", (depth,)))
+        true = solve(alone, tangential_force=1e-3).balls[0].normal_force
+        assert pair.singles[0].force(np.array([depth])) == pytest.approx(true, rel=5e-4)
+
+
+def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.5, 3.0, 6.0))
+    problem = Problem(
+        Layer(1.0, 0.48, 6.0),
+        (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid")),
+        Load("approach", (0.05,) * 2),
+    )
+    problem = Problem(problem.layer, problem.balls, problem.load, Elastic(1e3, 0.3))
+    calls: list[int] = []
+
+    def dies_after(count: int) -> pair_table.Solve:
+        def run(one: Problem, workspace: Path | None, steps: Sequence[float]) -> object:
+            if len(calls) >= count:
+                raise KeyboardInterrupt
+            calls.append(one.size)
+            return MODELS["linear_bem"].solve(one, Run(1e-2, steps=steps))
+
+        return run  # type: ignore[return-value]
+
+    table = pair_table.PairTable(problem, "linear_bem", dies_after(3), tmp_path, {})
+    with pytest.raises(KeyboardInterrupt):
+        table.complete()
+    calls.clear()
+    again = pair_table.PairTable(problem, "linear_bem", dies_after(99), tmp_path, {})
+    assert again.missing == 4  # the single ball and two pairs are there
+    again.complete()
+    assert calls == [2, 2, 3, 4]
+    whole = pair_table.PairTable(problem, "linear_bem", dies_after(999), tmp_path / "other", {})
+    whole.complete()
+    x = np.array([[-1.1, 0.0], [1.1, 0.3]])
+    assert again.forces()(x).tangential == pytest.approx(whole.forces()(x).tangential, rel=1e-14)
+    assert len(list(tmp_path.glob("*.json"))) == 1
+
+
+def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
+    depths = np.geomspace(0.1, 1.0, 6)
+    ball = SingleBall(list(depths), list(4.0 / 3.0 * depths**1.5))
+    at_any = np.array([-0.1, 0.0, 1e-3, 0.37, 2.0])
+    assert ball.force(at_any) == pytest.approx(4.0 / 3.0 * np.maximum(at_any, 0.0) ** 1.5, rel=1e-10)
+    assert ball.approach(ball.force(at_any))[2:] == pytest.approx(at_any[2:], rel=1e-10)
