@@ -104,13 +104,6 @@ def _bytes(unknowns: float, direct: bool) -> float:
     return 4e8 + (0.77e9 * (unknowns / 51.5e3) ** 1.35 if direct else 7.5e3 * unknowns)
 
 
-def planned_fractions(problem: Problem) -> list[float]:
-    """Return the load fractions that a run passes: steps that suit the ball that goes deepest for its size."""
-    expected = expected_indentation(problem)
-    shares = [approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True)]
-    return load_fractions(problem.load.kind, max(shares))
-
-
 def plan_run(
     problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
     steps: Sequence[float] | None = (1.0,),
@@ -122,12 +115,13 @@ def plan_run(
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     _check_supported(problem, model)
-    path = tuple(planned_fractions(problem))
     goals = tuple(answered_fractions(problem.load.kind) if steps is None else steps)
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     budget = budget or Budget()
     expected = expected_indentation(problem)
+    deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
+    path = load_fractions(problem.load.kind, deepest)
     plan = RunPlan(
         problem, model, reduce_scene(problem), tuple(sorted({*path, *goals})), goals, tangential_force, budget,
         tuple(expected), choose_extent(problem, expected, tangential_force),

@@ -92,9 +92,9 @@ def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run
     def along(problem: Problem, run: Run) -> Result:
         fractions = run.steps
         if fractions is None:
-            from finite_strain.planning import planned_fractions  # noqa: PLC0415  (no DOLFINx)
+            from finite_strain.schedule import answered_fractions  # noqa: PLC0415  (no DOLFINx)
 
-            fractions = planned_fractions(problem)
+            fractions = answered_fractions(problem.load.kind)
         steps = []
         for fraction in fractions:
             values = [fraction * value for value in problem.load.values]
