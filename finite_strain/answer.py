@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,24 +24,19 @@ FORCE_EXPONENT = 1.5
 """d ln Q / d ln D at least: Hertz's; the path may show more."""
 
 
-@dataclass(frozen=True)
-class _Answer:
-    """One discretisation's answer, and the row that it was drawn from."""
-
-    row: Row
-    values: Paired
-
-
 class Answers:
-    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path."""
+    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path.
 
-    def __init__(self, plan: RunPlan, coarse: Record, fine: Record) -> None:
-        self.plan, self.coarse, self.fine = plan, coarse, fine
+    ``records`` are the last two or more discretisations, the finest last.
+    """
+
+    def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
+        self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
+        self._older = records[-3] if len(records) > 2 else None
         self.forces_given = plan.problem.load.kind != "approach"
         self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
         self._before: Paired | None = None
         self.failure = ""
-        self._rate = plan.box(fine.level).rate
 
     def truth(self, fraction: float) -> LinearTruth | None:
         """Return what `linear_bem` answers at a load fraction, None where it has no answer (one rank)."""
@@ -76,34 +71,30 @@ class Answers:
         fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
         assert fine is not None
         assert coarse is not None
-        now = self._paired(fine, truth, self._rate)
-        before = self._paired(coarse, truth if fine.small is not None else None, 0.0)
-        # between orders on one mesh both answers may be off alike: what the pair makes of them does not tell
-        one_mesh = (
-            self.fine.level.fineness == self.coarse.level.fineness and self.fine.level.order != self.coarse.level.order
-        )
-        after, before = (unpaired(fine.own), unpaired(coarse.own)) if one_mesh else (now, before)
+        now, before, older = (self._paired(row, truth) for row in (fine, coarse, self._oldest(fraction)))
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor = np.maximum(size, self._scale(now.normal_force))
-        factor = gain(self.fine.level, self.coarse.level)
         squared, pull = now.normal_force**2, now.tangential_force
+
+        def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
+            """Return the discretisation's error of a value (balls, k) of the paired answers."""
+            return self._change(name, value(now), value(before), None if older is None else value(older), scale)
+
         share = enforcement(fine.own, fine.small, weight)
         power = self._exponent(fraction, now, earlier)
         solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
         # of T at given force
         at_force = Terms(
-            self._change("R", factor, squared[:, None] * after.per_squared_force,
-                         squared[:, None] * before.per_squared_force, floor),
+            change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor),
             np.zeros_like(size),
             squared * now.transfer,
             solver,
-        )  # fmt: skip
+        )
         # of what follows: Q at given approach, D at given force
         follows = now.approach if self.forces_given else now.normal_force
-        change = (after.approach, before.approach) if self.forces_given else (after.normal_force, before.normal_force)
         through = Terms(
-            self._change("Q", factor, change[0][:, None], change[1][:, None], follows),
+            change("Q", lambda a: (a.approach if self.forces_given else a.normal_force)[:, None], follows),
             np.abs(follows) * share * (1.0 if self.forces_given else power),
             np.abs(follows) * now.force_transfer,
             tolerance
@@ -113,7 +104,7 @@ class Answers:
             terms = at_force
         else:
             terms = Terms(
-                self._change("T", factor, after.tangential_force, before.tangential_force, floor),
+                change("T", lambda answer: answer.tangential_force, floor),
                 2.0 * size * share * power,
                 np.hypot(at_force.transfer, 2.0 * size * now.force_transfer),
                 solver,
@@ -156,14 +147,14 @@ class Answers:
         self._before = now
         return Step(tuple(balls), record)
 
-    def _paired(self, row: Row, truth: LinearTruth | None, rate: float) -> Paired:
-        if truth is None:
+    def _paired(self, row: Row | None, truth: LinearTruth | None) -> Paired | None:
+        if row is None:
+            return None
+        if truth is None or (self.plan.is_paired and row.small is None):
             return unpaired(row.own)
         scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
-        if self.plan.is_paired and row.small is not None:
-            return paired(row.own, row.small, truth, scale, self.forces_given, rate)
-        if self.plan.is_paired:
-            return unpaired(row.own)
+        if row.small is not None:
+            return paired(row.own, row.small, truth, scale, self.forces_given)
         # the small-strain model itself: its error is known
         known = paired(row.own, row.own, truth, scale, self.forces_given)
         own = unpaired(row.own)
@@ -175,13 +166,18 @@ class Answers:
         )
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
 
-    def _change(self, name: str, factor: float, now: np.ndarray, before: np.ndarray, size: np.ndarray) -> np.ndarray:
+    def _oldest(self, fraction: float) -> Row | None:
+        return None if self._older is None else self._older.at(fraction)
+
+    def _change(
+        self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
+    ) -> np.ndarray:
         """Return the discretisation's error, and remember it for the steps that follow."""
-        path = self._relative[name]
+        path, last = self._relative[name], np.linalg.norm(now - before, axis=1)
+        observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
+        factor = gain(self.fine.level, self.coarse.level, observed)
         error = discretisation(now, before, factor, path, size)
-        path.append(
-            np.divide(factor * np.linalg.norm(now - before, axis=1), size, out=np.zeros(len(size)), where=size > 0.0)
-        )
+        path.append(ratio(factor * last, size))
         return error
 
     def _exponent(self, fraction: float, now: Paired, earlier: list[Step]) -> np.ndarray:

@@ -175,9 +175,12 @@ def versions() -> dict[str, str]:
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
-    """Return the (cells, 8) table of a mesh's corners, x running first, then y, then z, ghost cells included."""
+    """Return the (cells, 27) table of a mesh's nodes, the 8 corners first (x running first, then y, then z).
+
+    Ghost cells are included.
+    """
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(-1, 8)
+        return mesh.geometry.dofmap.array.reshape(-1, 27)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 

@@ -104,7 +104,7 @@ class Contact:
         """Give every cell below the top the balls that it may touch, the nearest to touching first."""
         index_map = self.mesh.topology.index_map(3)
         constants = compat.function_space(self.mesh, 0, discontinuous=True)
-        corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells]]
+        corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells, :8]]
         slots = []
         for kind in dict.fromkeys(ball.shape for ball in self.balls):
             numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
@@ -148,12 +148,13 @@ class Contact:
         for slot in self.slots:
             slot.set("penalty", penalties)
 
-    def augment(self) -> None:
-        """Take the multipliers from the present state, which must have been found without."""
+    def augment(self, stiffer: float) -> None:
+        """Take the multipliers from the present state, found without any, and make the penalties stiffer by a factor."""
         self.earlier.x.array[:] = self.displacement.x.array
         for slot in self.slots:
             slot.set("earlier", self.approaches)
-        self.augmented.value = 1.0
+            slot.fields["penalty"].x.array[:] *= stiffer
+        self.augmented.value = 1.0 / stiffer
 
     def forget_multipliers(self) -> None:
         """Set the multipliers to zero."""

@@ -22,11 +22,8 @@ LEAST_SHARE = 0.1
 """Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 Expected = tuple[float, float, float]
 """Approach [m], force [N], contact radius [m]."""
-EDGE, LATEST = 1.08, 0.85
-"""Where a line of the mesh goes round a contact: over its expected radius, but at most over its block's half-width.
-
-T is integrated outside that line, so contact must not reach it.
-"""
+LATEST = 0.85
+"""Where a line of the mesh goes round a contact at most: over its block's half-width. T is integrated outside it."""
 WIDEST = 2.0
 """Distance at which a body without an edge may touch, over its radius or its expected contact's."""
 _SAME = 1e-9
@@ -220,6 +217,6 @@ def box_to_mesh(
         radii.append(max(expected[ball.index][2], least))
     positions = [ball.position for ball in reduction.balls]
     widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
-    lines = [min(EDGE * a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
+    lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
     zones = tuple(Zone(*zone) for zone in zip(positions, lines, widths, strict=True))
     return Box(sides[0], sides[1], problem.layer.thickness, extent.depth, zones, fineness)

@@ -14,7 +14,7 @@ from finite_strain.fields import Values
 from finite_strain.load_control import LoadControl
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
-from finite_strain.penalty import penalties
+from finite_strain.penalty import STIFFENING, penalties
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
@@ -123,7 +123,7 @@ class LoadPath:
         """
         model, contact = self.model, self.model.contact
         before = model.forces()[:, 2]
-        contact.augment()
+        contact.augment(STIFFENING)
         try:
             iterations = self._newton(record, nearby=True)
             moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
@@ -147,8 +147,12 @@ class LoadPath:
             self.model.fields.restore(start.values)
             free = self.control.moves.any(axis=1)
             contact.set_approaches(np.where(free, start.approaches, prescribed))
-        contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
+        self._set_penalties()
         self._newton(record, rough=ROUGH)
+
+    def _set_penalties(self) -> None:
+        contact = self.model.contact
+        contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
 
     def _newton(self, record: StepRecord, nearby: bool = False, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
@@ -194,5 +198,6 @@ class LoadPath:
         if self.history:
             self.model.fields.restore(self.history[-1].values)
             self.model.contact.set_approaches(np.array(self.history[-1].approaches))
+            self._set_penalties()
         else:
             self.model.fields.clear()

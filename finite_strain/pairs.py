@@ -21,10 +21,9 @@ from finite_strain.states import ContactState
 ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
 """Difference of T / Q^2 between finite and small strain, over the larger of them, up to which the pair counts in full,
 and from which on it does not count. Both are choices: the error budget holds what they leave open."""
+UNSURE = 0.2
+"""Part of the correction that is never taken as certain, a choice likewise."""
 
-
-QUARTER = 0.25
-"""Distance of two contacts' edges, in elements, at which what they add to Q has nothing in common."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +69,12 @@ def unpaired(own: ContactState) -> Paired:
 
 
 def paired(
-    own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool, size: float = 0.0
+    own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool
 ) -> Paired:
     """Return the answer for the finite-strain state ``own``.
 
-    ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero, ``size`` the elements' at a contact's
-    edge over its radius. What may not carry over is the difference between taking the correction off as a difference
-    and as a ratio, and what contacts' edges that lie apart in their elements do to Q.
+    ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero. What may not carry over is the
+    difference between taking the correction off as a difference and as a ratio.
     """
     linear = ratio(truth.tangential_force, truth.normal_force[:, None] ** 2)
     correction = linear - small.per_squared_force
@@ -85,19 +83,20 @@ def paired(
     )
     unlike = _length(own.per_squared_force - small.per_squared_force) / largest
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
-    transfer = _length(correction) * np.minimum(unlike / np.maximum(1.0 - unlike, 0.5), 1.0)
+    transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), UNSURE, 1.0)
     if forces_given:
         factor = np.ones_like(weight)
         shift = weight * (truth.approach - small.approach)
     else:
         factor = ratio(truth.normal_force, small.normal_force, empty=1.0) ** weight
         shift = np.zeros_like(weight)
-    apart = _edges_apart(own, small, size)
-    stiffer = np.abs(ratio(own.normal_force, small.normal_force, empty=1.0) - 1.0)
-    softer = np.abs(ratio(own.approach, small.approach, empty=1.0) - 1.0)
-    share = np.abs(ratio(truth.normal_force, small.normal_force, empty=1.0) - 1.0) * np.maximum(stiffer, apart)
-    if forces_given:
-        share = np.abs(ratio(truth.approach, small.approach, empty=1.0) - 1.0) * np.maximum(softer, apart)
+    known, own_value, small_value = (
+        (truth.approach, own.approach, small.approach)
+        if forces_given
+        else (truth.normal_force, own.normal_force, small.normal_force)
+    )
+    apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), UNSURE)
+    share = np.abs(ratio(known, small_value, empty=1.0) - 1.0) * apart
     return Paired(
         own.normal_force * factor,
         own.approach + shift,
@@ -106,18 +105,6 @@ def paired(
         share,
         weight,
     )
-
-
-def _edges_apart(own: ContactState, small: ContactState, size: float) -> np.ndarray:
-    """Return how unlike the two contacts' edges cut the elements (balls,), 0 to 1.
-
-    What an edge inside an element adds to Q changes its sign as the edge crosses the element, and no pair takes it off
-    where the edges are a quarter of an element apart.
-    """
-    if not size > 0.0:
-        return np.zeros(len(own.approach))
-    apart = np.abs(np.sqrt(own.flat_area) - np.sqrt(small.flat_area)) / (QUARTER * size)
-    return np.minimum(ratio(apart, np.sqrt(small.flat_area)), 1.0)
 
 
 def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:

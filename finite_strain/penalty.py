@@ -11,8 +11,10 @@ from finite_strain.domain import LEAST_SHARE, ModelBall
 from finite_strain.estimates import alone
 from linear_bem.problem import Problem
 
-PENETRATION = 2e-3
-"""Mean penetration over the approach without multipliers; an augmentation then divides it by 10 and more."""
+PENETRATION = 2e-2
+"""Mean penetration over the approach without multipliers: soft, so that Newton's method finds the contact's edge fast."""
+STIFFENING = 10.0
+"""By how much the penalty grows when multipliers are added."""
 
 
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:

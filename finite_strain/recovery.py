@@ -25,7 +25,7 @@ class CellNodes:
         mesh = space.mesh
         owned = mesh.topology.index_map(3).size_local
         self.dofs = compat.cell_dofs(space)[:owned]
-        corners = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
+        corners = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned, :8]]
         jacobian = _by_reference(self.lattice.linear_derivatives, corners)
         self.volumes = np.abs(np.linalg.det(jacobian))
         """(c, n) volume per reference volume [m^3]."""

@@ -18,6 +18,8 @@ ORDER = 3.0
 """Order of convergence in the element size that the next mesh is sized with."""
 SECONDS_POWER = 1.4
 """Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
+HIGHEST = 4
+"""Order of the elements from which on meshes are refined instead."""
 STEP = 0.5
 """Least difference of the fineness of successive meshes: it decides how many elements there are about a contact."""
 WIDER, STIFFER = 1.5, 8.0
@@ -102,22 +104,19 @@ def _text(level: Discretisation) -> str:
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
     last, before = records[-1], records[-2]
     level = last.level
-    ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
-    if level.fineness == before.level.fineness:  # the change between orders tells little of the finer one's error
-        ratio = 1.0
-    wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
-    refined = replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
-    if not last.terms:
-        return refined
-    largest = max(last.terms, key=lambda name: last.terms[name])
+    largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
     if largest == "solver":
         return None
     if largest == "enforcement":
         return replace(level, penalty=STIFFER * level.penalty)
-    finer_before = bool(before.terms) and level.fineness > before.level.fineness
-    if largest == "transfer" and finer_before and last.terms["transfer"] > STEADY * before.terms["transfer"]:
+    steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
+    if largest == "transfer" and steady:
         return replace(level, extent=WIDER * level.extent)
-    return refined
+    if level.order < HIGHEST:
+        return replace(level, order=level.order + 1)
+    ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
+    wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
+    return replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
 
 
 def account(

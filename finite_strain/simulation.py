@@ -130,7 +130,7 @@ class Refinement:
         coarse = self.records[number - 1] if number else None
         answers = writer = None
         if coarse is not None:
-            answers = Answers(plan, coarse, record)
+            answers = Answers(plan, self.records[max(number - 2, 0) : number + 1])
             if self.keep:
                 writer = FieldWriter(run.own.model, self.folder, self.fields)
                 writer.forget_after(len(record.steps))

@@ -37,7 +37,7 @@ class Snapshot:
         """Return the present state of a model's fields, on every rank (collective)."""
         mesh = fields.displacement.function_space.mesh
         owned = mesh.topology.index_map(3).size_local
-        parts = [mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]]
+        parts = [mesh.geometry.x[compat.geometry_dofs(mesh)[:owned, :8]]]
         for function in fields.functions:
             size = function.function_space.dofmap.index_map_bs
             parts.append(function.x.array.reshape(-1, size)[compat.cell_dofs(function.function_space)[:owned]])

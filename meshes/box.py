@@ -1,7 +1,7 @@
 """What is to be meshed: layer and substrate with a symmetric block of hexahedra under each ball; no gmsh here.
 
-``fineness`` (f) sets the sizes everywhere: they grow from one element to the next by at most 1 + `GROWTH` / f, and f,
-to the nearest whole number, are the elements along a quadrant of a block.
+``fineness`` (f) sets the sizes everywhere: in a block they grow from one element to the next by at most 1 + `GROWTH` / f,
+outside by half of that, and f, to the nearest whole number, are the elements along half a quadrant's rim.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 
 TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_high": 14, "y_low": 15, "y_high": 16}
 """Physical groups: two volumes and the six outer faces of the box."""
-GROWTH = 1.2
-"""Growth of element sizes from one to the next, times n, less one."""
-FIRST_LAYER = 0.8
-"""Thickness of the topmost elements times f over the smallest contact radius."""
+GROWTH, FILLER_GROWTH = 1.2, 0.6
+"""Growth of element sizes from one to the next, times f, less one: in blocks, and outside."""
+FIRST_LAYER, LAYERS = 0.8, 5.0
+"""Thickness of the topmost elements times f: over the smallest contact radius, and the layer's over it at least."""
+EDGE = 0.2
+"""Width of the elements at a contact's edge, times f, over the contact's radius."""
 FILM_EDGE = 1.5
-"""Width of the elements at the edge of a contact on a film, times f over the film's thickness."""
+"""The same on a film at most, over the film's thickness."""
 CORE = 0.5
 """Half-width of a block's core over the contact radius, about."""
 FAR = 1.5
@@ -83,8 +85,8 @@ class Box:
 
     @property
     def rate(self) -> float:
-        """Growth of element size per length."""
-        return math.log1p(GROWTH / self.fineness)
+        """Growth of element size per length outside the blocks."""
+        return math.log1p(FILLER_GROWTH / self.fineness)
 
     @property
     def coarsest(self) -> float:
@@ -106,8 +108,8 @@ class Box:
 
     def rings(self, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
         """Return radii [m] of the lines of a block, from core to outline, and how square they are (0: a circle, 1)."""
-        a, m, n, slope = zone.contact_radius, zone.half_width, self.fineness, self.rate
-        edge_size = min(slope * a, FILM_EDGE * self.thickness / n)
+        a, m, slope = zone.contact_radius, zone.half_width, math.log1p(GROWTH / self.fineness)
+        edge_size = min(EDGE * a, FILM_EDGE * self.thickness) / self.fineness
         if a > 0.9 * m:  # no line at the contact's edge fits
             core = CORE * m
             radii = graded(core, m, lambda r: slope * r)
@@ -116,19 +118,19 @@ class Box:
         def size(r: np.ndarray) -> np.ndarray:
             return np.minimum(slope * r, edge_size + slope * np.abs(r - a))
 
-        inner = graded(a * math.exp(-slope * max(1, round(-math.log(CORE) / slope))), a, size)
+        inner = graded(CORE * a, a, size)
         outer = graded(a, m, size)
         square = [0.5 * (a - inner) / (a - inner[0]), ((outer - a) / (m - a)) ** 2]
         return np.concatenate([inner, outer[1:]]), np.concatenate([square[0], square[1][1:]])
 
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
         """Return heights [m] of the faces between elements, downwards: of the layer, and of the substrate (or none)."""
-        n, slope = self.fineness, self.rate
-        first = FIRST_LAYER * min(zone.contact_radius for zone in self.zones) / n
-        start = first * slope * n / GROWTH
+        slope = math.log1p(GROWTH / self.fineness)
+        radius = min(zone.contact_radius for zone in self.zones)
+        first = min(FIRST_LAYER * radius, self.thickness / LAYERS) * slope / GROWTH
 
         def size(z: np.ndarray) -> np.ndarray:
-            return start - slope * z
+            return first - slope * z
 
         layer = graded(0.0, -self.thickness, size, self.elements + 1)
         if self.substrate == 0.0:

@@ -13,8 +13,15 @@ from linear_bem.errors import ThirdBodyError, UnsupportedProblem
 from meshes.box import TAGS, Box
 from meshes.plane import plane_mesh
 
-HEXAHEDRON, QUADRILATERAL = 5, 3
-"""gmsh's element types."""
+HEXAHEDRON, QUADRILATERAL = 12, 10
+"""gmsh's element types: of second order, with 27 and 9 nodes."""
+_LEVEL = [0] * 4 + [2] * 4 + [0, 0, 1, 0, 1, 0, 1, 1, 2, 2, 2, 2] + [0, 1, 1, 1, 1, 2, 1]
+_PLACE = [*range(4), *range(4), 4, 7, 0, 5, 1, 6, 2, 3, 4, 7, 5, 6, 8, 4, 7, 5, 6, 8, 8]
+"""Where gmsh's nodes of a hexahedron lie: level from below, and number in the quadrilateral."""
+_FACES = [[0, 3, 2, 1, 9, 13, 11, 8, 20], [4, 5, 6, 7, 16, 18, 19, 17, 25],
+          [0, 1, 5, 4, 8, 12, 16, 10, 21], [1, 2, 6, 5, 11, 14, 18, 12, 23],
+          [2, 3, 7, 6, 13, 15, 19, 14, 24], [3, 0, 4, 7, 9, 10, 17, 15, 22]]  # fmt: skip
+"""Nodes of a hexahedron's faces: corners, middles of sides, centre."""
 
 
 @contextmanager
@@ -47,9 +54,10 @@ def write_layer_mesh(box: Box, path: Path) -> int:
             ) from error
     layer, substrate = scaled.levels()
     levels = np.concatenate([layer, substrate[1:]])
-    points = np.concatenate([np.column_stack([plane, np.full(len(plane), z)]) for z in levels])
-    columns = np.concatenate([quads + len(plane), quads], axis=1)  # below, above
-    cells = np.concatenate([columns + k * len(plane) for k in range(len(levels) - 1)])
+    heights = np.interp(np.arange(2 * len(levels) - 1) / 2.0, np.arange(len(levels)), levels)
+    points = np.concatenate([np.column_stack([plane, np.full(len(plane), z)]) for z in heights])
+    column = np.stack([quads + 2 * len(plane), quads + len(plane), quads], axis=1)  # from below
+    cells = np.concatenate([column[:, _LEVEL, _PLACE] + 2 * k * len(plane) for k in range(len(levels) - 1)])
     _check(scaled, points, cells)
     in_layer = np.arange(len(cells)) < (len(layer) - 1) * len(quads)
     with gmsh_session():
@@ -100,8 +108,7 @@ def _write(box: Box, unit: float, points: np.ndarray, cells: np.ndarray, in_laye
 
 
 def _outer_faces(cells: np.ndarray) -> np.ndarray:
-    """Return the faces (n, 4) of hexahedra that belong to one only, seen counter-clockwise from outside."""
-    sides = [[0, 3, 2, 1], [4, 5, 6, 7], *[[k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4] for k in range(4)]]
-    faces = np.concatenate([cells[:, side] for side in sides])
-    _, start, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    """Return the faces (n, 9) of hexahedra that belong to one only, seen counter-clockwise from outside."""
+    faces = np.concatenate([cells[:, side] for side in _FACES])
+    _, start, count = np.unique(np.sort(faces[:, :4], axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(start[count == 1])]

@@ -20,13 +20,20 @@ WORST, GOOD = 25.0, 35.0
 """Least angle, or least distance of one from 180 [degrees]: of coarse quadrilaterals that are kept, and good enough."""
 SWEEPS = 30
 """Rounds in which nodes outside blocks are moved towards the middle of their cells."""
+_TURNED = [3, 2, 1, 0, 6, 5, 4, 7, 8]
+"""The nodes of a quadrilateral, run through the other way."""
 CLEAR = 0.5
 """Greatest width of elements along a mirror plane over the distance of the next block."""
 
 
 def plane_mesh(box: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, 2) [m] and counter-clockwise quadrilaterals (m, 4) that fill the box in the plane."""
-    blocks = quads = np.concatenate([_block(box, zone) for zone in box.zones])
+    """Return points (n, 2) [m] and counter-clockwise quadrilaterals (m, 9) that fill the box in the plane.
+
+    A quadrilateral's nodes are its corners, the middles of its sides (the first between the first two corners), and its
+    centre: sides in a block are curved as its rings are, others straight.
+    """
+    curved = np.concatenate([_block(box, zone) for zone in box.zones])
+    blocks = quads = curved[:, :4]
     if box.elements % 2:
         quads = np.concatenate([quads, _corners(box)])
         for axis, value in _cutting_sides(box):
@@ -39,7 +46,9 @@ def plane_mesh(box: Box) -> tuple[np.ndarray, np.ndarray]:
     points = _smoothed(points, cells, free)
     if corner_angles(points[cells]).max() >= 180.0:
         raise ThirdBodyError("mesh: a quadrilateral in the plane is not convex")
-    return points, cells
+    straight = points[cells[len(blocks) :]]
+    middles, centre = 0.5 * (straight + np.roll(straight, -1, axis=1)), straight.mean(axis=1, keepdims=True)
+    return _merged(np.concatenate([curved, np.concatenate([straight, middles, centre], axis=1)]))
 
 
 def _smoothed(points: np.ndarray, cells: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -72,9 +81,9 @@ def corner_angles(polygons: np.ndarray) -> np.ndarray:
 
 
 def _block(box: Box, zone: Zone) -> np.ndarray:
-    """Return the corners (n, 4, 2) of a block's quadrilaterals: mirror images of one quadrant."""
-    n = box.elements
-    radii, squareness = box.rings(zone)
+    """Return the nodes (n, 9, 2) of a block's quadrilaterals: mirror images of one quadrant."""
+    n = 2 * box.elements
+    radii, squareness = (np.interp(np.arange(2 * len(v) - 1) / 2.0, np.arange(len(v)), v) for v in box.rings(zone))
     side = np.arange(n + 1) / n
     u, v = np.meshgrid(side, side, indexing="ij")
     along, across = np.maximum(u, v), np.minimum(u, v)
@@ -87,11 +96,11 @@ def _block(box: Box, zone: Zone) -> np.ndarray:
     rim = np.concatenate([np.stack([circle, square])[:, n, :], np.stack([circle, square])[:, n - 1 :: -1, n]], axis=1)
     beta = squareness[:, None, None]
     rings = radii[:, None, None] * (beta * rim[1] + (1.0 - beta) * rim[0])
-    quadrant = np.concatenate([_cells(core), _cells(rings)])
+    quadrant = np.concatenate([_curved_cells(core), _curved_cells(rings)])
     images = []
     for sx, sy in box.quadrants(zone):
         image = quadrant * np.array([sx, sy]) + np.array(zone.position)
-        images.append(image if sx * sy > 0 else image[:, ::-1])
+        images.append(image if sx * sy > 0 else image[:, _TURNED])
     quads = np.concatenate(images)
     for axis, ends in enumerate((box.x, box.y)):  # a block reaches its mirror plane exactly
         for end in ends:
@@ -106,10 +115,20 @@ def _cells(grid: np.ndarray) -> np.ndarray:
     return np.stack(corners, axis=2).reshape(-1, 4, 2)
 
 
+def _curved_cells(grid: np.ndarray) -> np.ndarray:
+    """Return the nodes (n, 9, 2) of the quadrilaterals that every other node (i, j, 2) of a grid is a corner of."""
+    low, high = slice(0, -1, 2), slice(2, None, 2)
+    middle = slice(1, None, 2)
+    ring = [(low, low), (high, low), (high, high), (low, high)]
+    ring += [(middle, low), (high, middle), (middle, high), (low, middle), (middle, middle)]
+    return np.stack([grid[i, j] for i, j in ring], axis=2).reshape(-1, 9, 2)
+
+
 def _merged(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Merge equal corners of polygons (n, k, 2) to numbered points."""
     flat = quads.reshape(-1, 2)
-    tolerance = 1e-6 * np.sqrt(np.min(np.sum((quads - np.roll(quads, 1, axis=1)) ** 2, axis=-1)))
+    corners = quads[:, :4]
+    tolerance = 1e-6 * np.sqrt(np.min(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=-1)))
     number = np.zeros(len(flat), dtype=np.int64)
     for axis in (0, 1):  # number the distinct coordinates: those closer than the tolerance are one
         order = np.argsort(flat[:, axis], kind="stable")
