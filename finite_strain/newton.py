@@ -43,6 +43,8 @@ Such an iteration costs a residual and a back substitution, a thirtieth of one w
 """
 NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
+ROUGH_RELIEF = 1e-3
+"""Residual norm over the force scale up to which the steps of a relieved solve are taken."""
 MOST_ITERATIONS = 25
 """Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
@@ -139,6 +141,7 @@ class NewtonSolver:
         self._set_from_options({})
         if self.border is not None:
             self.linear.ksp.setFromOptions()
+        self._relief: PETSc.Vec | None = None
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps = math.inf, False
@@ -152,6 +155,39 @@ class NewtonSolver:
             if part is not None:
                 part.close()
 
+    def relieved(self, steps: int, tolerance: float, force: float, fraction: float) -> Equilibrium:
+        """Do as `solve`, but take the present state's residual off in equal steps, each an equilibrium of its own.
+
+        A state of another discretisation is in equilibrium but for forces that are spread over few nodes; where a full
+        Newton step turns elements inside out there, some smaller ones do not. Raises `NotConverged`.
+        """
+        self._targets = self.control.targets(fraction)
+        self._take(self._x)
+        self._function(self.snes, self._x, self._b)
+        self._relief = self._b.copy()
+        before, iterations, tangents = self._x.copy(), 0, 0
+        try:
+            for step in range(1, steps + 1):
+                self._relief.scale((steps - step) / (steps - step + 1.0))
+                last = step == steps
+                done = self.solve(tolerance if last else max(tolerance, ROUGH_RELIEF), force, fraction)
+                iterations, tangents = iterations + done.iterations, tangents + done.tangents
+        except NotConverged:
+            self._set(before)
+            raise
+        finally:
+            self._relief.destroy()
+            self._relief = None
+            before.destroy()
+        return Equilibrium(iterations, tangents, done.residual)
+
+    def _take(self, x: PETSc.Vec) -> None:
+        """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
+        self.model.get_state(x)
+        if self.border is not None:
+            moves = self.control.moves
+            self.border.store(x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
+
     def solve(self, tolerance: float, force: float, fraction: float, nearby: bool = False) -> Equilibrium:
         """Bring the model into equilibrium at a fraction of the load, from its present state.
 
@@ -161,10 +197,7 @@ class NewtonSolver:
         """
         self.tolerance, self._force, self._targets = tolerance * force, force, self.control.targets(fraction)
         near_end = max(NEAR_END * force, self.tolerance)
-        self.model.get_state(self._x)
-        if self.border is not None:
-            moves = self.control.moves
-            self.border.store(self._x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
+        self._take(self._x)
         self._x.copy(self._start)
         self.effort.residuals = []
         self._norm, self._keeps = math.inf, nearby and self._keeps
@@ -256,6 +289,8 @@ class NewtonSolver:
             self.model.residual(b)
             if self.border is not None:
                 self.border.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
+            if self._relief is not None:
+                b.axpy(-1.0, self._relief)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         norm, before = snes.getFunctionNorm(), self._norm
@@ -276,6 +311,8 @@ class NewtonSolver:
             energy = self.model.energy() if self._merit is None else self._merit(x)
             if self.border is not None:
                 energy -= float(self._targets @ self.border.approaches(x))
+            if self._relief is not None:
+                energy -= self._relief.dot(x)
         return energy if math.isfinite(energy) else math.nan
 
     def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:

@@ -68,14 +68,25 @@ SCENES: dict[str, Callable[[int], Box]] = {
 
 @dataclass(frozen=True)
 class Written:
-    """A mesh file as meshio reads it: points, hexahedra and quadrilaterals with the name of their physical group."""
+    """A mesh file as meshio reads it: points, and nodes of hexahedra (27) and quadrilaterals (9) by physical group.
+
+    ``hexahedra`` and ``quadrilaterals`` are their corners, which come first.
+    """
 
     box: Box
     points: np.ndarray
-    hexahedra: dict[str, np.ndarray]
-    quadrilaterals: dict[str, np.ndarray]
+    volumes: dict[str, np.ndarray]
+    faces: dict[str, np.ndarray]
     groups: dict[str, int]
     reported: int
+
+    @property
+    def hexahedra(self) -> dict[str, np.ndarray]:
+        return {name: cells[:, :8] for name, cells in self.volumes.items()}
+
+    @property
+    def quadrilaterals(self) -> dict[str, np.ndarray]:
+        return {name: cells[:, :4] for name, cells in self.faces.items()}
 
     @property
     def cells(self) -> np.ndarray:
@@ -120,7 +131,7 @@ def write_and_read(box: Box, path: Path) -> Written:
     reported = write_layer_mesh(box, path)
     mesh = meshio.read(path)
     groups = {name: int(tag) for name, (tag, _) in mesh.field_data.items()}
-    return Written(box, mesh.points, _named(mesh, "hexahedron"), _named(mesh, "quad"), groups, reported)
+    return Written(box, mesh.points, _named(mesh, "hexahedron27"), _named(mesh, "quad9"), groups, reported)
 
 
 @pytest.fixture(scope="session")

@@ -63,7 +63,7 @@ def test_every_face_has_two_cells_or_is_on_a_named_side(written: Build, name: st
         assert mesh.area(side) == pytest.approx(area, rel=ROUNDOFF)
     outer = np.concatenate(list(mesh.quadrilaterals.values()))
     assert Counter(map(tuple, np.sort(outer, axis=1).tolist())) == {face: 1 for face, k in faces.items() if k == 1}
-    assert set(np.unique(mesh.cells)) == set(range(len(mesh.points)))
+    assert set(np.unique(np.concatenate(list(mesh.volumes.values())))) == set(range(len(mesh.points)))
 
 
 def test_physical_groups_carry_the_numbers_that_the_models_use(written: Build) -> None:
