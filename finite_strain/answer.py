@@ -71,7 +71,9 @@ class Answers:
         fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
         assert fine is not None
         assert coarse is not None
-        now, before, older = (self._paired(row, truth) for row in (fine, coarse, self._oldest(fraction)))
+        last = None if self._older is None else self._older.at(fraction)
+        now, before = self._paired(fine, truth), self._paired(coarse, truth)
+        older = None if last is None else self._paired(last, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor = np.maximum(size, self._scale(now.normal_force))
@@ -147,9 +149,7 @@ class Answers:
         self._before = now
         return Step(tuple(balls), record)
 
-    def _paired(self, row: Row | None, truth: LinearTruth | None) -> Paired | None:
-        if row is None:
-            return None
+    def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
         if truth is None or (self.plan.is_paired and row.small is None):
             return unpaired(row.own)
         scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
@@ -165,9 +165,6 @@ class Answers:
             else known.normal_force / np.maximum(own.normal_force, 1e-300)
         )
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
-
-    def _oldest(self, fraction: float) -> Row | None:
-        return None if self._older is None else self._older.at(fraction)
 
     def _change(
         self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray

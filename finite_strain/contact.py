@@ -149,7 +149,7 @@ class Contact:
             slot.set("penalty", penalties)
 
     def augment(self, stiffer: float) -> None:
-        """Take the multipliers from the present state, found without any, and make the penalties stiffer by a factor."""
+        """Take the multipliers from the present state, found without any; make the penalties stiffer by a factor."""
         self.earlier.x.array[:] = self.displacement.x.array
         for slot in self.slots:
             slot.set("earlier", self.approaches)

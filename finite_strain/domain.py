@@ -199,9 +199,10 @@ def expected_indentation(problem: Problem) -> list[Expected]:
 
 
 def box_to_mesh(
-    problem: Problem, reduction: Reduction, expected: list[Expected], extent: Extent, fineness: float
-) -> Box:
-    """Return the box for the reduced scene, meshed with a fineness."""
+    problem: Problem, reduction: Reduction, expected: list[Expected], extent: Extent, fineness: float,
+    first: float = 1.0,
+) -> Box:  # fmt: skip
+    """Return the box for the reduced scene, meshed with a fineness; ``first`` is the first load fraction answered."""
     sides = []
     for axis in (0, 1):
         coordinates = [ball.position[axis] for ball in reduction.balls]
@@ -218,5 +219,6 @@ def box_to_mesh(
     positions = [ball.position for ball in reduction.balls]
     widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
     lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
-    zones = tuple(Zone(*zone) for zone in zip(positions, lines, widths, strict=True))
+    smallest = first ** (1.0 / 2.0 if problem.load.kind == "approach" else 1.0 / 3.0)  # as Hertz's contact grows
+    zones = tuple(Zone(*zone, smallest) for zone in zip(positions, lines, widths, strict=True))
     return Box(sides[0], sides[1], problem.layer.thickness, extent.depth, zones, fineness)

@@ -49,10 +49,10 @@ class Terms:
         return max(self.names(), key=lambda name: float(getattr(self, name)[ball]))
 
 
-def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> float | np.ndarray:
+def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:
     """Return what the change from one discretisation to a finer one is multiplied with to bound the finer one's error.
 
-    An error that falls by a factor q from one to the next changes by (1 - q) of itself, and q / (1 - q) of that is left.
+    An error that falls by a factor q from one to the next changes by 1 - q of itself, and q / (1 - q) of that is left.
     ``observed`` (balls,) are the last change over the one before, which is q where errors fall steadily; it is kept
     between the fastest and the slowest order.
     """
@@ -67,7 +67,7 @@ def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | No
 
 
 def discretisation(
-    now: np.ndarray, before: np.ndarray, factor: float | np.ndarray, path: list[np.ndarray], size: np.ndarray
+    now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: list[np.ndarray], size: np.ndarray
 ) -> np.ndarray:
     """Return the error of values (balls, k) whose coarser values are ``before``, (balls,).
 

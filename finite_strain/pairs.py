@@ -25,7 +25,6 @@ UNSURE = 0.2
 """Part of the correction that is never taken as certain, a choice likewise."""
 
 
-
 @dataclass(frozen=True)
 class LinearTruth:
     """What `linear_bem` answers for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
@@ -68,9 +67,7 @@ def unpaired(own: ContactState) -> Paired:
     return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none)
 
 
-def paired(
-    own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool
-) -> Paired:
+def paired(own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool) -> Paired:
     """Return the answer for the finite-strain state ``own``.
 
     ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero. What may not carry over is the

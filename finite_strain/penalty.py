@@ -12,7 +12,7 @@ from finite_strain.estimates import alone
 from linear_bem.problem import Problem
 
 PENETRATION = 2e-2
-"""Mean penetration over the approach without multipliers: soft, so that Newton's method finds the contact's edge fast."""
+"""Mean penetration over the approach without multipliers, where Newton's method finds the contact's edge fast."""
 STIFFENING = 10.0
 """By how much the penalty grows when multipliers are added."""
 

@@ -24,8 +24,6 @@ LARGEST_APPROACH = 0.9
 """Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 USUAL_ACCURACY = 0.02
 """Relative accuracy of T that a run aims at where none is asked for."""
-USUAL_FINENESS = 1.5
-"""Fineness of the mesh that most runs end on, which their cost is foreseen by."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _ITERATIONS = 9
@@ -54,7 +52,7 @@ class RunPlan:
     def box(self, level: Discretisation) -> Box:
         """Return the box that a discretisation meshes."""
         extent = self.extent.larger(level.extent)
-        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness)
+        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0])
 
     def unknowns(self, level: Discretisation) -> float:
         """Estimate the unknowns of a discretisation, within about 30 %."""
@@ -65,21 +63,19 @@ class RunPlan:
 
     def describe(self) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units, seconds for two ranks."""
-        usual = Discretisation(order=FIRST[-1].order, fineness=USUAL_FINENESS)
-        levels = [*FIRST, usual]
-        unknowns = [self.unknowns(level) for level in levels]
+        unknowns = [self.unknowns(level) for level in FIRST]
         most = self.budget.most_unknowns
-        box = self.box(usual)
+        box = self.box(FIRST[-1])
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
         iteration = [_iteration_seconds(n, solver.direct) for n, solver in zip(unknowns, solvers, strict=True)]
-        steps = [len(self.path), len(self.goals), len(self.goals)]
+        steps = [len(self.path), len(self.goals)]
         return {
             "forms": forms,
             "linear_solver": solvers[-1].describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(unknowns[-1]),
-            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(levels, unknowns, strict=True)]
+            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(FIRST, unknowns, strict=True)]
             + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
             "memory_bytes": _bytes(unknowns[-1], solvers[-1].direct),
             "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),

@@ -1,7 +1,7 @@
 """What is to be meshed: layer and substrate with a symmetric block of hexahedra under each ball; no gmsh here.
 
-``fineness`` (f) sets the sizes everywhere: in a block they grow from one element to the next by at most 1 + `GROWTH` / f,
-outside by half of that, and f, to the nearest whole number, are the elements along half a quadrant's rim.
+``fineness`` (f) sets the sizes everywhere: in a block they grow from one element to the next by 1 + `GROWTH` / f at
+most, outside by half of that; f, to the nearest whole number, are the elements along half a quadrant's rim.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EDGE = 0.2
 FILM_EDGE = 1.5
 """The same on a film at most, over the film's thickness."""
 CORE = 0.5
-"""Half-width of a block's core over the contact radius, about."""
+"""Half-width of a block's core over the smallest contact radius."""
 FAR = 1.5
 """Coarsest elements: this many fit between the balls and the box's outer sides."""
 CAP, SHARED_CAP = 3.0, 6.0
@@ -49,11 +49,15 @@ def graded(low: float, high: float, size: Callable[[np.ndarray], np.ndarray], le
 
 @dataclass(frozen=True)
 class Zone:
-    """A ball's position [m], its contact radius at full load [m], and the half-width of its block [m]."""
+    """A ball's position [m], its contact radius at full load [m], and the half-width of its block [m].
+
+    ``smallest`` is the contact radius at the first load step that is answered, over that at full load.
+    """
 
     position: tuple[float, float]
     contact_radius: float
     half_width: float
+    smallest: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -70,8 +74,9 @@ class Box:
     def in_units_of(self, length: float) -> Box:
         """Return the same box with every length divided by ``length`` [m]."""
         zones = tuple(
-            Zone((z.position[0] / length, z.position[1] / length), z.contact_radius / length, z.half_width / length)
+            Zone((x / length, y / length), z.contact_radius / length, z.half_width / length, z.smallest)
             for z in self.zones
+            for x, y in [z.position]
         )
         x, y = ((side[0] / length, side[1] / length) for side in (self.x, self.y))
         return replace(
@@ -118,7 +123,7 @@ class Box:
         def size(r: np.ndarray) -> np.ndarray:
             return np.minimum(slope * r, edge_size + slope * np.abs(r - a))
 
-        inner = graded(CORE * a, a, size)
+        inner = graded(CORE * zone.smallest * a, a, size)
         outer = graded(a, m, size)
         square = [0.5 * (a - inner) / (a - inner[0]), ((outer - a) / (m - a)) ** 2]
         return np.concatenate([inner, outer[1:]]), np.concatenate([square[0], square[1][1:]])
@@ -126,7 +131,7 @@ class Box:
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
         """Return heights [m] of the faces between elements, downwards: of the layer, and of the substrate (or none)."""
         slope = math.log1p(GROWTH / self.fineness)
-        radius = min(zone.contact_radius for zone in self.zones)
+        radius = min(zone.smallest * zone.contact_radius for zone in self.zones)
         first = min(FIRST_LAYER * radius, self.thickness / LAYERS) * slope / GROWTH
 
         def size(z: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
     from finite_strain.together import on_root  # noqa: PLC0415
 
     mesh = MeshRun(plan, record.level, file, run.comm, run.observer, str(record.level))
-    answers = Answers(plan, before, record)
+    answers = Answers(plan, [before, record])
     steps: list[Step] = []
     try:
         for done in _along(mesh.own, "own", seen, plan.path if before is record else plan.goals):

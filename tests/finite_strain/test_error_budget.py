@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from finite_strain.answer import Answers
-from finite_strain.error_budget import ORDER, Terms, discretisation, enforcement, exponent, gain
+from finite_strain.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, exponent, gain
 from finite_strain.planning import plan_run
 from finite_strain.states import Discretisation, Record
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
@@ -25,20 +25,35 @@ def test_terms_add_up_as_independent_ones_do() -> None:
     assert terms.largest(0) == "transfer"
 
 
-def test_a_change_between_meshes_bounds_the_error_of_values_that_converge_with_the_order() -> None:
-    exact, size = 2.0, {1.0: 1.0, 1.5: 1.0 / 1.5}
-    coarse, fine = (np.array([[exact + 0.1 * size[f] ** ORDER, 0.0]]) for f in (1.0, 1.5))
-    error = discretisation(fine, coarse, gain(FINER, CUBIC), [], np.array([1.0]))
-    assert error == relatively(np.abs(fine[:, 0] - exact), ROUNDOFF)
-    faster = np.array([[exact + 0.1 * size[1.5] ** (ORDER + 1.0), 0.0]])
-    assert discretisation(faster, coarse, gain(FINER, CUBIC), [], np.array([1.0])) > abs(faster[0, 0] - exact)
+QUARTIC = Discretisation(4, 1.0)
 
 
-def test_between_orders_on_one_mesh_the_change_itself_is_the_error() -> None:
-    assert gain(CUBIC, QUADRATIC) == 1.0
-    assert gain(CUBIC, CUBIC) == 1.0
-    assert gain(Discretisation(3, 2.0), Discretisation(3, 1.0)) == relatively(1.0 / 3.0, ROUNDOFF)
-    assert gain(Discretisation(3, 2.0), Discretisation(2, 1.0)) == 1.0
+@pytest.mark.parametrize(("coarse", "fine"), [(CUBIC, FINER), (QUADRATIC, CUBIC), (CUBIC, QUARTIC)], ids=str)
+def test_a_change_bounds_the_error_of_values_that_converge_with_the_slowest_order(
+    coarse: Discretisation, fine: Discretisation
+) -> None:
+    def value(level: Discretisation, order: float) -> np.ndarray:
+        return np.array([[2.0 + 0.1 * (level.order * level.fineness) ** -order, 0.0]])
+
+    def error(order: float) -> np.ndarray:
+        size = np.array([1.0])
+        return discretisation(value(fine, order), value(coarse, order), gain(fine, coarse), [], size)
+
+    assert error(SLOWEST) == relatively(np.abs(value(fine, SLOWEST)[:, 0] - 2.0), 1e-9)
+    assert error(SLOWEST + 1.0) > abs(value(fine, SLOWEST + 1.0)[0, 0] - 2.0)
+
+
+def test_an_observed_ratio_of_changes_counts_between_the_slowest_and_the_fastest_order() -> None:
+    def left(ratio: float, order: float) -> float:
+        return ratio**-order / (1.0 - ratio**-order)
+
+    slow, fast = left(4.0 / 3.0, SLOWEST), left(4.0 / 3.0, FASTEST)
+    observed = np.array([np.inf, 0.9, 0.3, 0.01, 0.0])
+    assert gain(QUARTIC, CUBIC, observed) == relatively([slow, slow, 0.3 / 0.7, fast, fast], ROUNDOFF)
+    # a finer mesh has no faster order to hope for
+    assert gain(FINER, CUBIC, observed) == relatively([left(1.5, SLOWEST)] * 5, ROUNDOFF)
+    # nor has another domain or penalty on the same mesh
+    assert gain(CUBIC, CUBIC, observed) == 1.0
 
 
 def test_a_chance_agreement_at_one_step_is_not_an_error_of_nothing() -> None:
@@ -70,11 +85,11 @@ def test_the_exponent_of_the_path_is_found_and_never_below_the_usual_one() -> No
 
 
 def test_forces_that_do_not_add_up_to_zero_are_doubted_more() -> None:
-    answers = Answers(plan_run(UNEQUAL, 0.1, "finite_strain"), Record(QUADRATIC), Record(CUBIC))
+    answers = Answers(plan_run(UNEQUAL, 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     forces = np.array([[1.0, 0.0], [-0.4, 0.0]])
     imbalance, doubt = answers._imbalance(forces, np.array([0.1, 0.2]))
     assert imbalance == relatively(0.6, ROUNDOFF)
     assert doubt == relatively(math.hypot(1.0, 2.0), ROUNDOFF)
     # mirror images add up to zero whatever they are
-    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), Record(QUADRATIC), Record(CUBIC))
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     assert answers._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)

@@ -53,14 +53,19 @@ def test_an_accuracy_that_is_met_ends_the_refinement() -> None:
     assert "met" in decision.why
 
 
+QUARTIC = Discretisation(4, 1.0)
+
+
 def two_meshes(reached: float) -> list[Record]:
-    """Return a path finder and two meshes of cubic elements, whose change tells what a finer one would bring."""
-    return [*first(0.6), record(Discretisation(3, 1.5), reached, discretisation=reached)]
+    """Return all orders on the first mesh, and the highest on a second mesh."""
+    finer = record(Discretisation(4, 1.5), reached, discretisation=reached)
+    return [*first(0.6), record(QUARTIC, 0.5, discretisation=0.5), finer]
 
 
-def test_a_change_between_orders_asks_for_the_next_mesh_whatever_its_size() -> None:
+def test_the_order_is_raised_before_the_mesh_is_refined() -> None:
     for error in (0.0205, 0.5, math.inf):
-        assert chosen(0.02, first(error)) == replace(CUBIC, fineness=CUBIC.fineness + STEP)
+        assert chosen(0.02, first(error)) == QUARTIC
+        assert chosen(0.02, [*first(0.6), record(QUARTIC, error, discretisation=error)]).fineness > 1.0
 
 
 def test_a_larger_error_is_answered_with_a_finer_mesh_within_bounds() -> None:
@@ -69,7 +74,7 @@ def test_a_larger_error_is_answered_with_a_finer_mesh_within_bounds() -> None:
     assert fineness[0] == 1.5 + STEP
     assert fineness == sorted(fineness)
     assert fineness[-1] == 2.0 * 1.5
-    assert all(level == replace(CUBIC, fineness=f) for level, f in zip(levels, fineness, strict=True))
+    assert all(level == replace(QUARTIC, fineness=f) for level, f in zip(levels, fineness, strict=True))
     assert all(f / STEP == round(f / STEP) for f in fineness)
 
 
@@ -81,16 +86,16 @@ def test_a_penalty_that_limits_the_accuracy_is_made_stiffer_on_the_same_mesh() -
     assert chosen(0.02, first(0.04, enforcement=0.039, discretisation=0.009)) == replace(CUBIC, penalty=STIFFER)
 
 
-def test_a_domain_is_widened_where_a_finer_mesh_left_the_pairs_correction_as_it_was() -> None:
+def test_a_domain_is_widened_where_a_better_discretisation_left_the_pairs_correction_as_it_was() -> None:
     def after(left: float) -> Discretisation:
-        finer = record(Discretisation(3, 1.5), 0.04, transfer=left, discretisation=0.001)
-        return chosen(0.02, [*first(0.05, transfer=0.05), finer])
+        better = record(QUARTIC, 0.04, transfer=left, discretisation=0.001)
+        return chosen(0.02, [*first(0.05, transfer=0.05), better])
 
-    assert after(0.04) == Discretisation(3, 1.5, extent=WIDER)
-    assert after(0.02).fineness > 1.5  # it fell with the mesh: so it is the mesh's
+    assert after(0.04) == replace(QUARTIC, extent=WIDER)
+    assert after(0.02).fineness > 1.0  # it fell with the order: so it is the mesh's
     assert after(0.02).extent == 1.0
-    # on one mesh nobody can tell
-    assert chosen(0.02, first(0.05, transfer=0.05)).fineness > 1.0
+    # one answer alone does not say which
+    assert chosen(0.02, first(0.05, transfer=0.05)) == QUARTIC
 
 
 def test_what_no_discretisation_removes_is_not_refined_for() -> None:
@@ -111,9 +116,9 @@ def test_no_discretisation_is_begun_that_would_pass_the_budget(budget: Budget, n
 
 
 def test_a_budget_between_takes_the_finest_mesh_that_it_allows() -> None:
-    # a fineness of 3 would suit and has 72 900 unknowns, one of 2.5 has 42 188
-    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=5e4)).fineness == 2.5
-    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=8e4)).fineness == 3.0
+    # a fineness of 3 would suit and has 172 800 unknowns, one of 2.5 has 100 000
+    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=1.2e5)).fineness == 2.5
+    assert chosen(0.02, two_meshes(0.5), Budget(unknowns=1.8e5)).fineness == 3.0
 
 
 def test_foreseen_sizes_are_corrected_by_the_last_counted_one() -> None:

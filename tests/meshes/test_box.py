@@ -143,5 +143,5 @@ def test_elements_outside_the_blocks_grow_from_the_outline_to_the_coarsest() -> 
     (zone,) = box.zones
     sizes = box.size(np.array([[zone.half_width, 0.0], [2.0, 0.0], [0.0, -2.0], [4.0, 4.0]]))
     assert sizes[0] == pytest.approx(zone.half_width / 2)
-    assert sizes[1] == sizes[2] == pytest.approx(zone.half_width / 2 + math.log(1.6) * (2.0 - zone.half_width))
+    assert sizes[1] == sizes[2] == pytest.approx(zone.half_width / 2 + math.log(1.3) * (2.0 - zone.half_width))
     assert sizes[3] <= box.coarsest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -116,7 +117,7 @@ def test_the_number_of_hexahedra_is_foreseen_within_the_stated_error(written: Bu
     assert mesh.box.estimated_hexahedra() == pytest.approx(mesh.reported, rel=0.3)
 
 
-@pytest.mark.parametrize(("elements", "most"), [(1, 30), (2, 85), (3, 170)])
+@pytest.mark.parametrize(("elements", "most"), [(1, 35), (2, 125), (3, 240)])
 def test_the_quarter_of_a_touching_pair_needs_few_elements(written: Build, elements: int, most: int) -> None:
     assert len(written("touching pair on a substrate, quarter", elements).quadrilaterals["top"]) <= most
 
@@ -150,7 +151,7 @@ def test_a_block_beyond_the_box_is_an_error_and_no_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:unclosed file .*libffcx:ResourceWarning")  # left open by the form compiler
-def test_the_mesh_reads_into_dolfinx_and_carries_cubics_exactly(tmp_path: Path) -> None:
+def test_the_mesh_reads_into_dolfinx_and_carries_linear_fields_exactly(tmp_path: Path) -> None:
     dolfinx = pytest.importorskip("dolfinx")
     import ufl  # noqa: PLC0415
     from mpi4py import MPI  # noqa: PLC0415
@@ -163,15 +164,46 @@ def test_the_mesh_reads_into_dolfinx_and_carries_cubics_exactly(tmp_path: Path) 
     mesh, cells, facets = compat.read_mesh(tmp_path / "pair.msh", MPI.COMM_SELF)
     assert mesh.topology.index_map(3).size_local == count
     u = dolfinx.fem.Function(compat.function_space(mesh, 3, (3,)))
-    u.interpolate(lambda x: np.stack([x[0] ** 3, x[0] * x[1], x[2] ** 2]))
-    dx, ds = ufl.Measure("dx", mesh, subdomain_data=cells), ufl.Measure("ds", mesh, subdomain_data=facets)
+    u.interpolate(lambda x: np.stack([x[0], x[0] + x[1], x[2] + 2.0 * x[1]]))
+    exact = {"quadrature_degree": 7}
+    dx = ufl.Measure("dx", mesh, subdomain_data=cells, metadata=exact)
+    ds = ufl.Measure("ds", mesh, subdomain_data=facets, metadata=exact)
 
     def total(form: object) -> float:
         return dolfinx.fem.assemble_scalar(compat.compile_form(form, MPI.COMM_SELF))
 
     (wide, broad), deep = (box.x[1], box.y[1]), box.thickness
-    assert total(u[0] * dx(TAGS["layer"])) == pytest.approx(wide**4 / 4.0 * broad * deep, rel=1e-10)
-    assert total(u[1] * ds(TAGS["top"])) == pytest.approx(wide**2 / 2.0 * broad**2 / 2.0, rel=1e-10)
-    # theory: the divergence 3 x^2 + x + 2 z, integrated over the layer
-    divergence = (wide**3 + wide**2 / 2.0) * broad * deep - deep**2 * wide * broad
-    assert total(ufl.div(u) * dx(TAGS["layer"])) == pytest.approx(divergence, rel=1e-10)
+    assert total(u[0] * dx(TAGS["layer"])) == pytest.approx(wide**2 / 2.0 * broad * deep, rel=1e-10)
+    top = wide**2 / 2.0 * broad + wide * broad**2 / 2.0
+    assert total(u[1] * ds(TAGS["top"])) == pytest.approx(top, rel=1e-10)
+    assert total(ufl.grad(u)[2, 1] * dx(TAGS["layer"])) == pytest.approx(2.0 * wide * broad * deep, rel=1e-10)
+    slope = ufl.grad(u) - ufl.as_matrix([[1, 0, 0], [1, 1, 0], [0, 2, 1]])
+    assert total(ufl.inner(slope, slope) * dx) == pytest.approx(0.0, abs=1e-18 * wide * broad * deep)
+
+
+@every_fineness
+def test_the_line_about_a_contact_is_a_circle_between_the_corners_too(written: Build, elements: int) -> None:
+    """The block's quadrilaterals inside the contact's radius fill its circle, but for the quadratic curves' error."""
+    mesh = written("one ball", elements)
+    (zone,) = mesh.box.zones
+    nodes = mesh.points[mesh.faces["top"]][..., :2] - np.array(zone.position)
+    radii = np.linalg.norm(nodes, axis=-1)
+    on = np.abs(radii[:, :8] - zone.contact_radius) < 1e-9 * zone.contact_radius
+    outer = radii.max(axis=1) < zone.contact_radius * (1.0 + 1e-9)
+    assert outer.sum() >= 8 * elements
+    rim = on & outer[:, None]
+    assert rim[:, :4].sum() == 16 * elements  # both corners of each of the rim's 8 n sides
+    assert rim[:, 4:].sum() == 8 * elements  # and its middle
+    area = sum(_area(quad) for quad in nodes[outer])
+    assert area == pytest.approx(math.pi * zone.contact_radius**2, rel=2e-3 / elements**3)
+
+
+def _area(nodes: np.ndarray) -> float:
+    """Return the area of a quadrilateral (9, 2) with quadratic sides, by Simpson's rule for int x dy round it."""
+    total = 0.0
+    for k in range(4):
+        (a, m, b) = nodes[k], nodes[4 + k], nodes[(k + 1) % 4]
+        for s, w in ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18)):
+            x = a[0] * (1 - s) * (1 - 2 * s) + 4 * m[0] * s * (1 - s) + b[0] * s * (2 * s - 1)
+            total += w * x * (a[1] * (4 * s - 3) + 4 * m[1] * (1 - 2 * s) + b[1] * (4 * s - 1))
+    return total

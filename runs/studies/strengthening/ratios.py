@@ -80,4 +80,3 @@ def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 
 def _ratio(above: float, below: float) -> float | None:
     return above / below if below and math.isfinite(below) and math.isfinite(above) else None
-

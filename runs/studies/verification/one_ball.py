@@ -70,9 +70,7 @@ def _case(name: str, problem: Problem, model: str, accuracy: float, kind: str) -
     labels = {"part": NAME, "kind": kind, "h": problem.layer.thickness, "nu": problem.layer.poisson}
     deepest = max(problem.load.values)
     steps = [d / deepest for d in DEPTHS if d < deepest] if kind == "finite" else [LIGHT] if name == "hertz" else []
-    return Case(
-        f"{NAME}-{name}", as_seen_by(model, problem), model, accuracy, labels=labels, steps=(*steps, 1.0)
-    )
+    return Case(f"{NAME}-{name}", as_seen_by(model, problem), model, accuracy, labels=labels, steps=(*steps, 1.0))
 
 
 def rows(found: Found) -> list[dict[str, Any]]:

@@ -27,8 +27,6 @@ def claimed(holds: bool, bar: float = 0.0) -> str | None:
     return None if bar > WIDEST else RIGHT if holds else WRONG
 
 
-
-
 @dataclass(frozen=True)
 class Part:
     """One question: ``cases`` of the quick or the full version, and ``rows`` of what was found.
