@@ -80,7 +80,9 @@ class Answers:
         squared, pull = now.normal_force**2, now.tangential_force
 
         def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
-            """Return the discretisation's error of a value (balls, k) of the paired answers."""
+            """Return the discretisation's error of a value (balls, k) of the paired answers, which hold a known one."""
+            if truth is not None and not self.plan.is_paired:
+                return np.zeros_like(scale)
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
 
         share = enforcement(fine.own, fine.small, weight)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
@@ -85,7 +86,9 @@ def _jit_options(cache: Path) -> dict[str, Any]:
 def _compiler_cache(comm: MPI.Comm) -> Iterator[Path]:
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
     failure = None
-    with ExitStack() as stack:
+    with ExitStack() as stack, warnings.catch_warnings():
+        # a hexahedron of order 4 has more points than the compiler thinks usual, and needs them
+        warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
         if comm.rank == 0:
             try:
                 cache.mkdir(parents=True, exist_ok=True)
@@ -175,12 +178,12 @@ def versions() -> dict[str, str]:
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
-    """Return the (cells, 27) table of a mesh's nodes, the 8 corners first (x running first, then y, then z).
+    """Return the (cells, n) table of a mesh's nodes, ghost cells included: n is 8 or, of curved cells, 27.
 
-    Ghost cells are included.
+    The 8 corners come first, x running first, then y, then z.
     """
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(-1, 27)
+        return mesh.geometry.dofmap.array.reshape(len(mesh.geometry.dofmap), -1)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 
@@ -194,15 +197,6 @@ def ghosted_vector(linear_form: Any, space: Any) -> PETSc.Vec:
     """Return a new ghosted vector for a linear form on the space."""
     create = dolfinx.fem.petsc.create_vector
     return create(linear_form) if VERSION < (0, 10) else create(space)
-
-
-def vertex_dofs(scalar_linear_space: Any) -> np.ndarray:
-    """Return, for each local geometry node, a corner of cells, the dof of the linear space at that node."""
-    mesh = scalar_linear_space.mesh
-    geometry, dofs = geometry_dofs(mesh), cell_dofs(scalar_linear_space)
-    table = np.zeros(len(mesh.geometry.x), dtype=np.int64)
-    table[geometry.ravel()] = dofs.ravel()
-    return table
 
 
 def free_dropped_objects(comm: MPI.Comm) -> None:

@@ -20,8 +20,6 @@ class Lattice:
     """(n, 3) coordinates of the nodes."""
     derivatives: np.ndarray
     """(3, n, n) derivatives by each coordinate, at each node, of each shape function."""
-    linear_derivatives: np.ndarray
-    """(3, n, 8) the same of the linear shape functions, by which a cell's place follows from its corners."""
     hexahedra: np.ndarray
     """(p^3, 8) nodes of the linear hexahedra between the nodes, in VTK's order."""
     faces: np.ndarray
@@ -32,7 +30,12 @@ class Lattice:
     @classmethod
     def of(cls, space: Any) -> Lattice:
         """Return the lattice of a Lagrange space of any order on hexahedra."""
-        return _lattice(round(compat.cell_dofs(space).shape[1] ** (1.0 / 3.0)) - 1)
+        return _lattice(order_of(compat.cell_dofs(space).shape[1]))
+
+
+def order_of(nodes: int) -> int:
+    """Return the order of a hexahedron from the number of its nodes."""
+    return round(nodes ** (1.0 / 3.0)) - 1
 
 
 @cache
@@ -45,13 +48,13 @@ def _lattice(order: int) -> Lattice:
     return Lattice(
         order,
         points,
-        _derivatives(order, points),
-        _derivatives(1, points),
+        derivatives_of(order, points),
         np.stack([slots[x, y, z].ravel() for z in (low, high) for x, y in ring], axis=1),
         faces.reshape(6, -1),
         np.stack([faces[:, x, y].reshape(6, -1) for x, y in ring], axis=2),
     )
 
 
-def _derivatives(order: int, points: np.ndarray) -> np.ndarray:
+def derivatives_of(order: int, points: np.ndarray) -> np.ndarray:
+    """Return the derivatives (3, n, m) of the m shape functions of an order by each coordinate at points (n, 3)."""
     return compat.lagrange_element(order).tabulate(1, points)[1:, :, :, 0]

@@ -13,7 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from finite_strain import compat
-from finite_strain.lattice import Lattice
+from finite_strain.lattice import Lattice, derivatives_of, order_of
 
 
 class CellNodes:
@@ -25,8 +25,8 @@ class CellNodes:
         mesh = space.mesh
         owned = mesh.topology.index_map(3).size_local
         self.dofs = compat.cell_dofs(space)[:owned]
-        corners = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned, :8]]
-        jacobian = _by_reference(self.lattice.linear_derivatives, corners)
+        nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
+        jacobian = _by_reference(derivatives_of(order_of(nodes.shape[1]), self.lattice.points), nodes)
         self.volumes = np.abs(np.linalg.det(jacobian))
         """(c, n) volume per reference volume [m^3]."""
         self._to_reference = np.linalg.inv(jacobian)

@@ -17,6 +17,7 @@ from finite_strain import compat
 from finite_strain.domain import Image, ModelBall, Reduction
 from finite_strain.load_control import PrescribedApproach
 from finite_strain.newton import NewtonSolver
+from finite_strain.model import Model
 from finite_strain.states import Discretisation
 from linear_bem import Problem
 from tests.finite_strain.scenes import (
@@ -89,8 +90,17 @@ def carry(rig: Rig, number: int, axis: int, length: float) -> None:
     """Move a ball, and with it the mesh by the weight q of its domain integral."""
     model = rig.model
     q = rig.meter._ramp(number, rig.contact_radii()[number])
-    model.mesh.geometry.x[:, axis] += length * q[compat.vertex_dofs(model.linear_space)]
+    model.mesh.geometry.x[:, axis] += length * at_mesh_nodes(model, q)
     place(rig, number, axis, length)
+
+
+def at_mesh_nodes(model: Model, values: np.ndarray) -> np.ndarray:
+    """Return a field of the linear space at the mesh's own nodes, which are those of quadratic hexahedra."""
+    corners, nodes = (compat.lagrange_element(order) for order in (1, 2))
+    shapes = corners.tabulate(0, nodes.points)[0].reshape(len(nodes.points), -1)
+    answer = np.zeros(len(model.mesh.geometry.x))
+    answer[compat.geometry_dofs(model.mesh)] = values[compat.cell_dofs(model.linear_space)] @ shapes.T
+    return answer
 
 
 def energies(rig: Rig, change: Callable[[float], None], step: float) -> tuple[float, float]:

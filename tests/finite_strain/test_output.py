@@ -149,7 +149,8 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
     """A pair on a line that is turned by 30 degrees, in equilibrium."""
     folder = tmp_path_factory.mktemp("pressed")
     rig = coarse(pair(0.1, angle=math.pi / 6.0), folder, level=FINER)
-    rig.press()
+    *_, last = rig.press()
+    assert rig.path.augment(last)
     written(rig, folder).close()
     return rig, folder
 
