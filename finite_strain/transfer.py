@@ -1,7 +1,7 @@
 """A state taken off its mesh: it can be evaluated anywhere, so that other meshes and later runs start from it.
 
-Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no numbering, number
-of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order alike.
+Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no
+numbering, number of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BULGE = 0.05
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and for each field its values (cells, nodes, components).
+    """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and values (cells, nodes, components) of each field.
 
     ``approaches`` (balls,) [m] belong to it.
     """

@@ -16,8 +16,8 @@ pytest.importorskip("dolfinx")
 from finite_strain import compat
 from finite_strain.domain import Image, ModelBall, Reduction
 from finite_strain.load_control import PrescribedApproach
-from finite_strain.newton import NewtonSolver
 from finite_strain.model import Model
+from finite_strain.newton import NewtonSolver
 from finite_strain.states import Discretisation
 from linear_bem import Problem
 from tests.finite_strain.scenes import (
