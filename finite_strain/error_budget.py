@@ -44,10 +44,6 @@ class Terms:
         """Return the names of the terms."""
         return [f.name for f in fields(Terms)]
 
-    def largest(self, ball: int) -> str:
-        """Return the name of the largest term of a ball."""
-        return max(self.names(), key=lambda name: float(getattr(self, name)[ball]))
-
 
 def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:
     """Return what the change from one discretisation to a finer one is multiplied with to bound the finer one's error.

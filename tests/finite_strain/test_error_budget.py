@@ -22,7 +22,6 @@ def test_terms_add_up_as_independent_ones_do() -> None:
     terms = Terms(*(np.array([value, 0.0]) for value in (3.0, 4.0, 12.0, 0.0)))
     assert terms.total == relatively([13.0, 0.0], ROUNDOFF) or terms.total == pytest.approx([13.0, 0.0])
     assert Terms.names() == ["discretisation", "enforcement", "transfer", "solver"]
-    assert terms.largest(0) == "transfer"
 
 
 QUARTIC = Discretisation(4, 1.0)

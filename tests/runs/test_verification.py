@@ -124,10 +124,10 @@ def test_the_parts_hold_what_the_question_asks() -> None:
     assert asked == {(d, a, alone) for d in (0.1, 0.3) for a in (0.05, 0.02, 0.01) for alone in (True, False)}
 
 
-@pytest.mark.parametrize(("order", "verdict"), [(3.0, "right"), (1.0, "WRONG"), (5.0, "WRONG")])
+@pytest.mark.parametrize(("order", "verdict"), [(3.0, "right"), (6.0, "right"), (1.0, "WRONG"), (8.0, "WRONG")])
 def test_an_observed_order_is_that_of_the_values(order: float, verdict: str) -> None:
-    sizes = (1.0, 1.5, 2.0, 3.0)
-    row = convergence.judged(sizes, [1e3 * size**-order for size in sizes])
+    sizes = (2.0, 3.0, 4.0, 6.0)
+    row = convergence.judged(sizes, [1e6 * size**-order for size in sizes])
     assert row["order"] == pytest.approx(order, abs=1e-6)
     assert row["verdict"] == verdict
     assert convergence.judged(sizes, [1e-3, -1e-3, 2e-3, 1e-3])["verdict"] == "right"  # small, if without an order

@@ -31,7 +31,7 @@ class Turned:
 KNOBS = {
     "order and fineness (3, 1)": {
         f"{order}, {fineness:g}": Turned(Level(order, fineness))
-        for order, fineness in ((2, 1.0), (2, 1.5), (2, 2.0), (3, 1.5), (3, 2.0))
+        for order, fineness in ((2, 1.0), (2, 1.5), (2, 2.0), (3, 1.5), (4, 1.0))
     },
     "penalty over the planned one (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
     "extent over the planned one (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},

@@ -14,7 +14,7 @@ from runs.studies.verification import convergence
 from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
 
 NAME = "bars"
-LEVELS = (Level(2, 1.0), Level(3, 1.0), Level(3, 1.5), Level(3, 2.0), Level(3, 3.0))
+LEVELS = (Level(2, 1.0), Level(3, 1.0), Level(4, 1.0), Level(4, 1.5))
 DEPTHS = (0.1, 0.3)
 BETTER = 0.5
 """Part of a bar to which the better answer must be known."""

@@ -72,15 +72,15 @@ def _limits(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 def _convergence(axis: Any, rows: Sequence[Row]) -> None:
     for number, row in enumerate(rows):
-        finenesses, errors = ([float(part) for part in row[key].split(", ")] for key in ("fineness", "errors"))
+        resolutions, errors = ([float(part) for part in row[key].split(", ")] for key in ("resolution", "errors"))
         style, label = "o-" if row["quantity"] == "Q" else "s--", f"{row['quantity']}, nu = {row['nu']:g}"
         sizes = [abs(error) for error in errors]
-        axis.plot(finenesses, sizes, style, ms=4, lw=1.2, color=COLORS[number // 2 % 4], label=label)
+        axis.plot(resolutions, sizes, style, ms=4, lw=1.2, color=COLORS[number // 2 % 4], label=label)
     if axis.has_data():
         axis.set(xscale="log", yscale="log")
-        axis.set_xticks(finenesses, [f"{f:g}" for f in finenesses])
+        axis.set_xticks(resolutions, [f"{f:g}" for f in resolutions])
         axis.minorticks_off()
-    axis.set(xlabel="fineness", ylabel="error against linear_bem [%]")
+    axis.set(xlabel="order times fineness", ylabel="error against linear_bem [%]")
     axis.set_title("convergence, small strain")
 
 

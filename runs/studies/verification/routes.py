@@ -17,7 +17,7 @@ from runs.studies.verification.part import COARSE, Part, claimed, pair
 NAME = "routes"
 DISTANCE, SHIFT = 2.1, 0.02
 """Distance of the balls over R, and by how much each is moved either way."""
-LEVELS, QUICK_LEVELS = (Level(3, 1.0), Level(3, 1.5)), (Level(2, 1.0), Level(3, 1.0))
+LEVELS, QUICK_LEVELS = (Level(3, 1.0), Level(4, 1.0)), (Level(2, 1.0), Level(3, 1.0))
 """The last one's answer is checked; what it changed by since the one before makes its error bar."""
 FRACTIONS = (0.1, 0.2, 0.4, 0.7, 1.0)
 ANSWER, APART, TOGETHER = "routes-answer", "routes-apart", "routes-together"
