@@ -45,6 +45,8 @@ NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 ROUGH_RELIEF = 1e-3
 """Residual norm over the force scale up to which the steps of a relieved solve are taken."""
+STALL = 1e-3
+"""Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
 MOST_ITERATIONS = 25
 """Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
@@ -144,7 +146,7 @@ class NewtonSolver:
         self._relief: PETSc.Vec | None = None
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
-        self._norm, self._keeps = math.inf, False
+        self._norm, self._keeps, self._is_old = math.inf, False, False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
@@ -209,10 +211,14 @@ class NewtonSolver:
             self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
+            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and self._is_old:  # the contact has changed
+                self._keeps = False
+                iterations += self._iterate()
+                reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if norm <= exact:
                 self._set(self._x)
                 return Equilibrium(iterations, self.effort.tangents - tangents, norm)
-            stalled = reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and norm < near_end
+            stalled = reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and norm < max(near_end, STALL * force)
             if search == "bt" and not (reason > 0 or stalled):
                 break
         self._start.copy(self._x)
@@ -296,7 +302,9 @@ class NewtonSolver:
         norm, before = snes.getFunctionNorm(), self._norm
         self._norm = norm
         if self._keeps and norm < NEAR * self._force and norm < CHORD * before:
+            self._is_old = True
             return  # the last tangent brought the residual down fast: it serves again
+        self._is_old = False
         with self._assembling():
             self._set(x)
             self.model.tangent()

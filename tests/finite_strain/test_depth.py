@@ -14,7 +14,6 @@ pytest.importorskip("dolfinx")
 import finite_strain
 import linear_bem
 from finite_strain.penalty import PENETRATION
-from finite_strain.states import Discretisation
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
@@ -110,7 +109,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
     shape, approach, discretisation = SHAPES[name]
     problem = single(approach, shape=shape, poisson=0.3)
     plan = coarse_plan(problem, "small_strain", extent=None, accuracy=0.02)
-    rig = coarse_rig(plan, tmp_path, Discretisation(2, 2.0))
+    rig = coarse_rig(plan, tmp_path, CUBIC)
     *_, last = rig.press()
     rig.path.augment(last)
     (reference,) = linear_bem.solve(problem).balls
@@ -119,7 +118,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
 
 def test_three_balls_in_an_l_pull_each_other_without_moving_the_whole() -> None:
     problem = on_layer(
-        balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid"), Load("approach", (0.015,) * 3), poisson=0.3
+        balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid"), Load("approach", (0.2,) * 3), poisson=0.3
     )
     result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9)
     linear = linear_bem.solve(problem)

@@ -220,10 +220,10 @@ def test_one_ball_meets_the_exact_linear_layer_up_to_incompressible(chi: float, 
     problem = single(approach, approach**0.5 / chi, poisson, "paraboloid")
     exact = indentation_of_layer(problem.layer, None, 1.0, approach=approach)
     plan = coarse_plan(problem, "small_strain", extent=wide(problem))
-    rig = coarse_rig(plan, tmp_path, Discretisation(2, 2.0))
+    rig = coarse_rig(plan, tmp_path, CUBIC)
     *_, last = rig.press()
     rig.path.augment(last)
-    # discretisation: two quadratic elements per contact radius
+    # discretisation: two cubic elements per contact radius
     assert rig.normal_forces()[0] == relatively(exact.normal_force, 0.02)
 
 
@@ -234,7 +234,7 @@ def test_pressures_have_no_checkerboard_and_tend_to_the_incompressible_ones(
     plan = coarse_plan(single(0.05, 0.5, 0.5))
     for poisson in (0.49, 0.4999, 0.5):  # on one mesh
         rig = coarse_rig(
-            replace(plan, problem=single(0.05, 0.5, poisson)), tmp_path_factory.mktemp("smooth"), Discretisation(2, 2.0)
+            replace(plan, problem=single(0.05, 0.5, poisson)), tmp_path_factory.mktemp("smooth"), Discretisation(2, 1.5)
         )
         rig.press()
         fields.append(rig.model.fields.pressures[0].x.array * rig.model.bulks[0].solid.shear_modulus)
@@ -267,9 +267,9 @@ def ripple(model: Model) -> float:
 def test_both_forms_meet_where_both_are_fit(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     answers: dict[str, list[float]] = {"displacement": [], "mixed": []}
     for form, values in answers.items():
-        for fineness in (1.0, 2.0):
+        for level in (QUADRATIC, CUBIC):
             problem = in_form(form, single(0.05, 1.0, 0.46, SHAPES[kind]))
-            rig = pressed(problem, kind, tmp_path_factory.mktemp("both"), Discretisation(2, fineness))
+            rig = pressed(problem, kind, tmp_path_factory.mktemp("both"), level)
             values.append(rig.normal_forces()[0])
     coarse, fine = (abs(answers["displacement"][k] / answers["mixed"][k] - 1.0) for k in (0, 1))
     # discretisation: the displacement form's error, which shrinks with the elements
@@ -283,7 +283,7 @@ def test_a_ball_pressed_deep_meets_the_published_incompressible_law(
 ) -> None:
     problem = single(0.5, thickness, 0.5)
     plan = coarse_plan(problem, extent=wide(problem))
-    rig = coarse_rig(plan, tmp_path_factory.mktemp("deep"), Discretisation(2, 2.0))
+    rig = coarse_rig(plan, tmp_path_factory.mktemp("deep"), CUBIC)
     for record in rig.path.steps([0.1, 0.2, 0.4, 0.6, 0.8, 1.0]):
         if record.fraction >= 0.4:  # where the elements resolve the contact
             assert rig.path.augment(record)

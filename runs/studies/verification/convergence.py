@@ -67,7 +67,8 @@ def judged(resolutions: Sequence[float], errors: Sequence[float]) -> dict[str, A
     order = -float(np.polyfit(np.log(resolutions), np.log(np.maximum(sizes, 1e-300)), 1)[0])
     holds = BAND[0] <= order <= BAND[1] or sizes[-1] <= FLOOR
     return {
-        "resolution": ", ".join(f"{r:g}" for r in resolutions), "errors": ", ".join(f"{100.0 * e:+.2g}" for e in errors),
+        "resolution": ", ".join(f"{r:g}" for r in resolutions),
+        "errors": ", ".join(f"{100.0 * e:+.2g}" for e in errors),
         "order": order, "coarse": float(sizes[0]), "fine": float(sizes[-1]),
         "verdict": claimed(bool(holds)),
     }  # fmt: skip
@@ -83,12 +84,13 @@ def _value(step: Any, quantity: str) -> float:
 PART = Part(
     NAME,
     "Order of convergence",
-    "Pair (h = 1.16 R, L = 2 R, D = 0.1 R, rigid base) at small strain, elements of orders 2 to 4, against `linear_bem`; "
-    f"nothing is corrected. The order is that of a power law through all errors and must lie in {BAND[0]:g} to "
-    f"{BAND[1]:g}, or the finest error below {100.0 * FLOOR:g} %.",
+    "Pair (h = 1.16 R, L = 2 R, D = 0.1 R, rigid base) at small strain, elements of orders 2 to 4, against "
+    "`linear_bem`; nothing is corrected. The order is that of a power law through all errors and must lie in "
+    f"{BAND[0]:g} to {BAND[1]:g}, or the finest error below {100.0 * FLOOR:g} %.",
     cases,
     rows,
     {
-        "nu": "nu", "quantity": "quantity", "resolution": "order times fineness", "errors": "errors [%]", "order": "observed order",
+        "nu": "nu", "quantity": "quantity", "resolution": "order times fineness", "errors": "errors [%]",
+        "order": "observed order",
     },
 )  # fmt: skip
