@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,16 +128,19 @@ class LoadPath:
 
         Where none was, the model is back in the state without multipliers.
         """
-        model, contact = self.model, self.model.contact
-        before = model.forces()[:, 2]
-        contact.augment(STIFFENING)
-        try:
-            iterations = self._newton(record, nearby=True)
-            moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
-            record.augmented = bool(moved.max() <= SPURIOUS)
-        except NotConverged:
-            record.augmented, iterations = False, 0
-        record.augmentation_iterations += iterations
+        model = self.model
+        before, start = model.forces()[:, 2], model.fields.copy()
+        approaches = model.contact.approaches.copy()
+        model.contact.augment(STIFFENING)
+        record.augmented, relief = False, 1
+        while relief <= RELIEF and not record.augmented:
+            model.fields.restore(start)
+            model.contact.set_approaches(approaches)
+            with suppress(NotConverged):
+                record.augmentation_iterations += self._newton(record, nearby=relief == 1, relief=relief)
+                moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
+                record.augmented = bool(moved.max() <= SPURIOUS)
+            relief *= 4
         if not record.augmented:
             self._restore()
             self._newton(record, nearby=True)

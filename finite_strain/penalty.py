@@ -11,9 +11,9 @@ from finite_strain.domain import LEAST_SHARE, ModelBall
 from finite_strain.estimates import alone
 from linear_bem.problem import Problem
 
-PENETRATION = 2e-2
+PENETRATION = 1e-2
 """Mean penetration over the approach without multipliers, where Newton's method finds the contact's edge fast."""
-STIFFENING = 10.0
+STIFFENING = 5.0
 """By how much the penalty grows when multipliers are added."""
 
 

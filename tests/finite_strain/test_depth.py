@@ -17,6 +17,7 @@ from finite_strain.penalty import PENETRATION
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
+    CUBIC,
     QUADRATIC,
     STIFF_SUBSTRATE,
     Rig,
