@@ -19,6 +19,7 @@ from finite_strain.bulk import nothing_where_idle
 from finite_strain.model import Model
 from finite_strain.solver_choice import FACTORS, PREFIX, Choice, choose
 from finite_strain.volumetric import Mixed
+from linear_bem.errors import InvalidProblem
 
 FALLBACK = f"{PREFIX}fallback_"
 """Prefix of the options of the factors that stand in where the Krylov method fails."""
@@ -148,3 +149,18 @@ class LinearSolver:
 def slowest(comm: MPI.Comm, seconds: float) -> float:
     """Return the time [s] of the rank that took longest (collective)."""
     return float(comm.allreduce(seconds, op=MPI.MAX))
+
+
+def blame_options(error: PETSc.Error) -> None:
+    """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
+    given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
+    if given:
+        said, cause = "", error
+        while (
+            not said and cause is not None
+        ):  # an error in a call back from PETSc is the cause of one with a mere number
+            lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
+            said = next((line for line in reversed(lines) if line and "() at " not in line), "")
+            cause = cause.__cause__ or cause.__context__
+        said = said or str(error).splitlines()[0]
+        raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error

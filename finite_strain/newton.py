@@ -16,7 +16,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from finite_strain.border import Border
-from finite_strain.linear_solver import LinearSolver, choose_for, given_options, install, slowest
+from finite_strain.linear_solver import LinearSolver, blame_options, choose_for, given_options, install, slowest
 from finite_strain.load_control import LoadControl
 from finite_strain.merit import Merit
 from finite_strain.model import Model
@@ -30,8 +30,6 @@ _OPTIONS = {
     "snes_linesearch_minlambda": "1e-3",
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
-
-
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
 BORDER_TOLERANCE, BORDER_ITERATIONS = 1e-6, 20
@@ -54,21 +52,6 @@ MOST_ITERATIONS = 25
 def _reasons() -> dict[int, str]:
     names = PETSc.SNES.ConvergedReason
     return {value: name for name, value in vars(names).items() if isinstance(value, int) and not name.startswith("_")}
-
-
-def _blame_options(error: PETSc.Error) -> None:
-    """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
-    given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
-    if given:
-        said, cause = "", error
-        while (
-            not said and cause is not None
-        ):  # an error in a call back from PETSc is the cause of one with a mere number
-            lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
-            said = next((line for line in reversed(lines) if line and "() at " not in line), "")
-            cause = cause.__cause__ or cause.__context__
-        said = said or str(error).splitlines()[0]
-        raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error
 
 
 @dataclass(frozen=True)
@@ -160,8 +143,7 @@ class NewtonSolver:
     def relieved(self, steps: int, tolerance: float, force: float, fraction: float) -> Equilibrium:
         """Do as `solve`, but take the present state's residual off in equal steps, each an equilibrium of its own.
 
-        A state of another discretisation is in equilibrium but for forces that are spread over few nodes; where a full
-        Newton step turns elements inside out there, some smaller ones do not. Raises `NotConverged`.
+        Where a full Newton step from a state of another discretisation turns elements inside out, smaller ones do not.
         """
         self._targets = self.control.targets(fraction)
         self._take(self._x)
@@ -171,8 +153,7 @@ class NewtonSolver:
         try:
             for step in range(1, steps + 1):
                 self._relief.scale((steps - step) / (steps - step + 1.0))
-                last = step == steps
-                done = self.solve(tolerance if last else max(tolerance, ROUGH_RELIEF), force, fraction)
+                done = self.solve(tolerance if step == steps else max(tolerance, ROUGH_RELIEF), force, fraction)
                 iterations, tangents = iterations + done.iterations, tangents + done.tangents
         except NotConverged:
             self._set(before)
@@ -210,15 +191,15 @@ class NewtonSolver:
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
             self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
-            reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
-            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and self._is_old:  # the contact has changed
+            failed = PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
+            if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since that tangent
                 self._keeps = False
                 iterations += self._iterate()
-                reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
+            reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if norm <= exact:
                 self._set(self._x)
                 return Equilibrium(iterations, self.effort.tangents - tangents, norm)
-            stalled = reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and norm < max(near_end, STALL * force)
+            stalled = reason == failed and norm < max(near_end, STALL * force)
             if search == "bt" and not (reason > 0 or stalled):
                 break
         self._start.copy(self._x)
@@ -250,7 +231,7 @@ class NewtonSolver:
         try:
             self.snes.setFromOptions()
         except PETSc.Error as error:
-            _blame_options(error)
+            blame_options(error)
             raise
 
     def _iterate(self) -> int:
@@ -260,7 +241,7 @@ class NewtonSolver:
         try:
             self.snes.solve(None, self._x)
         except PETSc.Error as error:
-            _blame_options(error)
+            blame_options(error)
             raise
         iterations = self.snes.getIterationNumber()
         effort.linear_iterations += self.snes.getLinearSolveIterations()
