@@ -28,7 +28,7 @@ class Border:
         self._columns = [matrix.createVecRight() for _ in range(self.count)]
         self._responses = [matrix.createVecRight() for _ in range(self.count)]
         self._stiffness = np.zeros((self.count, self.count))
-        self._schur = np.eye(self.count)
+        self._schur = np.zeros((self.count, self.count))
         self._own = matrix.getLocalSize()[0]
         self._last = model.comm.rank == model.comm.size - 1
         size = self._own + (self.count if self._last else 0)
@@ -50,12 +50,18 @@ class Border:
             x.array[self._own :] = values
 
     def update(self) -> None:
-        """Assemble the border at the present state, and solve for the response to each unknown (collective)."""
+        """Assemble the border at the present state, and solve for the response to each unknown (collective).
+
+        Where a trial state has lifted all balls of an unknown off, they come down with the stiffness that they had last.
+        """
         for number, column in enumerate(self._columns):
             self._stiffness[number, number] = self.model.border(self.moves[:, number], column)
             self.ksp.solve(column, self._responses[number])
         coupled = np.array([[column.dot(response) for response in self._responses] for column in self._columns])
-        self._schur = self._stiffness - coupled
+        schur = self._stiffness - coupled
+        lifted = np.flatnonzero(np.diag(schur) == 0.0)
+        self._stiffness[lifted, lifted] = schur[lifted, lifted] = np.diag(self._schur)[lifted]
+        self._schur = schur
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the operator."""
