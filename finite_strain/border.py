@@ -52,7 +52,7 @@ class Border:
     def update(self) -> None:
         """Assemble the border at the present state, and solve for the response to each unknown (collective).
 
-        Where a trial state has lifted all balls of an unknown off, they come down with the stiffness that they had last.
+        Where a trial state has lifted all balls of an unknown off, they come down with the stiffness of before.
         """
         for number, column in enumerate(self._columns):
             self._stiffness[number, number] = self.model.border(self.moves[:, number], column)
