@@ -159,8 +159,8 @@ def test_two_loads_extrapolate_a_straight_line_to_no_load() -> None:
 def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_told(strength: float, verdict: str) -> None:
     pull = -1e-4
     level = {"fraction": 1.0, "augmented": True, "order": 3, "fineness": 1.5}
-    values = {"domain": 0.9 * pull, "domain_without_pair": pull, "traction": 1.001 * pull}
-    answer = {"balls": pair(0.1, 0.1, 0.9 * pull, 2e-6, **values), "record": level}
+    values = {"domain": 0.995 * pull, "domain_without_pair": pull, "traction": 1.001 * pull}
+    answer = {"balls": pair(0.1, 0.1, 0.995 * pull, 2e-6, **values), "record": level}
 
     def moved(sign: float) -> list[dict[str, Any]]:
         stored = 1.0 + sign * strength * pull * 2.0 * routes.SHIFT
