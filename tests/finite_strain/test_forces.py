@@ -18,9 +18,9 @@ from finite_strain.domain import Image, ModelBall, Reduction
 from finite_strain.load_control import PrescribedApproach
 from finite_strain.model import Model
 from finite_strain.newton import NewtonSolver
-from finite_strain.states import Discretisation
 from linear_bem import Problem
 from tests.finite_strain.scenes import (
+    CUBIC,
     QUADRATIC,
     SHAPES,
     UNEQUAL,
@@ -223,7 +223,7 @@ def carried(problem: Problem, kind: str, folder: Path, shift: float) -> Rig:
     from finite_strain.mesh_run import mesh_box  # noqa: PLC0415
 
     plan = coarse_plan(problem, kind)
-    level = Discretisation(3, 2.0)
+    level = CUBIC
     meshed = mesh_box(plan.box(level), folder / "mesh.msh", MPI.COMM_SELF)
     x = meshed[0].geometry.x
     x[:, 0] += shift * np.interp(x[:, 0], [0.0, 0.5, 1.5, x[:, 0].max()], [0.0, 1.0, 1.0, 0.0])
