@@ -28,10 +28,12 @@ def scene(tmp_path: Path) -> Path:
 
 
 def stop_after_first_step(scene: Path, out: Path) -> str:
+    # a rank answers a signal after its assembly or factorisation; by default Open MPI kills it after 1 s
+    patient = environment({"OMPI_MCA_odls_base_sigkill_timeout": "30"})
     command = [shutil.which("mpirun") or "mpirun", "-n", "2", "--bind-to", "none", sys.executable, "-m", "runs.cli"]
     command += ["compare", str(scene), "--out", str(out)]
     said = ""
-    with subprocess.Popen(command, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, cwd=ROOT, env=patient, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         for line in process.stderr:
             said += line
