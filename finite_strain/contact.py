@@ -82,7 +82,7 @@ class Contact:
         self.mesh, self.balls, self.finite = space.mesh, tuple(balls), finite
         self.angle = angle
         self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
-        self.augmented = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
+        self.augmented, self._stiffer = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0)), 1.0
         self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
         self.slots = self._make_slots()
         near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
@@ -149,12 +149,20 @@ class Contact:
             slot.set("penalty", penalties)
 
     def augment(self, stiffer: float) -> None:
-        """Take the multipliers from the present state, found without any; make the penalties stiffer by a factor."""
+        """Take the multipliers from the present state, found without any; make the penalties stiffer by a factor.
+
+        That state stays an equilibrium until `close_gaps` is called.
+        """
         self.earlier.x.array[:] = self.displacement.x.array
+        self._stiffer = stiffer
         for slot in self.slots:
             slot.set("earlier", self.approaches)
             slot.fields["penalty"].x.array[:] *= stiffer
-        self.augmented.value = 1.0 / stiffer
+        self.close_gaps(0.0)
+
+    def close_gaps(self, part: float) -> None:
+        """Ask the augmented state to give up a part, 0 to 1, of the penetration that its multipliers come from."""
+        self.augmented.value = 1.0 / self._stiffer - 1.0 + part
 
     def forget_multipliers(self) -> None:
         """Set the multipliers to zero."""

@@ -23,8 +23,8 @@ RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
 ROUGH = 1e5
 """How much larger the residual may be where multipliers are still to be added."""
-RELIEF = 16
-"""Most steps in which the residual of a predicted state is taken off, where Newton's method fails from there."""
+MOST_STEPS = 16
+"""Most steps in which the residual of a predicted state, or the penetration of one that is augmented, is taken off."""
 SHORTEST, GROWTH = 3e-3, 1.5
 """Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
 SPURIOUS = 0.3
@@ -100,7 +100,7 @@ class LoadPath:
                 try:
                     self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record, relief)
                 except NotConverged as error:
-                    if predicted is not None and relief < RELIEF:
+                    if predicted is not None and relief < MOST_STEPS:
                         relief *= 4
                         continue
                     relief = 1
@@ -128,22 +128,26 @@ class LoadPath:
 
         Where none was, the model is back in the state without multipliers.
         """
-        model = self.model
+        model, contact = self.model, self.model.contact
         before, start = model.forces()[:, 2], model.fields.copy()
-        approaches = model.contact.approaches.copy()
-        model.contact.augment(STIFFENING)
-        record.augmented, relief = False, 1
-        while relief <= RELIEF and not record.augmented:
+        approaches = contact.approaches.copy()
+        contact.augment(STIFFENING)
+        record.augmented, steps = False, 1
+        while steps <= MOST_STEPS and not record.augmented:
             model.fields.restore(start)
-            model.contact.set_approaches(approaches)
+            contact.set_approaches(approaches)
             with suppress(NotConverged):
-                record.augmentation_iterations += self._newton(record, nearby=relief == 1, relief=relief)
+                for step in range(1, steps + 1):
+                    contact.close_gaps((step - 1) / steps)
+                    self.solver.prepare()
+                    contact.close_gaps(step / steps)
+                    record.augmentation_iterations += self._newton(record, rough=1.0 if step == steps else ROUGH)
                 moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
                 record.augmented = bool(moved.max() <= SPURIOUS)
-            relief *= 4
+            steps *= 4
         if not record.augmented:
             self._restore()
-            self._newton(record, nearby=True)
+            self._newton(record)
         return record.augmented
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord, relief: int) -> None:
@@ -164,12 +168,12 @@ class LoadPath:
         contact = self.model.contact
         contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
 
-    def _newton(self, record: StepRecord, nearby: bool = False, rough: float = 1.0, relief: int = 1) -> int:
+    def _newton(self, record: StepRecord, rough: float = 1.0, relief: int = 1) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
         approaches = self.model.contact.approaches
         scale = max(map(self._expected_force, approaches, self.model.contact.balls))
         goal = (rough * RESIDUAL, scale, record.fraction)
-        done = self.solver.relieved(relief, *goal) if relief > 1 else self.solver.solve(*goal, nearby)
+        done = self.solver.relieved(relief, *goal) if relief > 1 else self.solver.solve(*goal)
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
         record.residual = done.residual

@@ -129,7 +129,7 @@ class NewtonSolver:
         self._relief: PETSc.Vec | None = None
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
-        self._norm, self._keeps, self._is_old = math.inf, False, False
+        self._norm, self._keeps, self._is_old, self._prepared = math.inf, False, False, False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
@@ -171,19 +171,24 @@ class NewtonSolver:
             moves = self.control.moves
             self.border.store(x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
 
-    def solve(self, tolerance: float, force: float, fraction: float, nearby: bool = False) -> Equilibrium:
+    def prepare(self) -> None:
+        """Take the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
+        self._take(self._x)
+        self._renew(self._x)
+        self._prepared = True
+
+    def solve(self, tolerance: float, force: float, fraction: float) -> Equilibrium:
         """Bring the model into equilibrium at a fraction of the load, from its present state.
 
-        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``nearby`` says that the state is close to
-        that of the last tangent, which is then tried first. Raises `NotConverged`, with the state as it was before,
-        when Newton's method fails.
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]. Raises `NotConverged`, with the state as
+        it was before, when Newton's method fails.
         """
         self.tolerance, self._force, self._targets = tolerance * force, force, self.control.targets(fraction)
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
         self.effort.residuals = []
-        self._norm, self._keeps = math.inf, nearby and self._keeps
+        self._norm, self._keeps = math.inf, self._prepared
         iterations, tangents = 0, self.effort.tangents
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
         exact = self.tolerance
@@ -191,6 +196,7 @@ class NewtonSolver:
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
             self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
+            self._prepared = False
             failed = PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
             if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since that tangent
                 self._keeps = False
@@ -282,10 +288,12 @@ class NewtonSolver:
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         norm, before = snes.getFunctionNorm(), self._norm
         self._norm = norm
-        if self._keeps and norm < NEAR * self._force and norm < CHORD * before:
-            self._is_old = True
-            return  # the last tangent brought the residual down fast: it serves again
-        self._is_old = False
+        near = norm < NEAR * self._force and norm < CHORD * before
+        self._is_old, self._prepared = self._keeps and (near or self._prepared), False
+        if not self._is_old:  # the last tangent did not bring the residual down fast
+            self._renew(x)
+
+    def _renew(self, x: PETSc.Vec) -> None:
         with self._assembling():
             self._set(x)
             self.model.tangent()
