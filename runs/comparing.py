@@ -8,7 +8,7 @@ from typing import Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Step
-from runs import figures, tables
+from runs import figures, interpolant, tables
 from runs.linear_states import LinearStates
 from runs.plain import as_given, to_json
 from runs.scene import Scene
@@ -62,6 +62,10 @@ def _compute(session: Session) -> dict[str, Any] | None:
         return None
     document = document_of(session.with_notes(result.to_dict()))
     _save(session, document)
+    assert session.folder is not None
+    between = interpolant.table(document["comparison"], tables.leading_ball(document["finite"]["balls"]))
+    if between:
+        session.folder.save_table("strengthening.csv", between)
     figures.draw_comparison(session.out, document["comparison"], document["finite"]["balls"], session.scale)
     figures.draw_surface(session.out, session.problem, document["finite"]["balls"], session.scale)
     _close(session, document)

@@ -11,7 +11,7 @@ import numpy as np
 
 from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
-from runs import surface
+from runs import interpolant, surface
 from runs.presentation import Scale, attraction
 from runs.store import replacing
 from runs.tables import leading_ball
@@ -43,6 +43,7 @@ def draw_comparison(
         )
     _label_forces(forces)
     depth = np.array([row["approach"] for row in path]) / scale.radius
+    between = interpolant.table(rows, ball)
     beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
@@ -60,8 +61,11 @@ def draw_comparison(
             marker=marker,
             ms=4,
             capsize=3,
+            ls="none" if between else "-",
             label=label,
         )
+        x = [row["approach"] / scale.radius for row in between]
+        factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     factors.set_xlabel("approach $D / R$")
     factors.set_ylabel("T finite / T linear")

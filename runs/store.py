@@ -23,9 +23,9 @@ FIRST = (MARK, "scene.toml", ".lock")
 FIELDS = "fields"
 PICTURES = "pictures"
 OURS = (
-    MARK, "scene.toml", "result.json", "steps.csv", "run.log", "tangential_force.png", "tangential_force.svg",
-    "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png", "distances.svg", "evolution.gif",
-    "ensemble.png", "ensemble.svg", "report.html", ".lock",
+    MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
+    "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
+    "distances.svg", "evolution.gif", "ensemble.png", "ensemble.svg", "report.html", ".lock",
 )  # fmt: skip
 
 
@@ -134,6 +134,10 @@ class RunFolder:
         """Write result.json and steps.csv; each is at every moment whole, the old one or the new one."""
         self._write("result.json", to_json(document))
         self._write("steps.csv", _csv([_flat(row) for row in rows]))
+
+    def save_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write a table of plain values as CSV."""
+        self._write(name, _csv(rows))
 
     def finish(self) -> None:
         """Mark the run as complete: the same command then prints what is saved."""

@@ -42,6 +42,7 @@ def _row(index: int, ball: int, states: tuple[Mapping[str, Any], ...]) -> dict[s
         "step": index + 1,
         "ball": ball,
         "normal_force": load,
+        "normal_force_error": step.get("record", {}).get("normal_force_error", [0.0] * (ball + 1))[ball],
         "approach": finite["approach"],
         "tangential_linear": same_force["tangential_force"],
         "tangential_linear_error": same_force["tangential_force_error"],

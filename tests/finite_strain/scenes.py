@@ -155,7 +155,7 @@ class Rig:
 
     def settle(self, tolerance: float = 1e-9) -> Equilibrium:
         """Close the present equilibrium: a load step leaves it rough, for multipliers are still to be added."""
-        return self.solver.solve(tolerance, float(self.normal_forces().max()), self.path.history[-1].fraction, True)
+        return self.solver.solve(tolerance, float(self.normal_forces().max()), self.path.history[-1].fraction)
 
 
 def coarse_rig(

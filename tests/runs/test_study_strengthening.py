@@ -51,11 +51,16 @@ def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -
     assert "within its error bar of 1** in 2 case(s)" in done.stdout
 
 
-def test_every_case_has_a_name_of_its_own_and_asks_for_its_whole_load_path() -> None:
+def test_every_case_has_a_name_of_its_own_and_a_curve_enough_small_loads_for_its_slope() -> None:
     for quick in (True, False):
         every = cases(quick)
         assert len({case.name for case in every}) == len(every)
-        assert {case.steps for case in every} == {None}
+        for case in every:
+            assert case.steps is not None
+            deepest = case.problem.load.values[0]
+            small = [step for step in case.steps if step * deepest <= fitting.SMALL_LOAD]
+            assert len(small) >= 3 or case.labels["group"] == "deeper"
+            assert case.steps[-1] == 1.0
 
 
 def test_the_matrix_holds_what_the_question_asks() -> None:
@@ -108,11 +113,11 @@ def test_the_measure_that_makes_curves_one_is_found() -> None:
 
 
 def test_curves_are_read_between_their_points_and_not_beyond() -> None:
-    path = rows((0.04, 1.1, 0.01), (0.16, 1.3, 0.03))
-    assert fitting.at_depth(path, 0.09) == pytest.approx((1.2, 0.03))
-    assert fitting.at_depth(path, 0.04) == pytest.approx((1.1, 0.03))
+    path = rows((0.04, 1.1, 0.01), (0.16, 1.2, 0.03))  # 1 + sqrt(D) / 2
+    assert fitting.at_depth(path, 0.09) == pytest.approx((1.15, 0.02))
+    assert fitting.at_depth(path, 0.04) == pytest.approx((1.1, 0.01))
     assert fitting.at_depth(path, 0.2) is None
-    assert fitting.at_depth(path, 0.16**1.5, measure="Q") == pytest.approx((1.3, 0.03))
+    assert fitting.at_depth(path, 0.16**1.5, measure="Q") == pytest.approx((1.2, 0.03))
 
 
 def test_the_load_of_a_sign_change_is_interpolated() -> None:

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from runs.interpolant import Interpolant
+
 Row = Mapping[str, Any]
 DEGREES = (2, 3, 4, 5)
 SMALL_LOAD = 0.07
@@ -114,21 +116,17 @@ def collapse(curves: Mapping[str, tuple[Sequence[Row], float]], factor: str = "S
 
 
 def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q", measure: str = "D") -> tuple[float, float] | None:
-    """Return factor and error at an approach (or at a force Q), interpolated in its root; None outside the rows.
+    """Return factor and error at an approach (or at a force Q), interpolated; None outside the rows.
 
-    A factor without an error of its own (``geometry``) has none.
+    A factor without an error of its own (``geometry``) has that of the interpolation.
     """
-    known = [
-        (math.sqrt(row[measure]), row[factor], row.get(f"{factor}_error", 0.0))
-        for row in rows
-        if row[factor] is not None
-    ]
-    at = math.sqrt(depth)
-    for (x0, s0, e0), (x1, s1, e1) in pairwise(known):
-        if x0 <= at * (1 + 1e-9) and at <= x1 * (1 + 1e-9):
-            share = (at - x0) / (x1 - x0)
-            return s0 + share * (s1 - s0), max(e0, e1)
-    return None
+    known = [row for row in rows if row[factor] is not None]
+    if len(known) < 2 or not known[0][measure] * (1 - 1e-9) <= depth <= known[-1][measure] * (1 + 1e-9):
+        return None
+    columns = [[row[measure], row[factor], row.get(f"{factor}_error", 0.0)] for row in known]
+    at_no_load, power = (0.0, 3) if factor == "Q" else (1.0, 1)
+    loads, values, errors = np.array(columns).T
+    return Interpolant(loads, values, errors, at_no_load, power)(depth)
 
 
 def sign_change(rows: Sequence[Row], key: str) -> float | None:

@@ -13,7 +13,7 @@ POISSONS = (0.3, 0.4, 0.4999)
 NEAR_SIGN_CHANGE = (1.7, 1.9)
 """Thicknesses about the linear model's sign change, h' = 1.6977 at the paper's load."""
 APPROACHES = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.32, 0.4, 0.5)
-"""Approaches over R that a curve is answered at; the first is about the paper's load, the first three give its slope."""
+"""Approaches over R that a curve is answered at; the first is near the paper's load, three give its slope."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 40e3, 120e3

@@ -1,0 +1,84 @@
+"""What a comparison says between its load steps: S_Q, S_D and Q as functions of the approach, with errors.
+
+Near no load S leaves 1 like a power series in x = sqrt(D) and Q starts as x^3 (Hertz), so (S - 1) / x and Q / x^3 are
+smooth: cubic splines through the steps carry them. The error adds that of the two neighbouring steps and the greatest
+change when one of the four nearest steps is left out, several times the error of the spline through all, times a
+factor that falls to 0 at the steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+DEGREE = 3
+POINTS = 41
+"""Rows of the table between the first load step and the last."""
+COLUMNS = {"normal_force": (0.0, 3), "strengthening_at_force": (1.0, 1), "strengthening_at_approach": (1.0, 1)}
+"""What is interpolated, with its value at no load and the power of x that it leaves that with."""
+
+
+@dataclass(frozen=True)
+class Interpolant:
+    """A quantity over the approach D: values and errors (n,) at rising approaches (n,), n >= 2."""
+
+    approaches: np.ndarray
+    values: np.ndarray
+    errors: np.ndarray
+    at_no_load: float = 1.0
+    power: int = 1
+
+    def __call__(self, approach: float) -> tuple[float, float]:
+        """Return value and error at an approach between the first and the last; raises `ValueError` outside."""
+        x, at = np.sqrt(self.approaches), math.sqrt(approach)
+        if not x[0] * (1.0 - 1e-9) <= at <= x[-1] * (1.0 + 1e-9):
+            raise ValueError(
+                f"approach: must lie between {self.approaches[0]:g} and {self.approaches[-1]:g}, got {approach:g}"
+            )
+        right = int(np.clip(np.searchsorted(x, at), 1, len(x) - 1))
+        share = (at - x[right - 1]) / (x[right] - x[right - 1])
+        own = (1.0 - share) * self.errors[right - 1] + share * self.errors[right]
+        every = np.arange(len(x))
+        value, inner = self._spline(every, at), every[max(right - 2, 1) : min(right + 2, len(x) - 1)]
+        missed = max((abs(self._spline(every[every != i], at) - value) for i in inner), default=0.0)
+        return value, float(own + min(1.0, 16.0 * share * (1.0 - share)) * missed)
+
+    def _spline(self, chosen: np.ndarray, at: float) -> float:
+        x = np.sqrt(self.approaches[chosen])
+        y = (self.values[chosen] - self.at_no_load) / x**self.power
+        spline = make_interp_spline(x, y, k=min(DEGREE, len(x) - 1))
+        return float(self.at_no_load + spline(at) * at**self.power)
+
+
+def interpolants(rows: Sequence[Mapping[str, Any]], ball: int) -> dict[str, Interpolant]:
+    """Return what can be interpolated of one ball's rows of a comparison; needs three steps that have the value."""
+    path = [row for row in rows if row["ball"] == ball and row["approach"] > 0.0]
+    found = {}
+    for name, (at_no_load, power) in COLUMNS.items():
+        known = [row for row in path if row.get(name) is not None and math.isfinite(row[name])]
+        if len(known) >= 3 and np.all(np.diff([row["approach"] for row in known]) > 0.0):
+            columns = [[row["approach"], row[name], row.get(f"{name}_error") or 0.0] for row in known]
+            approaches, values, errors = np.array(columns).T
+            found[name] = Interpolant(approaches, values, errors, at_no_load, power)
+    return found
+
+
+def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]]:
+    """Return rows between the first load step and the last: approach, and each quantity with its error."""
+    curves = interpolants(rows, ball)
+    if set(curves) != set(COLUMNS):
+        return []
+    first = max(curve.approaches[0] for curve in curves.values())
+    last = min(curve.approaches[-1] for curve in curves.values())
+    answer = []
+    for approach in np.linspace(first, last, POINTS):
+        row = {"approach": float(approach)}
+        for name, curve in curves.items():
+            row[name], row[f"{name}_error"] = curve(float(approach))
+        answer.append(row)
+    return answer
