@@ -26,7 +26,7 @@ def test_exact_steps_give_a_curve_within_its_error(name: str, approaches: np.nda
     for d in np.linspace(approaches[0], approaches[-1], 101):
         value, error = between(d)
         assert abs(value - curve(d)) <= error + 1e-12
-        assert error < 0.015 * d  # that many steps draw such curves well
+        assert error < 0.02 * d  # that many steps draw such curves well
 
 
 def test_at_a_step_value_and_error_are_the_steps_own() -> None:
