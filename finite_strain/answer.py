@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.error_budget import Terms, discretisation, enforcement, exponent, gain
+from finite_strain.error_budget import Terms, discretisation, enforcement, gain
 from finite_strain.extent import scale_of_force
 from finite_strain.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.planning import RunPlan
@@ -20,8 +20,8 @@ from linear_bem.solver import solve
 
 LINEAR_ACCURACY = 0.03
 """Accuracy asked of linear_bem over that asked of the run."""
-FORCE_EXPONENT = 1.5
-"""d ln Q / d ln D at least: Hertz's; the path may show more."""
+LEAST, MOST = 1.5, 3.0
+"""d ln Q / d ln D: Hertz's, and an incompressible film's under a ball much wider than it."""
 
 
 class Answers:
@@ -35,7 +35,6 @@ class Answers:
         self._older = records[-3] if len(records) > 2 else None
         self.forces_given = plan.problem.load.kind != "approach"
         self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
-        self._before: Paired | None = None
         self.failure = ""
 
     def truth(self, fraction: float) -> LinearTruth | None:
@@ -86,7 +85,6 @@ class Answers:
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
 
         share = enforcement(fine.own, fine.small, weight)
-        power = self._exponent(fraction, now, earlier)
         solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
         # of T at given force
         at_force = Terms(
@@ -99,17 +97,17 @@ class Answers:
         follows = now.approach if self.forces_given else now.normal_force
         through = Terms(
             change("Q", lambda a: (a.approach if self.forces_given else a.normal_force)[:, None], follows),
-            np.abs(follows) * share * (1.0 if self.forces_given else power),
+            np.abs(follows) * share * (1.0 if self.forces_given else MOST),
             np.abs(follows) * now.force_transfer,
             tolerance
-            * (follows / np.maximum(power * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
+            * (follows / np.maximum(LEAST * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
         )
         if self.forces_given:
             terms = at_force
         else:
             terms = Terms(
                 change("T", lambda answer: answer.tangential_force, floor),
-                2.0 * size * share * power,
+                2.0 * MOST * size * share,
                 np.hypot(at_force.transfer, 2.0 * size * now.force_transfer),
                 solver,
             )
@@ -148,7 +146,6 @@ class Answers:
                     tangential_force_routes=turned,
                 )
             )
-        self._before = now
         return Step(tuple(balls), record)
 
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
@@ -178,12 +175,6 @@ class Answers:
         error = discretisation(now, before, factor, path, size)
         path.append(ratio(factor * last, size))
         return error
-
-    def _exponent(self, fraction: float, now: Paired, earlier: list[Step]) -> np.ndarray:
-        if self._before is None or not earlier:
-            return np.full(len(now.approach), FORCE_EXPONENT)
-        ratio = float(np.max(now.approach) / max(float(np.max(self._before.approach)), 1e-300))
-        return exponent(now.normal_force, self._before.normal_force, ratio, FORCE_EXPONENT)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and by how much it raises all errors (balls,).

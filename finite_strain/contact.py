@@ -31,10 +31,6 @@ CANDIDATES = 2
 """Balls of one kind that one facet may touch."""
 REACH = 1.5
 """Horizontal distance of a facet from a ball's axis, over the ball's reach, up to which it may touch (undeformed)."""
-DEEPEST_PENETRATION = 0.3
-"""A trial state that penetrates deeper than this part of the radius is outside the model's domain."""
-FORBIDDEN = 1e12
-"""Energy density over k R^2 of such a state, for the line search to refuse."""
 
 
 def positive(value: Any) -> Any:
@@ -126,16 +122,6 @@ class Contact:
     def energy(self) -> Any:
         """The contact potential [J] as a form."""
         return sum(slot.density * self.measure for slot in self.slots)
-
-    @property
-    def guard(self) -> Any:
-        """A form that is enormous where the state is outside the model's domain and zero elsewhere."""
-        total = 0
-        for slot in self.slots:
-            radius, penalty = slot.fields["radius"], slot.fields["penalty"]
-            outside = ufl.lt(slot.gap, -DEEPEST_PENETRATION * radius)
-            total += ufl.conditional(outside, FORBIDDEN * penalty * radius**2, 0) * self.measure
-        return total
 
     def set_approaches(self, approaches: np.ndarray) -> None:
         """Move the balls to approaches (balls,) [m]."""

@@ -85,11 +85,3 @@ def enforcement(own: ContactState, small: ContactState | None, weight: np.ndarra
     """
     left = own.mean_gap if small is None else own.mean_gap - weight * small.mean_gap
     return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)
-
-
-def exponent(now: np.ndarray, before: np.ndarray | None, ratio: float, usual: float) -> np.ndarray:
-    """Return d ln(value) / d ln(D) (balls,) along the path, or the usual one where it does not tell."""
-    if before is None or not ratio > 1.0:
-        return np.full(len(now), usual)
-    share = np.divide(now, before, out=np.ones_like(now), where=(before > 0.0) & (now > 0.0))
-    return np.maximum(np.log(np.maximum(share, 1.0)) / np.log(ratio), usual)

@@ -2,28 +2,18 @@
 
 A kinematics turns a displacement into the strain-energy density per reference volume. Its first
 Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative by the displacement
-gradient, never written out by hand.
+gradient du_i/dX_J, never written out by hand.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import ufl
 
 from finite_strain.materials import LAWS
 from finite_strain.volumetric import Volumetric
-
-
-class Kinematics(Protocol):
-    """What the model asks of a kinematics; ``gradient`` is the displacement gradient du_i/dX_J."""
-
-    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
-        """Return the strain energy per reference volume [J/m^3]; ``shear`` is Lame's mu."""
-
-    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
-        """Return the Cauchy stress from the energy's derivative by the gradient."""
 
 
 @dataclass(frozen=True)
@@ -54,3 +44,6 @@ class Small:
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return the stress itself: at small strain the configurations coincide."""
         return stress
+
+
+Kinematics = Finite | Small

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
@@ -144,11 +143,6 @@ class LinearSolver:
         compat.assemble_block_matrix(matrix, forms, model.bcs)
         matrix.assemble()
         return matrix
-
-
-def slowest(comm: MPI.Comm, seconds: float) -> float:
-    """Return the time [s] of the rank that took longest (collective)."""
-    return float(comm.allreduce(seconds, op=MPI.MAX))
 
 
 def blame_options(error: PETSc.Error) -> None:

@@ -1,33 +1,19 @@
 """What a load prescribes: approaches, or forces that make approaches unknowns of the equilibrium.
 
-Each kind of load gives the same few things to solvers: how its unknowns move the model's balls, what force each unknown
-must carry at a fraction of the load, and the approaches that the fraction itself prescribes.
+Each kind of load gives the same few things to solvers: how its unknowns move the model's balls (``moves``, (balls,
+unknowns)), what force the simulated part of the scene must carry at each unknown at a fraction of the load
+(``targets``), and the approaches that the fraction prescribes, or that are expected of each ball alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from finite_strain.domain import ModelBall, Reduction
 from finite_strain.estimates import alone
 from linear_bem.problem import Problem
-
-
-class LoadControl(Protocol):
-    """A load as the solvers see it."""
-
-    @property
-    def moves(self) -> np.ndarray:
-        """(balls, unknowns): by how much each unknown approach moves each ball of the model."""
-
-    def targets(self, fraction: float) -> np.ndarray:
-        """Return the force (unknowns,) [N] that the simulated part of the scene must carry at each unknown."""
-
-    def approaches(self, fraction: float) -> np.ndarray:
-        """Return the approaches (balls,) [m]: prescribed, or expected of each ball alone."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +85,9 @@ class TotalForce:
         """Return the mean of the approaches (balls,) [m] that each ball would have alone under an equal share."""
         approaches = self.each.approaches(fraction)
         return np.full(len(approaches), approaches.mean())
+
+
+LoadControl = PrescribedApproach | PrescribedForce | TotalForce
 
 
 def load_control(problem: Problem, reduction: Reduction) -> LoadControl:

@@ -24,7 +24,7 @@ RESIDUAL = 1e-9
 ROUGH = 1e5
 """How much larger the residual may be where multipliers are still to be added."""
 MOST_STEPS = 16
-"""Most steps in which the residual of a predicted state, or the penetration of one that is augmented, is taken off."""
+"""Most steps in which the penetration of an augmented state is taken off, where one does not do."""
 SHORTEST, GROWTH = 3e-3, 1.5
 """Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
 SPURIOUS = 0.3
@@ -90,7 +90,7 @@ class LoadPath:
         without multipliers, roughly; `augment` adds these and makes it exact.
         """
         for goal in fractions:
-            cuts, relief, predicted = 0, 1, predictor(goal)
+            cuts, predicted = 0, predictor(goal)
             step = goal - (self.history[-1].fraction if self.history else 0.0)
             while not self.history or abs(self.history[-1].fraction - goal) > BACK * abs(goal):
                 reached = self.history[-1].fraction if self.history else 0.0
@@ -98,12 +98,8 @@ class LoadPath:
                 self._observe(fraction, cuts)
                 record = StepRecord(fraction, cuts=cuts)
                 try:
-                    self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record, relief)
+                    self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record)
                 except NotConverged as error:
-                    if predicted is not None and relief < MOST_STEPS:
-                        relief *= 4
-                        continue
-                    relief = 1
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
                     predicted = None
@@ -150,7 +146,7 @@ class LoadPath:
             self._newton(record)
         return record.augmented
 
-    def _solve(self, fraction: float, start: State | None, record: StepRecord, relief: int) -> None:
+    def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
         contact = self.model.contact
         contact.forget_multipliers()
         prescribed = self.control.approaches(fraction)
@@ -162,18 +158,17 @@ class LoadPath:
             free = self.control.moves.any(axis=1)
             contact.set_approaches(np.where(free, start.approaches, prescribed))
         self._set_penalties()
-        self._newton(record, rough=ROUGH, relief=relief)
+        self._newton(record, rough=ROUGH)
 
     def _set_penalties(self) -> None:
         contact = self.model.contact
         contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
 
-    def _newton(self, record: StepRecord, rough: float = 1.0, relief: int = 1) -> int:
+    def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
         approaches = self.model.contact.approaches
         scale = max(map(self._expected_force, approaches, self.model.contact.balls))
-        goal = (rough * RESIDUAL, scale, record.fraction)
-        done = self.solver.relieved(relief, *goal) if relief > 1 else self.solver.solve(*goal)
+        done = self.solver.solve(rough * RESIDUAL, scale, record.fraction)
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
         record.residual = done.residual

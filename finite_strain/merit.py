@@ -53,7 +53,7 @@ class Merit:
         x.copy(self._trial)
         self._trial.array[self._pressures] = self._aim
         model = self._model
-        model.set_state(self._trial)
+        model.fields.set(self._trial)
         energy = model.energy()
         if not math.isfinite(energy):
             return math.nan

@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.distortion import smallest_volume_ratio
 from finite_strain.extremes import Extremes
 from finite_strain.forces import ForceMeter
 from finite_strain.kinematics import Finite, Kinematics, Small
@@ -21,6 +20,7 @@ from finite_strain.loading import LoadPath, State, StepRecord
 from finite_strain.model import Meshed, Model
 from finite_strain.newton import NewtonSolver
 from finite_strain.planning import RunPlan
+from finite_strain.recovery import smallest_volume_ratio
 from finite_strain.states import ContactState, Discretisation
 from finite_strain.together import on_root
 from finite_strain.transfer import Snapshot
@@ -85,7 +85,6 @@ class ModelRun:
             tangential_force=self.meter.domain(np.sqrt(areas / math.pi)),
             traction_force=forces[:, :2],
             contact_area=areas,
-            flat_area=model.contact_areas(deformed=False),
             peak_pressure=extremes[:, 0],
             penetration=extremes[:, 1],
             mean_gap=model.mean_gaps(),
@@ -129,7 +128,7 @@ class MeshRun:
             "residual": record.residual,
             "penetration": float(state.penetration.max()),
             "force_balance": abs(pressed - reaction) / pressed,
-            "smallest_volume_ratio": smallest_volume_ratio(model.space, model.nodal, model.comm),
+            "smallest_volume_ratio": smallest_volume_ratio(model.space, model.nodal),
             "strain_energy": 2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             **{key: value for key, value in self.own.solver.account().items() if key != "tangents"},
             "seconds": now - began,

@@ -105,7 +105,7 @@ class Model:
         tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
         contact = ufl.derivative(self.contact.energy, u, test)
         self._strain_energy = self.compile(bulk)
-        self._contact_energy = self.compile(self.contact.energy + self.contact.guard)
+        self._contact_energy = self.compile(self.contact.energy)
         self._bulk_residual, *self._volume_residuals = (self.compile(r) for r in residuals)
         self._contact_residual = self.compile(contact)
         # at small strain the bulk's part never changes and is kept; the contact's is added to it
@@ -120,7 +120,6 @@ class Model:
         self._forces = [self.compile(self.contact.force_form(axis)) for axis in range(3)]
         self._mean_gap = [self.compile(form) for form in self.contact.mean_gap_forms()]
         self._area = self.compile(self.contact.area_form(self._stretch()))
-        self._flat_area = self.compile(self.contact.area_form(self.unity()))
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -167,14 +166,6 @@ class Model:
         """Nodal displacements (nodes, 3) [m] of this rank, ghosts included; a view."""
         return self.displacement.x.array.reshape(-1, 3)
 
-    def set_state(self, x: PETSc.Vec) -> None:
-        """Copy a solver's vector into the fields and refresh their ghosts."""
-        self.fields.set(x)
-
-    def get_state(self, x: PETSc.Vec) -> None:
-        """Copy the fields into a solver's vector."""
-        self.fields.get(x)
-
     def total(self, form: Any) -> float:
         """Return a compiled functional summed over ranks (collective)."""
         return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(form), op=MPI.SUM))
@@ -184,7 +175,7 @@ class Model:
         return self.total(self._strain_energy)
 
     def energy(self) -> float:
-        """Return the total potential [J] of the simulated part, nan or enormous outside its domain (collective)."""
+        """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
         local = dolfinx.fem.assemble_scalar(self._strain_energy) + dolfinx.fem.assemble_scalar(self._contact_energy)
         return float(self.comm.allreduce(local, op=MPI.SUM))
 
@@ -193,34 +184,31 @@ class Model:
 
         Whole balls, but along axes that a symmetry fixes.
         """
-        values = np.zeros((len(self.contact.balls), 3))
+        values = self._per_ball(self._forces)
         for number, ball in enumerate(self.contact.balls):
-            self.contact.choose(np.eye(len(values))[number])
-            values[number] = [ball.copies * dolfinx.fem.assemble_scalar(form) for form in self._forces]
             values[number, list(ball.fixed_axes)] = 0.0
-        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+        return values
 
     def part_forces(self) -> np.ndarray:
         """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
         return np.asarray(self.forces()[:, 2] / np.array([ball.copies for ball in self.contact.balls]))
 
-    def contact_areas(self, deformed: bool = True) -> np.ndarray:
-        """Return the contact area (balls,) [m^2] of whole balls, deformed or not (collective)."""
-        form = self._area if deformed else self._flat_area
-        areas = np.zeros(len(self.contact.balls))
-        for number, ball in enumerate(self.contact.balls):
-            self.contact.choose(np.eye(len(areas))[number])
-            areas[number] = ball.copies * dolfinx.fem.assemble_scalar(form)
-        return np.asarray(self.comm.allreduce(areas, op=MPI.SUM))
+    def contact_areas(self) -> np.ndarray:
+        """Return the contact area (balls,) [m^2] of whole balls (collective)."""
+        return self._per_ball([self._area])[:, 0]
 
     def mean_gaps(self) -> np.ndarray:
         """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
-        sums = np.zeros((len(self.contact.balls), 2))
-        for number in range(len(sums)):
-            self.contact.choose(np.eye(len(sums))[number])
-            sums[number] = [dolfinx.fem.assemble_scalar(form) for form in self._mean_gap]
-        moment, force = self.comm.allreduce(sums, op=MPI.SUM).T
+        moment, force = self._per_ball(self._mean_gap).T
         return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)
+
+    def _per_ball(self, forms: list[Any]) -> np.ndarray:
+        """Return compiled functionals of the chosen ball (balls, forms), for whole balls (collective)."""
+        values = np.zeros((len(self.contact.balls), len(forms)))
+        for number, ball in enumerate(self.contact.balls):
+            self.contact.choose(np.eye(len(values))[number])
+            values[number] = [ball.copies * dolfinx.fem.assemble_scalar(form) for form in forms]
+        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
 
     def bulk_residual(self) -> np.ndarray:
         """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""

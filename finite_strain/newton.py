@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain.border import Border
-from finite_strain.linear_solver import LinearSolver, blame_options, choose_for, given_options, install, slowest
+from finite_strain.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
 from finite_strain.load_control import LoadControl
 from finite_strain.merit import Merit
 from finite_strain.model import Model
@@ -41,8 +42,6 @@ Such an iteration costs a residual and a back substitution, a thirtieth of one w
 """
 NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
-ROUGH_RELIEF = 1e-3
-"""Residual norm over the force scale up to which the steps of a relieved solve are taken."""
 STALL = 1e-3
 """Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
 MOST_ITERATIONS = 25
@@ -126,7 +125,6 @@ class NewtonSolver:
         self._set_from_options({})
         if self.border is not None:
             self.linear.ksp.setFromOptions()
-        self._relief: PETSc.Vec | None = None
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps, self._is_old, self._prepared = math.inf, False, False, False
@@ -140,33 +138,9 @@ class NewtonSolver:
             if part is not None:
                 part.close()
 
-    def relieved(self, steps: int, tolerance: float, force: float, fraction: float) -> Equilibrium:
-        """Do as `solve`, but take the present state's residual off in equal steps, each an equilibrium of its own.
-
-        Where a full Newton step from a state of another discretisation turns elements inside out, smaller ones do not.
-        """
-        self._targets = self.control.targets(fraction)
-        self._take(self._x)
-        self._function(self.snes, self._x, self._b)
-        self._relief = self._b.copy()
-        before, iterations, tangents = self._x.copy(), 0, 0
-        try:
-            for step in range(1, steps + 1):
-                self._relief.scale((steps - step) / (steps - step + 1.0))
-                done = self.solve(tolerance if step == steps else max(tolerance, ROUGH_RELIEF), force, fraction)
-                iterations, tangents = iterations + done.iterations, tangents + done.tangents
-        except NotConverged:
-            self._set(before)
-            raise
-        finally:
-            self._relief.destroy()
-            self._relief = None
-            before.destroy()
-        return Equilibrium(iterations, tangents, done.residual)
-
     def _take(self, x: PETSc.Vec) -> None:
         """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
-        self.model.get_state(x)
+        self.model.fields.get(x)
         if self.border is not None:
             moves = self.control.moves
             self.border.store(x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
@@ -215,21 +189,23 @@ class NewtonSolver:
 
     def _set(self, x: PETSc.Vec) -> None:
         """Give the model the state in a vector: its fields and, where they are unknowns, its approaches."""
-        self.model.set_state(x)
+        self.model.fields.set(x)
         if self.border is not None:
             self.model.contact.set_approaches(self.control.moves @ self.border.approaches(x))
 
     def account(self) -> dict[str, Any]:
         """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
         done, self.effort = self.effort, Effort()
+        both = np.array([done.seconds_assembly, done.seconds_solve])
+        self.model.comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MAX)
         return {
             "linear_solver": self.choice.method,
             "tangents": done.tangents,
             "linear_iterations": done.linear_iterations,
             "linear_fallbacks": done.fallbacks,
             "residuals": done.residuals,
-            "seconds_assembly": slowest(self.model.comm, done.seconds_assembly),
-            "seconds_solve": slowest(self.model.comm, done.seconds_solve),
+            "seconds_assembly": float(both[0]),
+            "seconds_solve": float(both[1]),
         }
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
@@ -282,8 +258,6 @@ class NewtonSolver:
             self.model.residual(b)
             if self.border is not None:
                 self.border.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
-            if self._relief is not None:
-                b.axpy(-1.0, self._relief)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         norm, before = snes.getFunctionNorm(), self._norm
@@ -308,8 +282,6 @@ class NewtonSolver:
             energy = self.model.energy() if self._merit is None else self._merit(x)
             if self.border is not None:
                 energy -= float(self._targets @ self.border.approaches(x))
-            if self._relief is not None:
-                energy -= self._relief.dot(x)
         return energy if math.isfinite(energy) else math.nan
 
     def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:

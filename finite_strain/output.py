@@ -23,7 +23,7 @@ from finite_strain.indenter import gap
 from finite_strain.model import Model
 from finite_strain.recovery import CellNodes
 from finite_strain.scene_frame import SceneFrame
-from finite_strain.spread_arrays import write_in_turns
+from finite_strain.spread_arrays import write_gathered
 from finite_strain.together import on_root
 from finite_strain.top_surface import TopSurface
 from finite_strain.xdmf import stem, write_step_and_index
@@ -74,7 +74,7 @@ class FieldWriter:
             def describe(file: h5py.File) -> None:
                 self._describe(file, number, fraction)
 
-            write_in_turns(self.model.comm, self.folder / f"{stem(number)}.h5", arrays, describe)
+            write_gathered(self.model.comm, self.folder / f"{stem(number)}.h5", arrays, describe)
             on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
         return time.monotonic() - began
 

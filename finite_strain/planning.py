@@ -24,8 +24,6 @@ LARGEST_APPROACH = 0.9
 """Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 MOST_AT_FIRST = 5e5
 """Unknowns that the first discretisation that answers may have where no budget is stated."""
-USUAL_ACCURACY = 0.02
-"""Relative accuracy of T that a run aims at where none is asked for."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _ITERATIONS = 9

@@ -24,7 +24,7 @@ from finite_strain.refinement import FIRST, account, decide
 from finite_strain.solver_choice import solver_notes, solvers_of
 from finite_strain.states import NAME, ContactState, Record, Row, saved_records, text_of
 from finite_strain.together import on_root, replace_text, working_folder
-from finite_strain.top_surface import gather_surface
+from finite_strain.top_surface import TopSurface
 from finite_strain.transfer import Snapshot
 from finite_strain.volumetric import describe_forms, form_notes
 from linear_bem.errors import NotConverged
@@ -38,17 +38,9 @@ NEAR_ZERO = "a tenth of the half-space's mutual force"
 class Silence:
     """The observer that watches nothing."""
 
-    def started(self, info: dict[str, Any]) -> None:
-        """Hear size and setting of the run."""
-
-    def attempt(self, info: dict[str, Any]) -> None:
-        """Hear that a load step begins."""
-
-    def newton(self, info: dict[str, Any]) -> None:
-        """Hear that a Newton iteration was done."""
-
-    def step_done(self, step: Step, fields: Any) -> None:
-        """Take a finished, written load step."""
+    def __getattr__(self, name: str) -> Any:
+        """Take a call of any name and do nothing."""
+        return lambda *_: None
 
 
 def simulate(
@@ -170,7 +162,7 @@ class Refinement:
                 record.steps.append(step.to_dict())
                 record.seconds = spent + time.monotonic() - began
                 self._save()
-                self.observer.step_done(step, gather_surface(run.own.model))
+                self.observer.step_done(step, TopSurface(run.own.model).gathered())
             else:
                 self._save()
 
@@ -260,7 +252,7 @@ class Refinement:
             )
         if not said["met"]:
             notes.append(
-                f"tangential force known to {_percent(record.reached, plan.accuracy)} % at full load; "
+                f"tangential force known to {100 * record.reached:.3g} % at full load; "
                 f"{100 * plan.accuracy:.2g} % was asked for: {why}"
             )
         if plan.is_paired and record.rows[-1].small is None:
@@ -297,9 +289,3 @@ class Refinement:
         if budget.seconds is not None and spent > budget.seconds:
             notes.append(f"the discretisations took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
         return notes
-
-
-def _percent(value: float, limit: float) -> str:
-    """Return a share in per cent, with as many digits as tell it from a limit that it exceeds."""
-    texts = [f"{100 * value:.{digits}g}" for digits in range(2, 7)]
-    return next((text for text in texts if float(text) > 100 * limit), texts[0])

@@ -20,9 +20,8 @@ NAME = "discretisations.json"
 class ContactState:
     """One model's equilibrium on one discretisation; arrays have one entry per ball of the model, whole balls.
 
-    ``flat_area`` [m^2] is the contact's area on the undeformed surface; ``penetration`` [m] is the largest;
-    ``mean_gap`` [m] is weighted with the pressure, negative where the surface lies inside the ball;
-    ``traction_force`` is T by the second route.
+    ``penetration`` [m] is the largest; ``mean_gap`` [m] is weighted with the pressure, negative where the surface lies
+    inside the ball; ``traction_force`` is T by the second route.
     """
 
     fraction: float
@@ -31,7 +30,6 @@ class ContactState:
     tangential_force: np.ndarray
     traction_force: np.ndarray
     contact_area: np.ndarray
-    flat_area: np.ndarray
     peak_pressure: np.ndarray
     penetration: np.ndarray
     mean_gap: np.ndarray

@@ -60,11 +60,6 @@ class TopSurface:
         return _completed(SceneFrame.of(model.reduction), part)
 
 
-def gather_surface(model: Model) -> SurfaceFields | None:
-    """Return the whole scene's deformed top surface on rank 0, completed by symmetry; None elsewhere (collective)."""
-    return TopSurface(model).gathered()
-
-
 def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Split quadrilaterals (n, 4) into triangles (2 n, 3) along the diagonal on which the nodes' values differ less."""
     ends = values[squares]

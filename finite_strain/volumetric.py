@@ -10,7 +10,7 @@ every lambda [Boffi Brezzi Fortin 2013, section 8.8, doi 10.1007/978-3-642-36519
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from linear_bem.problem import Problem
 
@@ -23,13 +23,6 @@ LARGEST_DISPLACEMENT_POISSON = 0.4999
 """Poisson's ratio up to which displacements alone can be asked for."""
 MIXED_CAN = 0.4
 """Poisson's ratio from which on the mixed form can be asked for."""
-
-
-class Volumetric(Protocol):
-    """The energy per reference volume that a relative change of volume costs."""
-
-    def __call__(self, j: Any) -> Any:
-        """Return the energy [J/m^3] of the change of volume j = J - 1."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +49,9 @@ class Mixed:
     def __call__(self, j: Any) -> Any:
         """Return the energy [J/m^3] of the change of volume j = J - 1; a saddle point, not a minimum."""
         return self.pressure * j - self.compliance / 2 * self.pressure**2
+
+
+Volumetric = Compressible | Mixed
 
 
 def is_mixed(problem: Problem, region: str) -> bool:
@@ -90,18 +86,13 @@ def form_faults(problem: Problem, model: str) -> list[str]:
 
 def form_notes(problem: Problem) -> list[str]:
     """Return what the reader must know of the forms taken, one sentence each."""
+    why = f"as its Poisson's ratio is {LEAST_MIXED_POISSON:g} or more"
     notes = []
-    asked = problem.elements is not None
     for name, form in describe_forms(problem).items():
-        solid = problem.layer if name == "layer" else problem.substrate
-        assert solid is not None
-        if asked and name == "layer":
+        if problem.elements is not None and name == "layer":
             notes.append(f"{name}: {form} form of the elements, as [elements] asks")
         elif form == "mixed":
-            notes.append(
-                f"{name}: mixed (displacement and pressure) form of the elements, "
-                f"as its Poisson's ratio {solid.poisson:g} is {LEAST_MIXED_POISSON:g} or more"
-            )
+            notes.append(f"{name}: mixed (displacement and pressure) form of the elements, {why}")
     return notes
 
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from numbers import Real
 from typing import Literal
 
 from linear_bem.errors import InvalidProblem
@@ -18,6 +19,10 @@ from linear_bem.indenter import Indenter, Paraboloid, Sphere
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
+LAWS = ("neo_hookean",)
+"""Names of the hyperelastic laws."""
+LEAST_APPROACH, LEAST_FORCE = 1e-9, 1e-13
+"""Smallest approach over the radius, and smallest force over E R^2, that are told from none."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 
@@ -122,9 +127,14 @@ class Problem:
     elements: Elements | None = None
 
     def __post_init__(self) -> None:
+        faults = self._type_faults()
+        if faults:
+            raise InvalidProblem(*faults)
         faults = [*self._material_faults(), *self._ball_faults(), *self._load_faults()]
         if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
+        if self.finite_strain is not None and self.finite_strain.law not in LAWS:
+            faults.append(f'finite_strain.law: must be one of {", ".join(LAWS)}, got "{self.finite_strain.law}"')
         if faults:
             raise InvalidProblem(*faults)
 
@@ -143,6 +153,21 @@ class Problem:
             return self
         assert self.substrate is not None
         return replace(self, layer=Layer(self.substrate.young, self.substrate.poisson, math.inf), substrate=None)
+
+    def _type_faults(self) -> list[str]:
+        """Return which values are no numbers: units belong to scene files, here all is in SI units."""
+        numbers: dict[str, object] = {"layer.thickness": self.layer.thickness}
+        for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
+            if solid is not None:
+                numbers |= {f"{name}.young": solid.young, f"{name}.poisson": solid.poisson}
+        numbers |= {f"balls.radius[{i}]": ball.radius for i, ball in enumerate(self.balls)}
+        faults = [f"{key}: must be a number, got {v!r}" for key, v in numbers.items() if not isinstance(v, Real)]
+        for i, ball in enumerate(self.balls):
+            if not _are_numbers(ball.position) or len(ball.position) != 2:
+                faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r}")
+        if not _are_numbers(self.load.values):
+            faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r}")
+        return faults
 
     def _material_faults(self) -> list[str]:
         faults = []
@@ -205,7 +230,20 @@ class Problem:
             faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {values} m")
         elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
             faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")
+        else:
+            radii = [ball.radius for ball in self.balls] if kind != "total_force" else [self.balls[0].radius]
+            for i, (value, radius) in enumerate(zip(values, radii, strict=False)):
+                least = LEAST_APPROACH * radius if kind == "approach" else LEAST_FORCE * self.layer.young * radius**2
+                if 0.0 < value < least:
+                    faults.append(f"load.{kind}[{i}]: must be at least {least:.3g}, or 0, got {value:g}")
         return faults
+
+
+def _are_numbers(values: object) -> bool:
+    try:
+        return all(isinstance(value, Real) for value in values)  # type: ignore[attr-defined]
+    except TypeError:
+        return False
 
 
 def _touching_distance(a: Ball, b: Ball) -> float:

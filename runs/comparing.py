@@ -11,6 +11,7 @@ from linear_bem.result import Step
 from runs import figures, interpolant, tables
 from runs.linear_states import LinearStates
 from runs.plain import as_given, to_json
+from runs.presentation import leading_ball
 from runs.scene import Scene
 from runs.session import Options, Session, path_so_far, unfinished
 from runs.strengthening import answer, compare_steps
@@ -63,7 +64,7 @@ def _compute(session: Session) -> dict[str, Any] | None:
     document = document_of(session.with_notes(result.to_dict()))
     _save(session, document)
     assert session.folder is not None
-    between = interpolant.table(document["comparison"], tables.leading_ball(document["finite"]["balls"]))
+    between = interpolant.table(document["comparison"], leading_ball(document["finite"]["balls"]))
     if between:
         session.folder.save_table("strengthening.csv", between)
     figures.draw_comparison(session.out, document["comparison"], document["finite"]["balls"], session.scale)
@@ -91,7 +92,7 @@ def _show(session: Session, document: Mapping[str, Any]) -> None:
         return
     out = tables.console()
     balls = document["finite"]["balls"]
-    leading = tables.leading_ball(balls)
+    leading = leading_ball(balls)
     out.print(f"{session.scene.title}", highlight=False, markup=False)
     compact = out.width < tables.WIDE
     out.print(tables.comparison_table(document["comparison"], balls, leading, session.scale, compact=compact))

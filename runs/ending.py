@@ -53,7 +53,9 @@ def _linger(seconds: float) -> None:
 def _verdict(error: BaseException) -> tuple[int, str]:
     if interrupt.received() or isinstance(error, KeyboardInterrupt):
         code = 128 + (interrupt.received() or signal.SIGINT)
-        return code, "thirdbody: stopped; finished steps are saved, and the same command continues from there"
+        saves = {"solve", "compare", "evolve", "study"}.intersection(sys.argv[1:2])
+        kept = "; finished steps are saved, and the same command continues from there" if saves else ""
+        return code, f"thirdbody: stopped{kept}"
     if isinstance(error, SystemExit):
         return (error.code if isinstance(error.code, int) else 1), ""
     if isinstance(error, ThirdBodyError):

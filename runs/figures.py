@@ -12,9 +12,8 @@ import numpy as np
 from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs import interpolant, surface
-from runs.presentation import Scale, attraction
+from runs.presentation import Scale, attraction, leading_ball
 from runs.store import replacing
-from runs.tables import leading_ball
 
 LINEAR, FINITE, APPROACH = "#0072b2", "#d55e00", "#009e73"
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
@@ -139,11 +138,15 @@ def _draw_section(
     along = surface.along_section([ball["position"] for ball in balls])
     lowest = min(float(np.nanmin(heights)), 0.0)
     angle = np.linspace(-math.pi, 0.0, 181)
+    across = surface.across_section([ball["position"] for ball in balls])
     for shape, ball in zip(problem.balls, balls, strict=True):
-        center = along(ball["position"])
+        center, aside = along(ball["position"]), across(ball["position"])
         radius, body = shape.radius, shape.indenter
+        if abs(aside) > (0.99 if isinstance(body, Sphere) else 1e-6) * radius:
+            continue  # the section passes beside it, or would need more than its profile
         if isinstance(body, Sphere):
-            x, z = center + radius * np.cos(angle), radius * (1.0 + np.sin(angle)) - ball["approach"]
+            cut = math.sqrt(radius**2 - aside**2)
+            x, z = center + cut * np.cos(angle), radius + cut * np.sin(angle) - ball["approach"]
         else:
             direction = along((1.0, 0.0)), along((0.0, 1.0))
             half, profile = (body.half_width(*direction), body.height) if isinstance(body, Indenter) else (radius, body)

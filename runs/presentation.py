@@ -32,6 +32,12 @@ class Scale:
         return self.young * self.radius**2
 
 
+def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:
+    """Return the index of the ball with the largest tangential force; the first of equals."""
+    sizes = [math.hypot(*ball[key]) for ball in balls]
+    return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
+
+
 def bodies(problem: Problem) -> str:
     """Return shapes and sizes of the balls: "sphere, radius 0.008 m"."""
     found = list(dict.fromkeys(_body(ball) for ball in problem.balls))

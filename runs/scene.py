@@ -266,7 +266,7 @@ def _read_text(path: Path) -> str:
             raise InvalidScene(path, f"does not exist{_similar_files(path)}")
         if not path.is_file():
             raise InvalidScene(path, "is not a regular file: name a .toml file")
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # editors may put a byte order mark
     except UnicodeDecodeError as error:
         raise InvalidScene(path, f"is not TOML, which is UTF-8 text: {error.reason} at byte {error.start}") from None
     except (OSError, ValueError) as error:

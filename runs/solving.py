@@ -9,7 +9,7 @@ from typing import Any
 from linear_bem.result import Step
 from runs import figures, tables
 from runs.plain import as_given, to_json
-from runs.presentation import bodies
+from runs.presentation import bodies, leading_ball
 from runs.scene import Scene
 from runs.session import Options, Session, path_so_far, rows_of, unfinished
 
@@ -71,7 +71,7 @@ def _show(session: Session, document: Mapping[str, Any]) -> None:
     out.print(tables.ball_table(balls, session.scale, f"{session.scene.title}: {document['model']}"))
     out.print(f"shape: {bodies(session.problem)}", highlight=False, markup=False)
     if len(steps) > 1:
-        leading = tables.leading_ball(balls)
+        leading = leading_ball(balls)
         out.print(tables.path_table(steps, leading, session.scale, f"load path of ball {leading}"))
     if len(balls) > 1:
         out.print(tables.LEGEND, highlight=False)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.presentation import Scale, attraction, number, toward_others, with_error
+from runs.presentation import Scale, attraction, leading_ball, number, toward_others, with_error
 
 BELOW_ERROR = "the linear tangential force is below its own error: no ratio"
 ROUNDOFF = 1e-9
@@ -104,8 +104,8 @@ def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]
     last = [row for row in rows if row["step"] == rows[-1]["step"] and row["strengthening_at_force"] is not None]
     if not last:
         return "The linear tangential force is below its own error on every ball: there is nothing to compare."
-    largest = max(math.hypot(*row["tangential_linear"]) for row in last)
-    row = next(r for r in last if math.hypot(*r["tangential_linear"]) >= largest * (1.0 - 1e-6))
+    leading = leading_ball(balls)  # the one that tables and figures show
+    row = next((r for r in last if r["ball"] == leading), last[0])
     depth, load = number(row["approach"] / scale.radius, 3), number(row["normal_force"] / scale.force, 3)
     state = f"At D = {depth} R (Q = {load} E R\u00b2)"
     ratio, error = row["strengthening_at_force"], row["strengthening_at_force_error"]

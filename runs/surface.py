@@ -47,6 +47,12 @@ def along_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[fl
     return lambda position: float(np.asarray(position) @ direction)
 
 
+def across_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
+    """Return the distance [m] of a position from the section line, with a sign."""
+    origin, direction = _line(positions)
+    return lambda position: float(np.cross(direction, np.asarray(position) - origin))
+
+
 def _line(positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     origin = np.asarray(positions[0], dtype=float)
     farthest = np.asarray(max(positions, key=lambda p: math.dist(p, positions[0])), dtype=float)

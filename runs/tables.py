@@ -141,12 +141,6 @@ def _over(value: float | None, unit: float) -> float | None:
     return None if value is None else value / unit
 
 
-def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:
-    """Return the index of the ball with the largest tangential force; the first of equals."""
-    sizes = [math.hypot(*ball[key]) for ball in balls]
-    return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
-
-
 def _table(title: str, columns: Sequence[str]) -> Table:
     table = Table(
         title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", collapse_padding=True, pad_edge=False

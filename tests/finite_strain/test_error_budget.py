@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from finite_strain.answer import Answers
-from finite_strain.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, exponent, gain
+from finite_strain.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain
 from finite_strain.planning import plan_run
 from finite_strain.states import Discretisation, Record
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
@@ -70,17 +70,6 @@ def test_a_surface_inside_the_ball_is_that_of_a_ball_less_deep() -> None:
     assert enforcement(own, small, np.array([1.0])) == relatively([1e-3], ROUNDOFF)
     assert enforcement(own, small, np.array([0.5])) == relatively([2e-3], ROUNDOFF)
     assert enforcement(state(0.0, 0.0, (0.0, 0.0)), None, np.array([0.0])) == [0.0]
-
-
-def test_the_exponent_of_the_path_is_found_and_never_below_the_usual_one() -> None:
-    def force(approach: float, power: float) -> np.ndarray:
-        return np.array([3.0 * approach**power])
-
-    for power, told in ((2.5, 2.5), (1.2, 1.5)):
-        assert exponent(force(0.3, power), force(0.2, power), 1.5, 1.5) == relatively([told], ROUNDOFF)
-    assert exponent(force(0.3, 2.0), None, 1.5, 1.5) == [1.5]
-    assert exponent(force(0.3, 2.0), force(0.3, 2.0), 1.0, 1.5) == [1.5]
-    assert exponent(np.zeros(1), np.zeros(1), 1.5, 1.5) == [1.5]
 
 
 def test_forces_that_do_not_add_up_to_zero_are_doubted_more() -> None:

@@ -18,7 +18,7 @@ import finite_strain
 from finite_strain import spread_arrays
 from finite_strain.kinematics import Small
 from finite_strain.loading import LoadPath
-from finite_strain.spread_arrays import write_in_turns
+from finite_strain.spread_arrays import write_gathered
 from linear_bem import NotConverged
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS
@@ -118,15 +118,15 @@ def test_seconds_that_were_not_enough_are_said() -> None:
 def test_a_full_disk_is_said_before_a_file_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "fields.h5"
     arrays = {"values": np.zeros((1000, 3))}
-    write_in_turns(MPI.COMM_SELF, target, arrays, lambda file: None)
+    write_gathered(MPI.COMM_SELF, target, arrays, lambda file: None)
     before = target.read_bytes()
     needed = arrays["values"].nbytes + spread_arrays.ROOM
     for free, works in ((needed, True), (needed - 1, False)):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: SimpleNamespace(free=free))
         if works:
-            write_in_turns(MPI.COMM_SELF, target, arrays, lambda file: None)
+            write_gathered(MPI.COMM_SELF, target, arrays, lambda file: None)
             continue
         with pytest.raises(OutputUnusable, match=r"fields\.h5 cannot be written: No space left on device \(1\.0 MB"):
-            write_in_turns(MPI.COMM_SELF, target, arrays, lambda file: None)
+            write_gathered(MPI.COMM_SELF, target, arrays, lambda file: None)
     assert len(target.read_bytes()) == len(before)
     assert [path.name for path in tmp_path.iterdir()] == ["fields.h5"]

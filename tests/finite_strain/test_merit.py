@@ -47,7 +47,7 @@ def test_its_slope_along_a_newton_step_is_minus_the_steps_own_stiffness(
     model = rig.model
     x, step, change, product = (model.matrix.createVecRight() for _ in range(4))
     merit = Merit(model, x)
-    model.get_state(x)
+    model.fields.get(x)
     model.residual(product)
     newton_step(rig, product, step)  # as PETSc has it: the new state is x - step
     merit.aim(x, step)
@@ -72,7 +72,7 @@ def test_a_displacement_without_a_volume_is_no_candidate(tmp_path: Path) -> None
     rig = pressed(0.4999, STIFF_SUBSTRATE, tmp_path)
     x, step = rig.model.matrix.createVecs()
     merit = Merit(rig.model, x)
-    rig.model.get_state(x)
+    rig.model.fields.get(x)
     step.set(0.0)
     merit.aim(x, step)
     assert math.isfinite(merit(x))

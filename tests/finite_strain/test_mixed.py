@@ -94,7 +94,7 @@ class At:
 
     def go(self, values: np.ndarray) -> None:
         self.x.array[:] = values
-        self.model.set_state(self.x)
+        self.model.fields.set(self.x)
 
     def energy(self, values: np.ndarray) -> float:
         self.go(values)

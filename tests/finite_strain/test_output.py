@@ -19,7 +19,7 @@ from finite_strain.catalogue import CATALOGUE, FieldChoice
 from finite_strain.output import FieldWriter
 from finite_strain.recovery import CellNodes
 from finite_strain.states import Discretisation
-from finite_strain.top_surface import gather_surface
+from finite_strain.top_surface import TopSurface
 from linear_bem import Elastic, Problem
 from linear_bem.errors import InvalidProblem
 from tests.finite_strain.scenes import Rig, balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively, single
@@ -176,7 +176,7 @@ def test_written_contact_is_complementary(pressed: tuple[Rig, Path]) -> None:
 
 def test_the_surface_carries_the_force_on_the_balls(pressed: tuple[Rig, Path]) -> None:
     rig, _ = pressed
-    surface = gather_surface(rig.model)
+    surface = TopSurface(rig.model).gathered()
     assert surface is not None
     a, b, c = surface.points[surface.triangles, :2].transpose(1, 0, 2)
     shadow = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
@@ -230,11 +230,11 @@ def test_every_so_many_steps_are_written_and_always_the_last() -> None:
 def test_an_unwritable_folder_stops_every_rank(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; import numpy as np; from mpi4py import MPI\n"
-        "from finite_strain.spread_arrays import write_in_turns\n"
+        "from finite_strain.spread_arrays import write_gathered\n"
         "from linear_bem.errors import OutputUnusable\n"
         "comm, said = MPI.COMM_WORLD, ''\n"
         "try:\n"
-        "    write_in_turns(comm, Path(sys.argv[1]), {'x': np.zeros(3)}, lambda file: None)\n"
+        "    write_gathered(comm, Path(sys.argv[1]), {'x': np.zeros(3)}, lambda file: None)\n"
         "except OutputUnusable as error:\n"
         "    said = str(error)\n"
         "said = comm.gather(said)\n"

@@ -40,6 +40,21 @@ def test_the_section_follows_the_surface(tmp_path: Path) -> None:
     assert heights == pytest.approx(-np.exp(-((np.abs(line) - 1.0) ** 2)), abs=0.1**2 / 2.0)
 
 
+def test_the_section_shows_the_bodies_that_it_cuts_as_it_cuts_them(tmp_path: Path) -> None:
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    surface.keep(tmp_path, bowl())
+    top = surface.load(tmp_path)
+    assert top is not None
+    # the line runs from the first ball to the farthest; it passes 0.6 beside the third, and misses the fourth
+    balls = (Ball((0.0, 0.0), 1.0), Ball((4.0, 0.0), 1.0), Ball((2.0, 0.6), 1.0), Ball((2.0, -1.5), 1.0))
+    states = [{"position": list(ball.position), "radius": ball.radius, "approach": 0.3} for ball in balls]
+    axes = Figure().subplots()
+    figures._draw_section(axes, top, SimpleNamespace(balls=balls), states, Scale(1.0, 1.0))  # type: ignore[arg-type]
+    circles = [line for line in axes.lines if line.get_color() == "0.25"]
+    assert [np.ptp(circle.get_xdata()) for circle in circles] == pytest.approx([2.0, 2.0, 1.6])
+
+
 def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
     from matplotlib import image  # noqa: PLC0415
 

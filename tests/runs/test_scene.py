@@ -274,6 +274,12 @@ def test_a_file_that_is_no_toml_is_one_fault(content: bytes, tmp_path: Path) -> 
     assert "\n" not in str(caught.value)
 
 
+def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + PAIR.encode())
+    assert read_scene(path).problem.size >= 1
+
+
 def test_a_path_that_is_no_file_is_a_fault(tmp_path: Path) -> None:
     write(tmp_path, PAIR)
     with pytest.raises(InvalidScene, match="is a folder"):

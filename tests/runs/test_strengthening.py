@@ -88,6 +88,12 @@ def test_the_sentence_names_a_reversal() -> None:
     assert "turns the linear separation force into attraction, 1.50 ± 0.03 times as large" in text
 
 
+def test_the_sentence_speaks_of_the_ball_that_tables_and_figures_show() -> None:
+    finite = step(ball(-2.0, (2e-3, 0.0)), ball(0.0, (3e-3, 0.0)), ball(2.0, (1e-3, 0.0)))
+    linear = step(ball(-2.0, (4e-3, 0.0)), ball(0.0, (1e-3, 0.0)), ball(2.0, (1e-3, 0.0)))
+    assert "force on ball 1 3 times" in sentence(finite, linear)
+
+
 def test_the_sentence_says_when_there_is_nothing_to_compare() -> None:
     alone = step(ball(0.0, (0.0, 0.0)))
     assert "nothing to compare" in sentence(alone, alone)
