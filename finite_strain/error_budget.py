@@ -2,7 +2,7 @@
 
 discretisation   what the paired answer changed by since the coarser discretisation
 enforcement      what the surface still penetrates the balls, as an approach that the ball lacks
-transfer         what of the pair's correction (mesh, contact, model's end) may not carry over to finite strain
+transfer         what of the pair's correction (mesh, contact, domain truncation) may not carry over to finite strain
 solver           residual of Newton's method, and the error of linear_bem
 
 The terms are independent in origin; the error of T is the root of the sum of their squares.

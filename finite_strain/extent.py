@@ -16,9 +16,9 @@ from linear_bem.kernel import LayeredKernel
 from linear_bem.problem import Problem
 
 ALLOWED = 2.0
-"""First-order effect of the model's end on T over the accuracy asked for."""
+"""First-order effect of domain truncation on T over the accuracy asked for."""
 SHIFT = 0.02
-"""First-order effect of the model's end on an approach over the approach, where approaches are given."""
+"""First-order effect of domain truncation on an approach over the approach, where approaches are given."""
 NEGLIGIBLE = 0.1
 """Part of the half-space's mutual force below which T counts as near its zero: accuracies then refer to this part."""
 _GROWTH, _STEPS = 1.25, 30

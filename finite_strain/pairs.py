@@ -1,6 +1,6 @@
 """The small-strain problem on the same discretisation as control variate: its truth is known, so its error is.
 
-What a mesh, the contact's enforcement and the model's end add to the small-strain answer they add, nearly, to the
+What a mesh, the contact's enforcement and the truncated domain add to the small-strain answer they add, nearly, to the
 finite-strain one. `linear_bem` knows the small-strain truth; the difference is taken off:
 
     at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)

@@ -33,7 +33,7 @@ MULTIGRID = {
     "mg_levels_ksp_max_it": "3",
     "mg_levels_pc_type": "jacobi",
 }
-"""Smoothed aggregation, told the rigid motions, for the displacement's rows."""
+"""Smoothed aggregation with the rigid-body near-nullspace, for the displacement's rows."""
 PRESSURE = {"ksp_type": "chebyshev", "ksp_max_it": "1", "ksp_convergence_test": "skip", "pc_type": "jacobi"}
 """The mass matrix over the stiffness, scaled by the largest eigenvalue that it leaves of the Schur complement.
 
@@ -59,7 +59,7 @@ FIELD_SPLIT = {
 
 @dataclass(frozen=True)
 class Choice:
-    """The options that a solver is built from, and why; ``direct`` tells if it factorises."""
+    """The options that a solver is built from, and why; ``direct``: by factors."""
 
     options: Mapping[str, str]
     direct: bool

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 class Anderson:
     """Anderson's mixing [Anderson 1965, J. ACM 12, 547; Walker and Ni 2011, SIAM J. Numer. Anal. 49, 1715].
 
-    For a linear iteration x -> G(x) it is GMRES in disguise: slow components, few as they are, no longer set the pace.
+    For a linear iteration x -> G(x) it is equivalent to GMRES: a few slow components no longer set the pace.
     """
 
     def __init__(self, depth: int = 10) -> None:

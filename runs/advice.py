@@ -134,7 +134,7 @@ class Adviser:
             f"the exact {'sphere would change' if other == 'sphere' else 'sphere matters: a paraboloid would change'}"
         )
         if not matters and other == "paraboloid":
-            words = "the exact sphere does not matter: a paraboloid would change"
+            words = "the exact sphere: a paraboloid would change"
         do = f'; use shape = "{other}"' if matters and other == "sphere" else ""
         return [Advice("sphere", shape == "sphere", change, None, matters, f"{words} T by {_percent(change)}{do}")]
 

@@ -25,7 +25,7 @@ NAMES = {
     "symmetries": "symmetries used",
     "domain": "domain [m]",
     "meshes": "meshes",
-    "accuracy": "refined until T is known within the share asked, or the next mesh would pass the budget",
+    "accuracy": "refined until",
 }
 ROUGH = 1e-2
 """Relative accuracy of the linear solution that a plan looks ahead with."""
@@ -118,7 +118,7 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
 
 
 def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:
-    headings = {True: "matters", False: "does not matter", None: "perhaps"}
+    headings = {True: "matters", False: "below that", None: "perhaps"}
     if advice:
         say(f"what would change T by more than {100.0 * (accuracy or USUAL):.2g} %, by the linear model:", "bold")
     for matters, heading in headings.items():
@@ -127,15 +127,23 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
                 say(f"  {heading}: {item['text']}")
 
 
+def _goal(accuracy: Mapping[str, Any]) -> str:
+    seconds = accuracy["seconds_at_most"]
+    limit = "no time limit" if seconds is None else f"at most {duration(float(seconds))}"
+    known = f"T is known to {100 * accuracy['asked']:.3g} %"
+    return f"{known}; at most {accuracy['unknowns_at_most']:.0f} unknowns; {limit}"
+
+
 def _word(key: str, value: Any) -> str:
     if key == "seconds":
         return f"about {duration(float(value))}"
     if key.startswith("memory_bytes"):
         return f"about {float(value) / 1e9:.2g} GB" if value > 5e7 else f"about {max(float(value) / 1e6, 1.0):.0f} MB"
+    if key == "accuracy":
+        return _goal(value)
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
-    if isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
-        return f"{number(value[0])} to {number(value[1])}"
     if isinstance(value, list):
-        return ", ".join(_word("", v) for v in value) or "none"
+        pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
+        return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"
     return number(value) if isinstance(value, float) else str(value)

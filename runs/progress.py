@@ -11,12 +11,21 @@ from linear_bem.result import Step
 from runs import interrupt
 from runs.presentation import Scale, attraction, duration, number
 
+COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
+MODELLED = ("whole model", "half model", "quarter model")
 StepTaker = Callable[[Step, Any], None]
 
 
 def tell(text: str) -> None:
     """Write a line to standard error."""
     print(text, file=sys.stderr, flush=True)
+
+
+def _setting(info: Mapping[str, Any]) -> str:
+    """Return what is run in one phrase: "main mesh: 18051 unknowns, 2 ranks, 6 load steps, quarter model"."""
+    parts = [f"{info[key]} {words}" for key, words in COUNTED.items() if info.get(key)]
+    parts += [MODELLED[info["symmetry_planes"]]] if "symmetry_planes" in info else []
+    return f"{info.get('mesh', 'main')} mesh: {', '.join(parts)}"
 
 
 class Progress:
@@ -34,12 +43,12 @@ class Progress:
         """Tell size and setting of the run."""
         interrupt.check()
         if self.root:
-            words = ", ".join(f"{key} {_word(value)}" for key, value in info.items() if not isinstance(value, Mapping))
+            words = _setting(info)
             self.log(f"started: {words}")
             for key, value in info.items():
                 if isinstance(value, Mapping):
                     self.log(f"{key}: " + ", ".join(f"{k} {_word(v)}" for k, v in value.items()))
-            tell(f"started: {words}")
+            tell(words)
 
     def attempt(self, info: Mapping[str, Any]) -> None:
         """Note that a load step begins."""

@@ -1,4 +1,4 @@
-"""A table of what one ball and two balls do, computed once by any model, kept in a file, gone on with after a kill.
+"""A table of what one ball and two balls do, computed once by any model, kept in a file and resumable.
 
 The file belongs to a material, a ball, an approach, a model and its accuracy, not to a scene: every scene with the same
 layer, ball and approach shares it.
@@ -43,7 +43,7 @@ ARRANGEMENTS = {
     "three in a line": ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)),
     "four in a square": ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)),
 }
-"""Touching balls, in touching distances, on which additivity is measured."""
+"""Touching balls, in sums of their radii, on which additivity is measured."""
 
 
 class PairTable:
@@ -98,7 +98,7 @@ class PairTable:
         known = {row["distance"] for row in self.data["pairs"]}
         for distance in self.distances:
             if distance not in known:
-                words = f"pair at {distance / self.touch:.3g} touching distances"
+                words = f"centre distance {distance / self.touch:.3g} (R1 + R2)"
                 self._note("pairs", self._pair(distance), tell, words)
         for name, places in ARRANGEMENTS.items():
             if name not in {row["arrangement"] for row in self.data["additivity"]}:

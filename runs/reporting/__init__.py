@@ -46,7 +46,7 @@ def page_of(folder: Folder) -> str:
     state = "" if folder.finished or folder.command == "study" else "unfinished: the same command continues it"
     head = tag("p", escape(kind), class_="kind") + tag("h1", escape(title))
     head += paragraph(state, class_="note") if state else ""
-    parts.append(section("Make it anew", code(folder.repeat()), _scene(folder)))
+    parts.append(section("Reproduce", code(folder.repeat()), _scene(folder)))
     if folder.log:
         parts.append(section("Log", folded("What the run told while it went", code(folder.log))))
     version = importlib.metadata.version("thirdbody")

@@ -170,7 +170,7 @@ def test_bad_meshes_are_what_they_are_called() -> None:
 
 
 def test_the_energy_of_a_mesh_is_held_against_the_work_on_that_mesh() -> None:
-    # the answer's Q = D^(3/2) lacks what the model's end adds to the mesh's, a tenth of it at full load, like Q / D
+    # the answer's Q = D^(3/2) lacks what domain truncation adds to the mesh's, a tenth of it at full load, like Q / D
     answer = path(1.5, *(0.1 * 0.8**n for n in reversed(range(12))))
     answer[-1]["record"]["strain_energy"] = 0.1**2.5 / 2.5 + 0.1 * 0.1**2.5 / 3.0
     meshes = [{"normal_forces": [9.0]}, {"normal_forces": [1.1 * 0.1**1.5]}]

@@ -25,15 +25,15 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
         return None  # saved as nan: an answer that does not know its error
     mine, theirs = met
     factor = check["factor"]
-    worst, granted = 0.0, check["within"]
+    worst, allowed = 0.0, check["within"]
     size = max(math.hypot(*ball["tangential_force"]) for ball in mine)
     for one, two in zip(mine, theirs, strict=True):
         scaled = [factor * t for t in two["tangential_force"]]
         worst = max(worst, math.dist(one["tangential_force"], scaled) / size)
         bars = one["tangential_force_error"] + factor * two["tangential_force_error"]
         if not check["within"]:
-            granted = max(granted, bars / size)
-    return worst, granted
+            allowed = max(allowed, bars / size)
+    return worst, allowed
 
 
 def _balls_compared(found: Found, name: str, other: str, at: str) -> tuple[list[Any], list[Any]] | None:
@@ -60,7 +60,7 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
     ]
     if not pairs or pairs[0][0] is not mine[0]:
         return None
-    worst, granted = 0.0, 0.0
+    worst, allowed = 0.0, 0.0
     for ball in range(len(mine[0]["balls"])):
         both = [(one["balls"][ball], two["balls"][ball]) for one, two in pairs]
         if any(b["tangential_force_error"] is None for b in both[0]):
@@ -72,8 +72,8 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
         limit = ratio if far == root else (ratio * far - there * root) / (far - root)
         worst = max(worst, abs(limit - 1.0))
         bars = [sum(share_of_error(b) for b in two) for two in both if two[0]["approach"] <= deep]
-        granted = max(granted, bars[0], bars[-1])
-    return worst, granted
+        allowed = max(allowed, bars[0], bars[-1])
+    return worst, allowed
 
 
 def share_of_error(ball: Mapping[str, Any]) -> float:

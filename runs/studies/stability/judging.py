@@ -32,7 +32,7 @@ def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = No
     """Return the work [J] that the balls did up to the last step: int Q dD, along power laws between steps.
 
     ``meshed`` is by which factor the mesh's own Q is larger than the answer's at the last step, per ball: the answer
-    is freed from the mesh and from the model's end, to first order in Q / D; the mesh's energy is not.
+    is freed from the mesh and from domain truncation, to first order in Q / D; the mesh's energy is not.
     """
     total = 0.0
     for ball in range(len(steps[0]["balls"])):
@@ -120,9 +120,9 @@ def _agreement(
     if outcome is None:
         notes.append(f"not compared with {check['other']}, which has no answer with an error")
         return
-    difference, granted = outcome
-    text = f"{check['words']}: T differs by {100 * difference:.2g} %, {100 * granted:.2g} % granted"
-    (passed if difference <= granted else faults).append(text)
+    difference, allowed = outcome
+    text = f"{check['words']}: T differs by {100 * difference:.2g} %, tolerance {100 * allowed:.2g} %"
+    (passed if difference <= allowed else faults).append(text)
 
 
 def _own_checks(
@@ -156,11 +156,12 @@ def _routes(steps: Sequence[Mapping[str, Any]], unknowns: int, faults: list[str]
         routes = ball.get("tangential_force_routes", {})
         if {"mutual", "slope"} <= set(routes):
             apart, size = math.dist(routes["mutual"], routes["slope"]), math.hypot(*ball["tangential_force"])
-            granted = 1.001 * ball["tangential_force_error"] + ROUNDOFF * ball["normal_force"]
+            allowed = 1.001 * ball["tangential_force_error"] + ROUNDOFF * ball["normal_force"]
             text = (
-                f"mutual formula against slope integral, ball {number}: {apart:.2g}, {max(granted, noise * size):.2g}"
+                f"mutual formula against slope integral, ball {number}: {apart:.2g}, "
+                f"tolerance {max(allowed, noise * size):.2g}"
             )
-            (passed if apart <= max(granted, noise * size) else faults).append(f"{text} granted")
+            (passed if apart <= max(allowed, noise * size) else faults).append(text)
     return passed
 
 
@@ -180,7 +181,8 @@ def _third_law(steps: Sequence[Mapping[str, Any]], faults: list[str], passed: li
     )
     if size > 0.0:
         text = (
-            f"third law: T of all balls adds up to {100 * left_over / size:.2g} %, {100 * errors / size:.2g} % granted"
+            f"third law: T of all balls adds up to {100 * left_over / size:.2g} %, tolerance "
+            f"{100 * errors / size:.2g} %"
         )
         (passed if left_over <= errors else faults).append(text)
 

@@ -33,7 +33,7 @@ FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "p
 class Check:
     """What a case must agree with: ``other`` is that case's name, ``factor`` what its T is multiplied with.
 
-    ``within`` is the relative difference granted; 0: what both error bars add up to. ``at`` is the load compared at.
+    ``within`` is the relative tolerance; 0: what both error bars add up to. ``at`` is the load compared at.
     """
 
     words: str

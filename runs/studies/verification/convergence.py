@@ -18,7 +18,7 @@ NAME = "convergence"
 LEVELS = ((2, 1.0), (3, 1.0), (4, 1.0), (4, 1.5))
 """Order of the elements and fineness of the mesh; their product is the resolution. The quick version takes two."""
 ACCURACY, WIDE = 0.02, 2.0
-"""Accuracy that sizes the model, and its extent over that: the model's end must not hide what the mesh does."""
+"""Accuracy that sizes the model, and its extent over that: domain truncation must not hide the discretisation error."""
 BAND = (2.0, 7.0)
 """Orders in the resolution that count as converging as they should, by one more than what theory says on either side.
 

@@ -29,7 +29,7 @@ DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
 LIGHT = 0.25
 """Part of the approach at which Hertz's limit is extrapolated from, besides the whole."""
 LINEAR_BAND = 1e-3
-"""Relative error granted to Q of `linear_bem`."""
+"""Relative tolerance of Q of `linear_bem`."""
 AXISYMMETRIC_BAND, LONG_BAND, ZHANG_BAND = 0.005, 0.01, 0.04
 """The references' own: what their meshes or their fits leave open."""
 AXISYMMETRIC = {
