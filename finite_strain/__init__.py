@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from finite_strain.catalogue import FieldChoice
-from finite_strain.refinement import Budget
+from finite_strain.output.field_catalogue import FieldChoice
+from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
 from linear_bem.problem import Problem
 from linear_bem.result import Result
@@ -78,12 +78,12 @@ def solve(
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
-    from finite_strain.planning import plan_run  # noqa: PLC0415
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps)
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.simulation import simulate  # noqa: PLC0415  (imports DOLFINx)
+    from finite_strain.refinement_loop import simulate  # noqa: PLC0415  (imports DOLFINx)
 
     where = None if folder is None else Path(folder)
     return simulate(plan, MPI.COMM_WORLD if comm is None else comm, where, observer, fields)
@@ -98,8 +98,8 @@ def plan(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
-    """Return what `solve` would simulate and what it would cost, without DOLFINx; see `finite_strain.planning`."""
-    from finite_strain.planning import plan_run  # noqa: PLC0415
+    """Return what `solve` would simulate and what it would cost, without DOLFINx."""
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 

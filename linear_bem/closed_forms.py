@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 
-from linear_bem.indentation import Indentation, indentation_of_layer
+from linear_bem.layer.ritz_indentation import Indentation, indentation_of_layer
 from linear_bem.problem import Elastic, Layer
 
 __all__ = [

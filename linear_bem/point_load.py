@@ -5,7 +5,7 @@ descends towards the neighbour. For two equal balls on the paper's layers it is 
 L >= 2 R; it costs microseconds once one ball's own relation between force and approach is known.
 
 Where approaches are given the forces come from that relation, taken from `linear_bem` for a single
-ball, at the approach less the neighbours' point-load displacement (`linear_bem.coupling`). The error
+ball, at the approach less the neighbours' point-load displacement (`linear_bem.coupled_point_loads`). The error
 estimate is the next term of the multipole series: the contact's size enters at second order,
 (a_i^2 + a_j^2)/10 times the Laplacian of K, for Hertz's pressure; and an allowance for all later ones.
 """
@@ -20,11 +20,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from linear_bem.coupling import couple, influence
+from linear_bem.coupled_point_loads import couple, influence
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.indentation import indentation_of_layer
 from linear_bem.indenter import Cone, Punch
-from linear_bem.kernel import LayeredKernel
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.ritz_indentation import indentation_of_layer
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
 from linear_bem.solver import solve

@@ -21,8 +21,8 @@ Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
 LAWS = ("neo_hookean",)
 """Names of the hyperelastic laws."""
-LEAST_APPROACH, LEAST_FORCE = 1e-9, 1e-13
-"""Smallest approach over the radius, and smallest force over E R^2, that are told from none."""
+LEAST_APPROACH, LEAST_FORCE = 1e-12, 1e-18
+"""Smallest approach over the radius, and smallest force over E R^2, that contacts are found at."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 

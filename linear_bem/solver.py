@@ -11,16 +11,16 @@ import scipy
 from numpy.typing import NDArray
 
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
-from linear_bem.grid_contact import GridContacts, grid_levels
+from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Sphere
-from linear_bem.kernel import LayeredKernel
+from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
-from linear_bem.resting import rested
+from linear_bem.resting_balls import rested
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.smooth_contact import DENSE, Start, first_guess
-from linear_bem.solution import SmoothContacts
-from linear_bem.tangential import half_space_pulls
-from linear_bem.touching import Touched, missed_pulls, places, smooth_state
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
+from linear_bem.smooth.tangential_forces import half_space_pulls
+from linear_bem.touching_balls import Touched, missed_pulls, places, smooth_state
 
 Array = NDArray[np.float64]
 

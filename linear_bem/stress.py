@@ -4,7 +4,7 @@ Under p cos(k x) the layer's stress is -p cos(k x) S(k h, z/h). S follows from L
 with its four exponentials in the layer and two in the substrate, fixed by the six conditions of the boundary-value
 problem (pressure and no shear at the surface; continuity, or no displacement, at the bond). In real space
 Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) carries the singular part; what the bond adds, S less
-(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by the rules of `linear_bem.kernel`.
+(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by the rules of `linear_bem.layer.kernel`.
 Fields from Love's function: [Timoshenko and Goodier 1970, Theory of Elasticity, section 133].
 """
 
@@ -18,9 +18,9 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import j0
 
 from linear_bem.errors import InvalidProblem
-from linear_bem.kernel import far_rule, near_rule
+from linear_bem.layer.kernel import far_rule, near_rule
 from linear_bem.problem import Elastic
-from linear_bem.solution import SmoothContacts
+from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution
 
 Array = NDArray[np.float64]

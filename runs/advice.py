@@ -16,8 +16,8 @@ from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
+from runs.display.numbers import number
 from runs.models import MODELS, Run, without
-from runs.presentation import number
 
 USUAL = 0.02
 """Relative accuracy of T that a change is held against where the scene asks for none."""

@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from runs import ranks, studies
+from runs import studies
 from runs.models import ModelName
+from runs.process import ranks
 
 app = typer.Typer(
     name="thirdbody",
@@ -55,9 +56,9 @@ def solve(
     fresh: FreshOption = False,
 ) -> None:
     """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
-    from runs.scene import read_scene  # noqa: PLC0415
-    from runs.session import Options  # noqa: PLC0415
-    from runs.solving import solve_scene  # noqa: PLC0415
+    from runs.commands.solve import solve_scene  # noqa: PLC0415
+    from runs.scene.scene_file import read_scene  # noqa: PLC0415
+    from runs.session.session import Options  # noqa: PLC0415
 
     solve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh))
 
@@ -67,9 +68,9 @@ def compare(
     scene: SceneArgument, as_json: JsonOption = False, out: OutOption = None, fresh: FreshOption = False
 ) -> None:
     """Set the finite-strain load path against the linear model at equal forces and equal approaches."""
-    from runs.comparing import compare_scene  # noqa: PLC0415
-    from runs.scene import read_scene  # noqa: PLC0415
-    from runs.session import Options  # noqa: PLC0415
+    from runs.commands.compare import compare_scene  # noqa: PLC0415
+    from runs.scene.scene_file import read_scene  # noqa: PLC0415
+    from runs.session.session import Options  # noqa: PLC0415
 
     compare_scene(read_scene(scene), Options(as_json, out, fresh))
 
@@ -88,8 +89,8 @@ def evolve(
 ) -> None:
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
-    from runs.scene import read_scene  # noqa: PLC0415
-    from runs.session import Options  # noqa: PLC0415
+    from runs.scene.scene_file import read_scene  # noqa: PLC0415
+    from runs.session.session import Options  # noqa: PLC0415
 
     evolve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh), tables)
 
@@ -97,8 +98,8 @@ def evolve(
 @app.command()
 def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
     """Say what would be simulated and what not, how large it is and how long it takes."""
-    from runs.planning import plan_scene  # noqa: PLC0415
-    from runs.scene import read_scene  # noqa: PLC0415
+    from runs.commands.plan import plan_scene  # noqa: PLC0415
+    from runs.scene.scene_file import read_scene  # noqa: PLC0415
 
     plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
 
@@ -135,7 +136,7 @@ def render(
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
 ) -> None:
     """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
-    from runs.rendering import Wish, read_size, render_run  # noqa: PLC0415
+    from runs.commands.render import Wish, read_size, render_run  # noqa: PLC0415
 
     views = {} if view is None else {"views": tuple(view)}
     render_run(run, Wish(field, step=step, out=out, animation=animation, size=read_size(size), **views))
@@ -155,15 +156,15 @@ def report(
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
     """Say which Python, DOLFINx, PETSc, MPI, BLAS and gmsh are found, what is wrong, and what mends it."""
-    from runs.doctor import examine  # noqa: PLC0415
+    from runs.commands.doctor import examine  # noqa: PLC0415
 
     raise typer.Exit(examine(as_json=as_json))
 
 
 def main() -> None:
     """Run the command line; exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
-    from runs.ending import run_to_end  # noqa: PLC0415
-    from runs.forwarding import forward_whole_lines  # noqa: PLC0415
+    from runs.process.exit_codes import run_to_end  # noqa: PLC0415
+    from runs.process.forwarding import forward_whole_lines  # noqa: PLC0415
 
     if not ranks.is_root():
         sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (rank 0 speaks for all)

@@ -12,7 +12,7 @@ from typing import Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
-from runs.scene import OutputTable, Scene
+from runs.scene.scene_file import OutputTable, Scene
 
 EFFECTS = {
     "substrate": "elastic half-space below the layer",
@@ -92,7 +92,7 @@ def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run
     def along(problem: Problem, run: Run) -> Result:
         fractions = run.steps
         if fractions is None:
-            from finite_strain.schedule import answered_fractions  # noqa: PLC0415  (no DOLFINx)
+            from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
 
             fractions = answered_fractions(problem.load.kind)
         steps = []

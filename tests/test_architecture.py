@@ -16,7 +16,7 @@ SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "indenter", "result
 MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},
-    "finite_strain": SHARED_WORDS | {"linear_bem.kernel", "linear_bem.solver", "meshes"},
+    "finite_strain": SHARED_WORDS | {"linear_bem.layer.kernel", "linear_bem.solver", "meshes"},
     "runs": {"linear_bem", "meshes", "finite_strain"},
 }
 THIRD_PARTY = {
@@ -44,8 +44,9 @@ def imports(file: Path) -> Iterator[tuple[str, int, bool]]:
             assert node.level == 0, f"{file}:{node.lineno}: relative import"
             module = node.module or ""
             for alias in node.names:
-                submodule = ROOT.joinpath(*module.split("."), f"{alias.name}.py")
-                name = f"{module}.{alias.name}" if submodule.exists() else module
+                submodule = ROOT.joinpath(*module.split("."), alias.name)
+                is_module = submodule.with_suffix(".py").exists() or submodule.is_dir()
+                name = f"{module}.{alias.name}" if is_module else module
                 yield name, node.lineno, at_once
 
 
@@ -69,6 +70,34 @@ def test_imports_between_packages_follow_the_arrows(package: str) -> None:
         if name.split(".")[0] in OURS and not within(name, allowed)
     ]
     assert not wrong, wrong
+
+
+def part_of(module: str) -> str:
+    """Return the sub-package or file of a package that a module belongs to: "contact" of finite_strain.contact.x."""
+    return module.split(".")[1] if "." in module else ""
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_imports_between_the_parts_of_a_package_never_lead_back(package: str) -> None:
+    leads: dict[str, set[str]] = {}
+    for file in sources(package):
+        here = part_of(".".join(file.relative_to(ROOT).with_suffix("").parts))
+        if here in ("__init__", "cli"):  # they start what is named to them, and nothing needs them
+            continue
+        there = {part_of(name) for name, _, _ in imports(file) if within(name, {package})}
+        leads.setdefault(here, set()).update(there - {here, "", "cli"})
+
+    def reached(start: str) -> set[str]:
+        found: set[str] = set()
+        waiting = [start]
+        while waiting:
+            new = leads.get(waiting.pop(), set()) - found
+            found |= new
+            waiting += new
+        return found
+
+    circles = {part for part in leads if part in reached(part)}
+    assert not circles, f"{package}: {sorted(circles)} import each other"
 
 
 @pytest.mark.parametrize("package", sorted(THIRD_PARTY))

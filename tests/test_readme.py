@@ -7,7 +7,7 @@ import tomllib
 
 import pytest
 
-from runs.scene import read_scene
+from runs.scene.scene_file import read_scene
 from tests.launch import ROOT, python
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runs.display.style import BLUE, GREY, ORANGE, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at
-from runs.store import replacing
-from runs.studies.figures.drawing import BLUE, GREY, ORANGE, look, save_figure
+from runs.process.files import replacing
 
 Array = NDArray[np.float64]
 Document = Mapping[str, Any]

@@ -15,7 +15,6 @@ import scipy
 from numpy.typing import NDArray
 
 from linear_bem.errors import UnsupportedProblem
-from runs import interrupt, ranks
 from runs.evolution import outcome
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
@@ -23,11 +22,12 @@ from runs.evolution.providers import DIRECT_ACCURACY, Provider, provider
 from runs.evolution.record import Record, events, summary
 from runs.evolution.start import start
 from runs.models import Model, choose, standing
-from runs.plain import as_given
-from runs.progress import tell
-from runs.scene import ReciprocationTable, Scene
-from runs.session import Options
-from runs.store import RunFolder
+from runs.process import ranks, signals
+from runs.process.json_values import as_given
+from runs.scene.scene_file import ReciprocationTable, Scene
+from runs.session.progress import tell
+from runs.session.run_folder import RunFolder
+from runs.session.session import Options
 
 Array = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ class Evolution:
             path = drift.path(np.array(goes_on["positions"]), self.end, goes_on["sigma"], goes_on["step"])
         written = time.monotonic()
         for moment in path:
-            interrupt.check()
+            signals.check()
             record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
             if time.monotonic() - written > SAVED_EVERY:
                 keep()

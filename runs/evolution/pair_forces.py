@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
-from linear_bem.coupling import couple
+from linear_bem.coupled_point_loads import couple
 from linear_bem.errors import NotConverged
-from linear_bem.kernel import LayeredKernel
+from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
 

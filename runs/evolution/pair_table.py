@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
-from runs import ranks
 from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
-from runs.plain import plain, to_json
-from runs.store import replacing
+from runs.process import ranks
+from runs.process.files import replacing
+from runs.process.json_values import plain, to_json
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]

@@ -10,13 +10,13 @@ from typing import Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
-from runs import ranks
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable
 from runs.models import Model, Run
-from runs.scene import OutputTable
+from runs.process import ranks
+from runs.scene.scene_file import OutputTable
 
 PAIR_ACCURACY = 1e-3
 """Relative accuracy of T in a linear table, where the scene asks for none."""

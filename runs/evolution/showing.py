@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from runs import tables
+from runs.display import tables
+from runs.display.numbers import Scale, number
 from runs.evolution import drawing, outcome
-from runs.plain import to_json
-from runs.presentation import Scale, number
+from runs.process.json_values import to_json
 
 
 def draw(folder: Path, evolution: Any, document: Mapping[str, Any]) -> None:

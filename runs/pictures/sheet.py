@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from linear_bem.errors import OutputUnusable
 from runs.pictures.coloring import Coloring, prefixed, round_length
-from runs.store import replacing
+from runs.process.files import replacing
 
 Image = NDArray[np.uint8]
 _BAND = 0.17

@@ -7,14 +7,14 @@ import tomllib
 from html import escape
 from pathlib import Path
 
-from runs import ranks
-from runs.progress import tell
+from runs.process import ranks
+from runs.process.files import replacing
 from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import code, folded, paragraph, section, tag
 from runs.reporting.pictures import figure, pictures_of
 from runs.reporting.style import STYLE
-from runs.store import replacing
+from runs.session.progress import tell
 
 NAME = "report.html"
 KINDS = {

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import OutputUnusable
-from runs.store import MARK
+from runs.session.run_folder import MARK
 
 
 @dataclass(frozen=True)

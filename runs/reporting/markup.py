@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from runs.presentation import number
+from runs.display.numbers import number
 
 LONG = 60
 """Characters from which a cell's text may wrap."""

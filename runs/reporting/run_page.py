@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.presentation import Scale, attraction, duration, error_terms, leading_ball, number, with_error
+from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
+from runs.display.tables import LEGEND, ROUNDOFF, mesh_words
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
-from runs.tables import LEGEND, ROUNDOFF, mesh_words
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
 """Parts of a document that have sections of their own, or belong to the figures."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from runs.presentation import duration
+from runs.display.numbers import duration
 from runs.reporting.folder import Folder
 from runs.reporting.markup import box, section, table
 from runs.reporting.pictures import figure

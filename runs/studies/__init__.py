@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from linear_bem.errors import InvalidProblem
-from runs import ranks
+from runs.process import ranks
 
 STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",

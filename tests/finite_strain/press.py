@@ -39,9 +39,9 @@ def main() -> None:
     comm = MPI.COMM_WORLD
     observer = StopAfter(int(rest[0]) if rest and rest[0].isdigit() else 0)
     if "fail" in rest:
-        from finite_strain import loading, newton  # noqa: PLC0415
+        from finite_strain.equilibrium import load_path, newton  # noqa: PLC0415
 
-        loading.SHORTEST = 0.4
+        load_path.SHORTEST = 0.4
         begin = newton.NewtonSolver.__init__
 
         def hasty(self: Any, *args: Any, **kwargs: Any) -> None:

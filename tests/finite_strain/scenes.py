@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from finite_strain.extent import Extent
-from finite_strain.planning import RunPlan, plan_run
-from finite_strain.states import Discretisation
+from finite_strain.geometry.extent import Extent
+from finite_strain.planning.records import Discretisation
+from finite_strain.planning.run_plan import RunPlan, plan_run
 from linear_bem import Ball, Elastic, Elements, Indenter, Layer, Load, Problem
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from finite_strain.forces import ForceMeter
-    from finite_strain.loading import LoadPath, StepRecord
-    from finite_strain.mesh_run import ModelRun
-    from finite_strain.model import Model
-    from finite_strain.newton import Equilibrium, NewtonSolver
+    from finite_strain.discretisation.discrete_model import Model
+    from finite_strain.equilibrium.load_path import LoadPath, StepRecord
+    from finite_strain.equilibrium.newton import Equilibrium, NewtonSolver
+    from finite_strain.force.domain_integral import ForceMeter
+    from finite_strain.one_discretisation import ModelRun
 
 PAPER_LOAD = 2.66666e-3
 STIFF_SUBSTRATE = Elastic(1e3, 0.3)
@@ -164,8 +164,8 @@ def coarse_rig(
     """Mesh a plan's box (or take a mesh) and return the model on it with its solver, force meter and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.mesh_run import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415
-    from finite_strain.simulation import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415
+    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
 
     box = plan.box(level)
     meshed = meshed or mesh_box(box, folder / "mesh.msh", MPI.COMM_SELF)

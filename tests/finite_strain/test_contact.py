@@ -10,13 +10,13 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from finite_strain.extremes import Extremes
+from finite_strain.force.contact_extremes import Extremes
 from linear_bem import Ball, Load
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, on_layer, pair, relatively
 
 if TYPE_CHECKING:
-    from finite_strain.contact import Contact
-    from finite_strain.model import Model
+    from finite_strain.contact.contact_energy import Contact
+    from finite_strain.discretisation.discrete_model import Model
 
 CASES = {
     "finite strain, sphere": ("finite_strain", "sphere"),

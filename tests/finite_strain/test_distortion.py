@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.recovery import smallest_volume_ratio
+from finite_strain.discretisation.nodal_values import smallest_volume_ratio
 
 ROUNDOFF = 1e-12
 

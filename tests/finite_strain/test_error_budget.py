@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from finite_strain.answer import Answers
-from finite_strain.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain
-from finite_strain.planning import plan_run
-from finite_strain.states import Discretisation, Record
+from finite_strain.accuracy.answer import Answers
+from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain
+from finite_strain.planning.records import Discretisation, Record
+from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
 from tests.finite_strain.test_pairs import state
 

@@ -14,10 +14,10 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from finite_strain import compat
-from finite_strain.domain import Image, ModelBall, Reduction
-from finite_strain.load_control import PrescribedApproach
-from finite_strain.model import Model
-from finite_strain.newton import NewtonSolver
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.equilibrium.load_control import PrescribedApproach
+from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
 from linear_bem import Problem
 from tests.finite_strain.scenes import (
     CUBIC,
@@ -220,7 +220,7 @@ def carried(problem: Problem, kind: str, folder: Path, shift: float) -> Rig:
     """
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.mesh_run import mesh_box  # noqa: PLC0415
+    from finite_strain.one_discretisation import mesh_box  # noqa: PLC0415
 
     plan = coarse_plan(problem, kind)
     level = CUBIC

@@ -11,8 +11,8 @@ pytest.importorskip("dolfinx")
 
 from petsc4py import PETSc
 
-from finite_strain import linear_solver, newton
-from finite_strain.solver_choice import choose, given_in, solver_notes
+from finite_strain.equilibrium import linear_solver, newton
+from finite_strain.equilibrium.solver_options import choose, given_in, solver_notes
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair, relatively
 

@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from finite_strain.domain import reduce_scene
-from finite_strain.load_control import load_control
+from finite_strain.equilibrium.load_control import load_control
+from finite_strain.geometry.symmetry import reduce_scene
 from linear_bem import Ball, Load
 from linear_bem.closed_forms import indentation_of_layer
 from tests.finite_strain.scenes import (

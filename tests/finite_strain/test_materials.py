@@ -16,8 +16,8 @@ import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.kinematics import Finite, Kinematics, Small
-from finite_strain.volumetric import Compressible
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
+from finite_strain.mechanics.volumetric import Compressible
 from tests.finite_strain.scenes import relatively
 
 ROUNDOFF = 1e-13

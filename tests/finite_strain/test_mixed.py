@@ -15,8 +15,8 @@ import dolfinx
 import ufl
 
 from finite_strain import compat
-from finite_strain.extent import Extent
-from finite_strain.states import Discretisation
+from finite_strain.geometry.extent import Extent
+from finite_strain.planning.records import Discretisation
 from linear_bem import Elastic, Layer, Load, Problem
 from linear_bem.closed_forms import indentation_of_layer, long_force
 from tests.finite_strain.scenes import (
@@ -36,7 +36,7 @@ from tests.finite_strain.scenes import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from finite_strain.model import Model
+    from finite_strain.discretisation.discrete_model import Model
     from tests.finite_strain.scenes import Rig
 
 CASES = {

@@ -15,11 +15,11 @@ import h5py
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.catalogue import CATALOGUE, FieldChoice
-from finite_strain.output import FieldWriter
-from finite_strain.recovery import CellNodes
-from finite_strain.states import Discretisation
-from finite_strain.top_surface import TopSurface
+from finite_strain.discretisation.nodal_values import CellNodes
+from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
+from finite_strain.output.field_writer import FieldWriter
+from finite_strain.output.top_surface import TopSurface
+from finite_strain.planning.records import Discretisation
 from linear_bem import Elastic, Problem
 from linear_bem.errors import InvalidProblem
 from tests.finite_strain.scenes import Rig, balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively, single
@@ -230,7 +230,7 @@ def test_every_so_many_steps_are_written_and_always_the_last() -> None:
 def test_an_unwritable_folder_stops_every_rank(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; import numpy as np; from mpi4py import MPI\n"
-        "from finite_strain.spread_arrays import write_gathered\n"
+        "from finite_strain.output.gathered_arrays import write_gathered\n"
         "from linear_bem.errors import OutputUnusable\n"
         "comm, said = MPI.COMM_WORLD, ''\n"
         "try:\n"

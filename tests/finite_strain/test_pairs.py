@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from finite_strain.pairs import ALIKE, UNLIKE, UNSURE, LinearTruth, paired, unpaired
-from finite_strain.states import ContactState
+from finite_strain.accuracy.pairs import ALIKE, UNLIKE, UNSURE, LinearTruth, paired, unpaired
+from finite_strain.planning.records import ContactState
 from tests.finite_strain.scenes import relatively
 
 ROUNDOFF = 1e-13
@@ -20,7 +20,7 @@ def state(q: float, d: float, per_squared: tuple[float, float], gap: float = 0.0
     """Return a state of one ball with Q, D and T / Q^2."""
     one: Any = np.array([[per_squared[0] * q**2, per_squared[1] * q**2]])
     same = np.array([1.0])
-    return ContactState(1.0, np.array([d]), np.array([q]), one, one, same, same, same, same, np.array([gap]))
+    return ContactState(1.0, np.array([d]), np.array([q]), one, one, same, same, same, np.array([gap]))
 
 
 def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:

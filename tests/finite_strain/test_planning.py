@@ -10,11 +10,12 @@ from itertools import pairwise
 import pytest
 
 import finite_strain
-from finite_strain.domain import expected_indentation, reduce_scene
-from finite_strain.extent import Extent, choose_extent
-from finite_strain.planning import plan_run
-from finite_strain.refinement import Budget
-from finite_strain.schedule import FIRST, GROWTH, LARGEST_STEP, answered_fractions, load_fractions
+from finite_strain.equilibrium.load_steps import FIRST, GROWTH, LARGEST_STEP, answered_fractions, load_fractions
+from finite_strain.geometry.estimates import expected_indentation
+from finite_strain.geometry.extent import Extent, choose_extent
+from finite_strain.geometry.symmetry import reduce_scene
+from finite_strain.planning.refinement import Budget
+from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, balls_at, on_layer, pair
 from tests.launch import python

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from finite_strain.refinement import FIRST, MOST_LEVELS, STEP, STIFFER, WIDER, Budget, account, decide
-from finite_strain.states import ContactState, Discretisation, Record, Row, saved_records, text_of
+from finite_strain.planning.records import ContactState, Discretisation, Record, Row, saved_records, text_of
+from finite_strain.planning.refinement import FIRST, MOST_LEVELS, STEP, STIFFER, WIDER, Budget, account, decide
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, relatively
 from tests.finite_strain.test_pairs import state

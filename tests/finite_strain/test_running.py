@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 
 import finite_strain
 import linear_bem
-from finite_strain.catalogue import CATALOGUE
-from finite_strain.planning import plan_run
-from finite_strain.states import NAME, Discretisation
+from finite_strain.output.field_catalogue import CATALOGUE
+from finite_strain.planning.records import NAME, Discretisation
+from finite_strain.planning.run_plan import plan_run
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
 from tests.finite_strain.scenes import LIGHT, Recorder, light_pair, relatively

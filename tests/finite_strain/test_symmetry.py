@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from finite_strain.domain import reduce_scene
+from finite_strain.geometry.symmetry import reduce_scene
 from linear_bem import Ball, Load, Problem
 from tests.finite_strain.scenes import balls_at, on_layer, pair
 

@@ -15,10 +15,10 @@ from dolfinx.fem import Function
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.fields import Fields
-from finite_strain.mesh_run import mesh_box
-from finite_strain.states import Discretisation
-from finite_strain.transfer import Snapshot
+from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.unknowns import Fields
+from finite_strain.one_discretisation import mesh_box
+from finite_strain.planning.records import Discretisation
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.scenes import coarse_plan, pair
 from tests.launch import mpirun

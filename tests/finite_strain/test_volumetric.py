@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 import finite_strain
-from finite_strain.planning import plan_run
-from finite_strain.volumetric import Compressible, Mixed, describe_forms, form_notes, is_mixed
+from finite_strain.mechanics.volumetric import Compressible, Mixed, describe_forms, form_notes, is_mixed
+from finite_strain.planning.run_plan import plan_run
 from linear_bem import Elastic, InvalidProblem, Layer, Problem, UnsupportedProblem
 from tests.finite_strain.scenes import STIFF_SUBSTRATE, in_form, pair, relatively
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-import linear_bem.grid_contact
+import linear_bem.grid.contacts
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
-from linear_bem.grid_contact import GridContacts
+from linear_bem.grid.contacts import GridContacts
 
 CASES = {
     "paper": (Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
@@ -52,7 +52,7 @@ def test_more_accuracy_takes_more_unknowns():
 
 
 def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
-    monkeypatch.setattr(linear_bem.grid_contact, "MOST_CELLS", 20_000)
+    monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 20_000)
     problem = problem_of("paper")
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
     solution = solve_contact(thin, 1e-8)
@@ -62,7 +62,7 @@ def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
 
 
 def test_where_one_grid_is_all_that_fits_the_routes_judge(monkeypatch):
-    monkeypatch.setattr(linear_bem.grid_contact, "MOST_CELLS", 3_000)
+    monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 3_000)
     problem = problem_of("paper")
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
     result = solve(thin, 1e-4)

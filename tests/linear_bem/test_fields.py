@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Elastic, InvalidProblem, Layer, Load, Problem, solve_contact
-from linear_bem.energy import energy_force
+from linear_bem.interaction_energy import energy_force
 from linear_bem.stress import stress_response, vertical_stress
 
 

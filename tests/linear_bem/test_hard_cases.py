@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-import linear_bem.smooth_contact
+import linear_bem.smooth.initial_guess
 import linear_bem.solver
 from linear_bem import (
     Ball,
@@ -24,10 +24,10 @@ from linear_bem.closed_forms import (
     hertz_force,
     sneddon_sphere,
 )
-from linear_bem.grid_contact import GridContacts
+from linear_bem.grid.contacts import GridContacts
 from linear_bem.problem import FiniteStrain
-from linear_bem.resting import rest_height
-from linear_bem.solution import SmoothContacts
+from linear_bem.resting_balls import rest_height
+from linear_bem.smooth.contacts import SmoothContacts
 
 
 def pair(layer, substrate=None, distance=2.0, force=2.66666e-3):
@@ -86,7 +86,7 @@ def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
         smooth = solve_contact(problem)
         assert isinstance(smooth.contacts, SmoothContacts)
         with monkeypatch.context() as m:
-            m.setattr(linear_bem.smooth_contact, "ROUGHEST", -1.0)
+            m.setattr(linear_bem.smooth.initial_guess, "ROUGHEST", -1.0)
             grid = solve_contact(problem)
         assert isinstance(grid.contacts, GridContacts)
         for a, b in zip(smooth.result().balls, grid.result().balls, strict=True):
@@ -108,7 +108,7 @@ def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(
     load = Load("total_force", (2.66666e-3 * len(xy),))
     problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(p, 1.0, "paraboloid") for p in xy), load, Elastic(1e3, 0.3))
     smooth = solve(problem)
-    monkeypatch.setattr(linear_bem.smooth_contact, "ROUGHEST", -1.0)
+    monkeypatch.setattr(linear_bem.smooth.initial_guess, "ROUGHEST", -1.0)
     grid = solve(problem)
     assert grid.solved.unknowns > smooth.solved.unknowns
     size = max(abs(t) for b in smooth.balls for t in b.tangential_force)

@@ -25,7 +25,7 @@ from linear_bem import (
     solve_contact,
     solve_point_load,
 )
-from linear_bem.grid_contact import GridContacts
+from linear_bem.grid.contacts import GridContacts
 from linear_bem.indenter import slope
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)

@@ -3,8 +3,8 @@ import pytest
 from scipy.special import j1
 
 from linear_bem import Elastic, Layer, LayeredKernel
-from linear_bem.kernel import smooth_kernel
-from linear_bem.response import LayerResponse
+from linear_bem.layer.kernel import smooth_kernel
+from linear_bem.layer.response import LayerResponse
 
 MATERIALS = {
     "paper": (0.48, Elastic(1e3, 0.3)),

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import linear_bem.smooth_contact
+import linear_bem.smooth.initial_guess
 import linear_bem.solver
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
-from linear_bem.field import displacement_around, zone_displacement
-from linear_bem.solution import EVALUATED
+from linear_bem.smooth.contacts import EVALUATED
+from linear_bem.smooth.displacement import displacement_around, zone_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
 
 
@@ -32,7 +32,7 @@ def block(load, thickness=1.16, count=3):
 def test_sweeps_meet_the_dense_newton_system(load, monkeypatch):
     problem = block(load)
     swept = solve(problem, 1e-5)
-    for module in (linear_bem.smooth_contact, linear_bem.solver):
+    for module in (linear_bem.smooth.initial_guess, linear_bem.solver):
         monkeypatch.setattr(module, "DENSE", 9)
     dense = solve(problem, 1e-5)
     assert swept.solved.iterations != 0

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import gamma
 
 from linear_bem import Ball, Elastic, InvalidProblem, Layer, Load, Problem, solve, solve_contact
-from linear_bem.grid_contact import GridContacts
+from linear_bem.grid.contacts import GridContacts
 
 
 @pytest.mark.parametrize(("radius", "distance"), [(10.0, 7.0), (100.0, 20.0)])

@@ -5,7 +5,7 @@ import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact, solve_point_load
 from linear_bem.closed_forms import hertz_approach, hertz_contact_radius, hertz_peak_pressure
-from linear_bem.square import deepest_bulge, love_rectangle, uniform_square_displacement
+from linear_bem.grid.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
 
 REFERENCE = {1.16: -1.161292e-7, 6.0: 4.098673e-7, np.inf: 4.362335e-7}

@@ -15,8 +15,8 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"balls": (Ball((-1, 0, 0), 1),)}, r"balls\.positions\[0\]: must be two numbers, x and y, got \(-1, 0, 0\)"),
         ({"balls": (Ball((0.0, 0.0), "1 mm"),)}, r"balls\.radius\[0\]: must be a number"),
         ({"finite_strain": FiniteStrain("ogden")}, r'finite_strain\.law: must be one of neo_hookean, got "ogden"'),
-        ({"load": Load("approach", (1e-300,))}, r"load\.approach\[0\]: must be at least 3e-09, or 0, got 1e-300"),
-        ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-12, or 0, got 1e-20"),
+        ({"load": Load("approach", (1e-300,))}, r"load\.approach\[0\]: must be at least 3e-12, or 0, got 1e-300"),
+        ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-17, or 0, got 1e-20"),
     ],
 )
 def test_what_means_nothing_is_refused_by_its_key(parts, words):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, ContactSequence, Elastic, Layer, Load, Problem, solve
-from linear_bem.linearised import LinearisedContacts
+from linear_bem.sequence.linearised import LinearisedContacts
 
 ACCURACY = 1e-2
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from linear_bem.result import BallResult, Step
-from runs.scene import InvalidScene, read_scene
-from runs.session import path_so_far
+from runs.scene.scene_file import InvalidScene, read_scene
+from runs.session.session import path_so_far
 from tests.launch import python
 from tests.scenes import thin_pair
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 import finite_strain
-from finite_strain.catalogue import CATALOGUE
+from finite_strain.output.field_catalogue import CATALOGUE
 from runs.models import MODELS, Run
-from runs.scene import InvalidScene, read_scene
+from runs.scene.scene_file import InvalidScene, read_scene
 from tests.launch import python
 
 SCENE = """

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from linear_bem import solve
-from runs.scene import read_scene
+from runs.scene.scene_file import read_scene
 from tests.launch import ROOT, environment, mpirun
 from tests.runs.test_command_line import strict
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from runs.doctor import SYSTEM_PYTHON, Finding, _blas, _numpy, _package, probe
+from runs.commands.doctor import SYSTEM_PYTHON, Finding, _blas, _numpy, _package, probe
 from tests.launch import mpirun, python
 
 HIDE = """

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from linear_bem.errors import ThirdBodyError
-from runs.scene import read_scene
+from runs.scene.scene_file import read_scene
 from runs.studies.effects import measuring
 from runs.studies.effects.answer import measure, report
 from runs.studies.effects.measuring import Account, largest_difference
@@ -31,7 +31,7 @@ def test_a_scene_without_an_effect_pays_nothing_for_it(rows: dict[str, dict[str,
 
 def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, dict[str, Any]]) -> None:
     finite = rows["finite strain"]
-    assert {"finite_strain.newton", "meshes.layer"} <= set(finite["modules of its own"].split())
+    assert {"finite_strain.equilibrium.newton", "meshes.layer"} <= set(finite["modules of its own"].split())
     assert {"dolfinx", "petsc4py", "gmsh"} <= set(finite["libraries of its own"].split())
     assert finite["forms without"] == 0
     assert finite["forms of its own"] >= 3
@@ -46,7 +46,7 @@ def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, 
 def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> None:
     measuring.run(LINEAR)
     with pytest.raises(ThirdBodyError, match=r"without linear_bem\.tangential ended with"):
-        measuring.run(LINEAR, blocked=["linear_bem.tangential"])
+        measuring.run(LINEAR, blocked=["linear_bem.smooth.tangential_forces"])
 
 
 def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it() -> None:

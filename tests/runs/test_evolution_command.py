@@ -14,12 +14,12 @@ import pytest
 from linear_bem import FiniteStrain, Load, Problem, Result, solve
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Solved, Step
-from runs import interrupt
 from runs.evolution import evolving, outcome, pair_table, showing
 from runs.evolution.evolving import evolve_scene
 from runs.models import MODELS, Run
-from runs.scene import Scene, read_scene
-from runs.session import Options
+from runs.process import signals
+from runs.scene.scene_file import Scene, read_scene
+from runs.session.session import Options
 from tests.launch import ROOT, python
 from tests.test_architecture import HEAVY, LOADED
 
@@ -118,7 +118,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
 
     with monkeypatch.context() as patch:
         patch.setattr(evolving, "SAVED_EVERY", -1.0)
-        patch.setattr(interrupt, "check", dies)
+        patch.setattr(signals, "check", dies)
         patch.setattr(evolving.Evolution, "_member", dies_soon)
         with pytest.raises(KeyboardInterrupt):
             evolved(scene, tmp_path / "killed")

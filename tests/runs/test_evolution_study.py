@@ -18,7 +18,7 @@ from runs.evolution import evolving, pair_table
 from runs.evolution.forces import at
 from runs.evolution.providers import provider
 from runs.models import MODELS, choose, standing
-from runs.scene import read_scene
+from runs.scene.scene_file import read_scene
 from runs.studies.experiments import cases, points, report, side_by_side
 
 NAMES = {"line of four, 25 mm", "line of four, 30 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls"}

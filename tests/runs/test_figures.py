@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Layer, Load, Problem
-from runs import figures, surface
-from runs.presentation import Scale
+from runs.display import figures, surface
+from runs.display.numbers import Scale
 
 PAIR = Problem(
     Layer(1.0, 0.48, 2.0),

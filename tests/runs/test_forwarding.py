@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from runs.forwarding import BLOCK, WholeLines
+from runs.process.forwarding import BLOCK, WholeLines
 from tests.launch import mpirun
 
 DOCUMENT = json.dumps([{"number": n, "of": [n, n + 1]} for n in range(3000)], indent=1) + "\n"
@@ -64,7 +64,7 @@ def test_a_line_without_end_waits_for_a_flush_and_one_longer_than_a_block_arrive
 
 
 def test_a_reader_that_does_not_read_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runs.forwarding.PATIENCE", 0.0)
+    monkeypatch.setattr("runs.process.forwarding.PATIENCE", 0.0)
     entrance, end = os.pipe()
     stream = WholeLines(end)
     stream.write("one\n")
@@ -90,7 +90,8 @@ def test_a_descriptor_that_was_turned_to_another_file_takes_text_as_before(tmp_p
 def test_a_long_document_arrives_whole_through_the_launcher() -> None:
     pytest.importorskip("mpi4py")
     code = (
-        "import sys; from mpi4py import MPI; from runs import ranks; from runs.forwarding import forward_whole_lines\n"
+        "import sys; from mpi4py import MPI; from runs.process import ranks\n"
+        "from runs.process.forwarding import forward_whole_lines\n"
         "from tests.runs.test_forwarding import DOCUMENT\n"
         "if ranks.is_root():\n"
         "    assert ranks.launched(); forward_whole_lines(); sys.stdout.write(DOCUMENT)\n"

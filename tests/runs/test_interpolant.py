@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from runs.interpolant import COLUMNS, Interpolant, interpolants, table
+from runs.comparison.interpolant import COLUMNS, Interpolant, interpolants, table
 from runs.studies.strengthening.matrix import APPROACHES
 
 CURVES: dict[str, Callable[[float], float]] = {

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from linear_bem.errors import InvalidProblem, OutputUnusable
-from runs import rendering
+from runs.commands import render
+from runs.commands.render import Wish, read_size, render_run
 from runs.pictures.coloring import COLORINGS, prefixed, round_length
 from runs.pictures.written_step import read_step, step_files
-from runs.rendering import Wish, read_size, render_run
 from tests.launch import python
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -154,16 +154,16 @@ def test_the_command_draws_what_its_options_name(run: Path, tmp_path: Path) -> N
 def test_a_film_is_made_only_where_ffmpeg_is(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [np.full((201, 301, 3), shade, dtype=np.uint8) for shade in (0, 255)]
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert not rendering.sheet.save_mp4(frames, tmp_path / "film.mp4")
+    assert not render.sheet.save_mp4(frames, tmp_path / "film.mp4")
     program = tmp_path / "ffmpeg"
     program.write_text('#!/bin/sh\nfor last; do :; done\n/bin/cat > "$last"\n', encoding="utf-8")
     program.chmod(0o755)
-    assert rendering.sheet.save_mp4(frames, tmp_path / "film.mp4")
+    assert render.sheet.save_mp4(frames, tmp_path / "film.mp4")
     raw = (tmp_path / "film.mp4").read_bytes()
     assert len(raw) % (200 * 300 * 3) == 0  # an even width and height, as films need
     program.write_text("#!/bin/sh\necho no codec >&2\nexit 1\n", encoding="utf-8")
     with pytest.raises(OutputUnusable, match="no codec"):
-        rendering.sheet.save_mp4(frames, tmp_path / "film.mp4")
+        render.sheet.save_mp4(frames, tmp_path / "film.mp4")
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_scale_bars_have_round_lengths() -> None:
 
 
 def test_every_written_field_can_be_drawn() -> None:
-    from finite_strain.catalogue import CATALOGUE  # noqa: PLC0415
+    from finite_strain.output.field_catalogue import CATALOGUE  # noqa: PLC0415
 
     assert set(COLORINGS) == set(CATALOGUE)
     for name, field in CATALOGUE.items():

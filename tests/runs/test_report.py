@@ -19,7 +19,7 @@ import pytest
 from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.reporting.pictures import figure, said_of
-from runs.store import MARK
+from runs.session.run_folder import MARK
 from tests.launch import ROOT, mpirun, python
 
 STAND_IN = Path(__file__).with_name("elements.py")

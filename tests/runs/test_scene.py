@@ -19,8 +19,8 @@ from linear_bem import (
     Load,
     Punch,
 )
-from runs.plain import as_given
-from runs.scene import InvalidScene, read_scene
+from runs.process.json_values import as_given
+from runs.scene.scene_file import InvalidScene, read_scene
 
 PAIR = """
 [layer]

@@ -15,8 +15,8 @@ import pytest
 
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.studies import read_shard
-from runs.studies.case import varied
-from runs.studies.publishing import BEGIN, END, publish
+from runs.studies.framework.case import varied
+from runs.studies.framework.publishing import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases
 from tests.launch import mpirun
 
@@ -101,16 +101,19 @@ def test_parts_of_a_study_without_cases_and_a_published_quick_one_are_refused() 
 
 
 def test_constants_are_varied_inside_the_block_alone_and_make_another_case() -> None:
-    from finite_strain import schedule  # noqa: PLC0415
+    from finite_strain.equilibrium import load_steps  # noqa: PLC0415
 
-    usual = schedule.LARGEST_STEP
-    with varied({"finite_strain.schedule.LARGEST_STEP": 0.5}):
-        assert schedule.LARGEST_STEP == 0.5
-    assert usual == schedule.LARGEST_STEP
-    with pytest.raises(InvalidProblem, match="no such constant"), varied({"finite_strain.schedule.ABSENT": 1.0}):
+    usual = load_steps.LARGEST_STEP
+    with varied({"finite_strain.equilibrium.load_steps.LARGEST_STEP": 0.5}):
+        assert load_steps.LARGEST_STEP == 0.5
+    assert usual == load_steps.LARGEST_STEP
+    with (
+        pytest.raises(InvalidProblem, match="no such constant"),
+        varied({"finite_strain.equilibrium.load_steps.ABSENT": 1.0}),
+    ):
         pass
     case = cases(quick=True)[0]
-    other = dataclasses.replace(case, constants={"finite_strain.schedule.LARGEST_STEP": 0.5})
+    other = dataclasses.replace(case, constants={"finite_strain.equilibrium.load_steps.LARGEST_STEP": 0.5})
     assert len({case.key(), other.key(), dataclasses.replace(case, accuracy=0.1).key()}) == 3
 
 

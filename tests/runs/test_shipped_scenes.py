@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from finite_strain.planning import plan_run
-from finite_strain.refinement import FIRST
-from finite_strain.states import Discretisation
+from finite_strain.planning.records import Discretisation
+from finite_strain.planning.refinement import FIRST
+from finite_strain.planning.run_plan import plan_run
 from runs.models import choose, standing
-from runs.scene import read_scene
+from runs.scene.scene_file import read_scene
 from tests.launch import ROOT
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("*.toml"))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from linear_bem.errors import OutputUnusable
-from runs.plain import plain, to_json
-from runs.store import RunFolder
+from runs.process.json_values import plain, to_json
+from runs.session.run_folder import RunFolder
 
 IDENTITY = {"command": "solve", "problem": {"layer": {"thickness": 1.0, "young": 2.0}}}
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from runs.presentation import Scale, attraction, short_number, with_error, with_error_in_parentheses
-from runs.strengthening import answer, compare_steps, strengthening
+from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
+from runs.display.numbers import Scale, attraction, short_number, with_error, with_error_in_parentheses
 
 SCALE = Scale(1.0, 1.0)
 

@@ -11,13 +11,13 @@ import pytest
 
 import finite_strain
 import linear_bem
-from finite_strain.schedule import load_fractions
+from finite_strain.equilibrium.load_steps import load_fractions
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.front import OWN, TRUE, front
 from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, Turned, cases, problem
-from runs.studies.case import varied
-from runs.studies.levels import LevelCase
-from runs.studies.records import Found
+from runs.studies.framework.case import varied
+from runs.studies.framework.levels import LevelCase
+from runs.studies.framework.records import Found
 from tests.launch import ROOT
 
 TRUTH = -2e-4

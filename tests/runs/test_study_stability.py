@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from finite_strain.planning import plan_run
+from finite_strain.planning.run_plan import plan_run
 from runs.models import MODELS, Run
-from runs.studies.case import Case, varied
-from runs.studies.levels import Level, LevelCase
-from runs.studies.records import Found
+from runs.studies.framework.case import Case, varied
+from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.records import Found
 from runs.studies.stability import ENDINGS, present
 from runs.studies.stability.agreement import at_force, compared
 from runs.studies.stability.bars import path_bars

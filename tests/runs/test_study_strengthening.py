@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from linear_bem import Problem, solve
-from runs.studies.records import Found
+from runs.studies.framework.records import Found
 from runs.studies.strengthening import fitting
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import THICK, THIN, cases, pair

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runs.studies.case import varied
-from runs.studies.records import Found
+from runs.studies.framework.case import varied
+from runs.studies.framework.records import Found
 from runs.studies.verification import bars, convergence, experiments, hard, one_ball, part, routes, small_load, timing
 from runs.studies.verification.answer import PARTS, present
 from tests.launch import python

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.presentation import duration
+from runs.display.numbers import duration
 from runs.studies.accuracy.front import LADDER, OWN, TRUE
 from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
-from runs.studies.records import DONE, Found
-from runs.studies.tables import markdown, save_csv
+from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25

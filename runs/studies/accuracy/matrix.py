@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
-from runs.studies.case import Case
-from runs.studies.levels import Level, LevelCase
+from runs.studies.framework.case import Case
+from runs.studies.framework.levels import Level, LevelCase
 
 GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
 """Every contact on a grid, none by polynomials."""
@@ -36,11 +36,16 @@ KNOBS = {
     "penalty over the planned one (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
     "extent over the planned one (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},
     "degree of the contact's quadrature beyond twice the order (6)": {
-        f"{d}": Turned(constants={"finite_strain.model.CONTACT_DEGREE": d}) for d in (0, 2, 12)
+        f"{d}": Turned(constants={"finite_strain.discretisation.discrete_model.CONTACT_DEGREE": d}) for d in (0, 2, 12)
     },
     "load steps of the path (6)": {
-        "11": Turned(constants={"finite_strain.schedule.GROWTH": 1.5**0.5}),
-        "1": Turned(constants={"finite_strain.schedule.GROWTH": 1e9, "finite_strain.schedule.LARGEST_STEP": 10.0}),
+        "11": Turned(constants={"finite_strain.equilibrium.load_steps.GROWTH": 1.5**0.5}),
+        "1": Turned(
+            constants={
+                "finite_strain.equilibrium.load_steps.GROWTH": 1e9,
+                "finite_strain.equilibrium.load_steps.LARGEST_STEP": 10.0,
+            }
+        ),
     },
 }
 """What is turned one at a time from its default, which the knob's name holds."""

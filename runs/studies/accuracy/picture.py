@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.studies.accuracy.front import LADDER, OWN, TRUE, front
-from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 
 STYLES = {
     "point_load": (PURPLE, "D"),

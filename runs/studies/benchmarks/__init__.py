@@ -19,11 +19,11 @@ COUNTS = (9, 100, 300, 1000)
 
 def run(options: Options) -> None:
     """Measure, print and save the three tables; nothing is taken from an earlier run."""
-    from runs import interrupt  # noqa: PLC0415
-    from runs.progress import tell  # noqa: PLC0415
-    from runs.store import RunFolder  # noqa: PLC0415
+    from runs.process import signals  # noqa: PLC0415
+    from runs.session.progress import tell  # noqa: PLC0415
+    from runs.session.run_folder import RunFolder  # noqa: PLC0415
     from runs.studies.benchmarks import pair, sphere  # noqa: PLC0415
-    from runs.studies.publishing import publish  # noqa: PLC0415
+    from runs.studies.framework.publishing import publish  # noqa: PLC0415
 
     identity = {"command": "study", "study": "benchmarks", "quick": options.quick}
     folder = RunFolder(options.out or Path("out/study-benchmarks"), identity, "", fresh=options.fresh)
@@ -32,7 +32,7 @@ def run(options: Options) -> None:
     for cells in GRIDS[:1] if options.quick else GRIDS:
         ours = 0.0
         for code in sphere.CODES:
-            interrupt.check()
+            signals.check()
             row = vars(sphere.measure(code, cells)).copy()
             ours = ours or row["seconds"]
             rows.append({**row, "over_this_project": row["seconds"] / ours})

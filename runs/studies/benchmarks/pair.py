@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve
-from linear_bem.kernel import _table, far_rule, near_rule
+from linear_bem.layer.kernel import _table, far_rule, near_rule
 
 FORCE = 2.66666e-3
 THICKNESS = 1.16

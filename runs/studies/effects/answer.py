@@ -10,15 +10,16 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from runs import interrupt
-from runs.progress import tell
-from runs.store import RunFolder, replacing
+from runs.process import signals
+from runs.process.files import replacing
+from runs.session.progress import tell
+from runs.session.run_folder import RunFolder
 from runs.studies import Options
 from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
-from runs.studies.publishing import publish
-from runs.studies.tables import markdown, save_csv
+from runs.studies.framework.publishing import publish
+from runs.studies.framework.tables import markdown, save_csv
 
 REPEATS = 3
 """Runs of each scene in the full version: the shortest tells its cost."""
@@ -80,10 +81,10 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
 
 
 def _best(scene: Any, command: str, repeats: int) -> Account:
-    interrupt.check()
+    signals.check()
     watched, runs = measuring.run(scene, command, watched=True), []
     for _ in range(repeats):
-        interrupt.check()
+        signals.check()
         runs.append(measuring.run(scene, command))
     if not runs:
         return watched
@@ -93,7 +94,7 @@ def _best(scene: Any, command: str, repeats: int) -> Account:
 
 
 def _without(scene: Any, names: Sequence[str]) -> Account:
-    interrupt.check()
+    signals.check()
     return measuring.run(scene, "solve", names)
 
 

@@ -11,11 +11,11 @@ from runs.studies import Options
 
 def run(options: Options) -> None:
     """Evolve every case by small strain, and by finite strain where its table is there; print and save the answer."""
-    from runs import interrupt  # noqa: PLC0415
-    from runs.progress import tell  # noqa: PLC0415
-    from runs.store import replacing  # noqa: PLC0415
+    from runs.process import signals  # noqa: PLC0415
+    from runs.process.files import replacing  # noqa: PLC0415
+    from runs.session.progress import tell  # noqa: PLC0415
     from runs.studies.experiments import cases, report, side_by_side  # noqa: PLC0415
-    from runs.studies.publishing import publish  # noqa: PLC0415
+    from runs.studies.framework.publishing import publish  # noqa: PLC0415
 
     folder = options.out or Path("out") / ("study-experiments" + ("-quick" if options.quick else ""))
     found: dict[str, dict[str, Any]] = {model: {} for model in report.MODELS}
@@ -31,7 +31,7 @@ def run(options: Options) -> None:
         elif case.finite is not None:
             missing[case.name] = f"mpirun -n 2 thirdbody evolve runs/scenes/experiment_{case.finite}.toml"
         for model in models:
-            interrupt.check()
+            signals.check()
             begun = time.monotonic()
             document = cases.evolve(
                 case, scene, model, folder, fresh=options.fresh, pictures=not options.quick, compute=not options.tables

@@ -15,8 +15,8 @@ from runs.evolution.forces import at
 from runs.evolution.providers import table_of
 from runs.evolution.showing import draw
 from runs.models import MODELS, standing
-from runs.scene import Scene, read_scene
-from runs.session import Options
+from runs.scene.scene_file import Scene, read_scene
+from runs.session.session import Options
 
 SCENES = Path(__file__).resolve().parent.parent.parent / "scenes"
 QUICK_ENSEMBLE = 3

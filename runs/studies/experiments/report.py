@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
-from runs.store import replacing
+from runs.process.files import replacing
 from runs.studies.experiments import side_by_side
 from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
-from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}

@@ -14,11 +14,11 @@ PARTS = ("bulge", "pressure", "thickness", "modulus", "distance", "map_lengths",
 
 def run(options: Options) -> None:
     """Compute and draw every part, write figures.md, and print it."""
-    from runs import interrupt  # noqa: PLC0415
-    from runs.progress import tell  # noqa: PLC0415
-    from runs.store import RunFolder  # noqa: PLC0415
+    from runs.display.style import look, save_figure  # noqa: PLC0415
+    from runs.process import signals  # noqa: PLC0415
+    from runs.session.progress import tell  # noqa: PLC0415
+    from runs.session.run_folder import RunFolder  # noqa: PLC0415
     from runs.studies.figures import part as parts  # noqa: PLC0415
-    from runs.studies.figures.drawing import look, save_figure  # noqa: PLC0415
     from runs.studies.figures.pair import scene  # noqa: PLC0415
     from runs.studies.figures.report import report  # noqa: PLC0415
 
@@ -27,7 +27,7 @@ def run(options: Options) -> None:
     folder = RunFolder(options.out or Path("out/study-figures"), identity, scene().text, fresh=options.fresh)
     done: list[tuple[parts.Part, parts.Findings]] = []
     for name in PARTS:
-        interrupt.check()
+        signals.check()
         part: parts.Part = importlib.import_module(f"runs.studies.figures.{name}").PART
         found = None if options.fresh else parts.saved(folder.path, part.stem, version)
         if found is None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 
 from linear_bem import Layer, deepest_bulge, uniform_square_displacement
-from runs.studies.figures.drawing import BLUE, ORANGE, feature, panels, zero_line
+from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
 from runs.studies.figures.pair import extremum, scene
 from runs.studies.figures.part import Findings, Part
 

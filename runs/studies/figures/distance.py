@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.figures.drawing import BLUE, ORANGE, feature, panels, zero_line
+from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
 from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, sign_changes
 from runs.studies.figures.part import Findings, Part
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.figures.drawing import checked_signs, feature, map_colors, panels
+from runs.display.style import checked_signs, feature, map_colors, panels
 from runs.studies.figures.pair import Pair, at_features
 from runs.studies.figures.part import Columns, Findings, Part
 from runs.studies.figures.point_law import PointLaw

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from linear_bem import BallResult, Elastic, Problem, solve
-from runs.scene import Scene, read_scene
+from runs.scene.scene_file import Scene, read_scene
 
 Array = NDArray[np.float64]
 Samples = Sequence[float] | Array

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import linear_bem
-from runs.plain import to_json
-from runs.store import replacing
+from runs.process.files import replacing
+from runs.process.json_values import to_json
 
 Columns = dict[str, Sequence[float]]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from linear_bem import Elastic
-from linear_bem.kernel import smooth_kernel
-from linear_bem.response import LayerResponse
+from linear_bem.layer.kernel import smooth_kernel
+from linear_bem.layer.response import LayerResponse
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem import Solution, solve_contact
-from runs.studies.figures.drawing import BLUE, ORANGE, PURPLE, feature, panels, zero_line
+from runs.display.style import BLUE, ORANGE, PURPLE, feature, panels, zero_line
 from runs.studies.figures.pair import Pair
 from runs.studies.figures.part import Findings, Part
 

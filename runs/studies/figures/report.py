@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from runs.store import replacing
+from runs.process.files import replacing
 from runs.studies.figures.part import Findings, Part
 
 SOURCE = "Materials 2021, 14(19), 5689, doi 10.3390/ma14195689"

@@ -30,10 +30,10 @@ HEADINGS = {
 
 def run(options: Options) -> None:
     """Measure on the ranks that there are, and show what every run of any number of ranks left in the folder."""
-    from runs import interrupt, ranks  # noqa: PLC0415
-    from runs.progress import tell  # noqa: PLC0415
-    from runs.studies import tables  # noqa: PLC0415
-    from runs.studies.publishing import publish  # noqa: PLC0415
+    from runs.process import ranks, signals  # noqa: PLC0415
+    from runs.session.progress import tell  # noqa: PLC0415
+    from runs.studies.framework import tables  # noqa: PLC0415
+    from runs.studies.framework.publishing import publish  # noqa: PLC0415
 
     if options.shard != (1, 1):
         raise InvalidProblem("--shard: study scaling compares times on one machine; start it whole")
@@ -46,7 +46,7 @@ def run(options: Options) -> None:
         rows = ranks.share([] if options.fresh or not ranks.is_root() else read([file]))
         for target in SIZES[:1] if options.quick else SIZES:
             for form in FORMS:
-                interrupt.check()
+                signals.check()
                 if any((row["form"], row["target"]) == (form, target) for row in rows):
                     continue
                 for row in measure(form, target, comm):
@@ -82,7 +82,7 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 def answer(rows: list[dict[str, Any]]) -> str:
     """Return the table, and what it says of many unknowns."""
-    from runs.studies import tables  # noqa: PLC0415
+    from runs.studies.framework import tables  # noqa: PLC0415
 
     lines = tables.markdown(rows, HEADINGS)
     largest = max((row["unknowns"] for row in rows), default=0)

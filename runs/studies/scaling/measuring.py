@@ -17,7 +17,7 @@ from linear_bem import Ball, Elements, Layer, Load, Problem
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from finite_strain.mesh_run import ModelRun
+    from finite_strain.one_discretisation import ModelRun
 
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio that each form of the elements is measured with."""
@@ -34,10 +34,10 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
     """
-    from finite_strain.mesh_run import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
-    from finite_strain.planning import plan_run  # noqa: PLC0415
-    from finite_strain.simulation import Silence  # noqa: PLC0415
-    from finite_strain.states import Discretisation  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
+    from finite_strain.planning.records import Discretisation  # noqa: PLC0415
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
 
     balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
@@ -62,7 +62,7 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     from petsc4py import PETSc  # noqa: PLC0415
 
-    from finite_strain.newton import NewtonSolver  # noqa: PLC0415
+    from finite_strain.equilibrium.newton import NewtonSolver  # noqa: PLC0415
 
     model, options = run.model, PETSc.Options("thirdbody_")
     comm = model.comm

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from runs.studies import Options
-from runs.studies.records import Found
+from runs.studies.framework.records import Found
 
 ENDINGS = ("done", "refused", "not converged", "failed")
 """States that tell how a hard case ended: all but those that wait."""
@@ -20,7 +20,7 @@ BARS = (
 
 def run(options: Options) -> None:
     """Solve the cases of `matrix.cases`, then write the table and the answer."""
-    from runs.studies.frame import Study, run  # noqa: PLC0415
+    from runs.studies.framework.runner import Study, run  # noqa: PLC0415
     from runs.studies.stability.matrix import cases  # noqa: PLC0415
 
     run(Study("stability", cases(options.quick), present, answers=ENDINGS), options)
@@ -28,8 +28,8 @@ def run(options: Options) -> None:
 
 def present(found: Found, folder: Path, quick: bool) -> str:
     """Write stability.csv and return the table and the counts as Markdown."""
+    from runs.studies.framework.tables import markdown, save_csv  # noqa: PLC0415
     from runs.studies.stability.bars import path_bars, told  # noqa: PLC0415
-    from runs.studies.tables import markdown, save_csv  # noqa: PLC0415
 
     rows = [_row(found, case) for case in found.cases]
     bars = path_bars(found)

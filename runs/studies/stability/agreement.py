@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.studies.records import DONE, Found
+from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.matrix import NO_LOAD, SAME_FORCE
 
 FAR_ENOUGH = 4.0

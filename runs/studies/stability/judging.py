@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from linear_bem.grid_contact import COARSEST
-from runs.studies.records import DONE, Found
+from linear_bem.grid.contacts import COARSEST
+from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.agreement import compared
 from runs.studies.stability.matrix import NO_LOAD
 

@@ -7,7 +7,7 @@ from runs.studies import Options
 
 def run(options: Options) -> None:
     """Solve the cases of `matrix.cases`, then write tables, figures and answer."""
-    from runs.studies.frame import Study, run  # noqa: PLC0415
+    from runs.studies.framework.runner import Study, run  # noqa: PLC0415
     from runs.studies.strengthening.answer import present  # noqa: PLC0415
     from runs.studies.strengthening.matrix import cases  # noqa: PLC0415
 

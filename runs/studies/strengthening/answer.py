@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.presentation import number, with_error
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.display.numbers import number, with_error
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
+from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import SIDES
 from runs.studies.strengthening.ratios import factors
-from runs.studies.tables import markdown, save_csv
 
 Rows = Sequence[Mapping[str, Any]]
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.interpolant import Interpolant
+from runs.comparison.interpolant import Interpolant
 
 Row = Mapping[str, Any]
 DEGREES = (2, 3, 4, 5)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
-from runs.studies.case import Case
+from runs.studies.framework.case import Case
 
 THIN, THICK = 1.16, 6.0
 """Thickness over R of the paper's separation case and of its attraction case."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
-from runs.studies.records import Found
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.studies.framework.records import Found
 from runs.studies.strengthening.fitting import Fit
 from runs.studies.strengthening.matrix import SIDES
 

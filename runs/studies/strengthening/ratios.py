@@ -13,13 +13,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.linear_states import LinearStates
-from runs.plain import to_json
-from runs.presentation import attraction
-from runs.store import replacing
-from runs.strengthening import compare_steps
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.comparison.linear_states import LinearStates
+from runs.comparison.strengthening_factors import compare_steps
+from runs.display.numbers import attraction
+from runs.process.files import replacing
+from runs.process.json_values import to_json
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""

@@ -7,7 +7,7 @@ from runs.studies import Options
 
 def run(options: Options) -> None:
     """Solve the cases of every part, then write tables, figure and answer."""
-    from runs.studies.frame import Study, run  # noqa: PLC0415
+    from runs.studies.framework.runner import Study, run  # noqa: PLC0415
     from runs.studies.verification.answer import ENDINGS, PARTS, present  # noqa: PLC0415
 
     cases = [case for part in PARTS for case in part.cases(options.quick)]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.studies.records import Found
-from runs.studies.tables import markdown, save_csv
+from runs.studies.framework.records import Found
+from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.verification import (
     bars,
     convergence,

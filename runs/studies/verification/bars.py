@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from runs.linear_states import LinearStates
-from runs.presentation import attraction
-from runs.studies.case import Case
-from runs.studies.levels import Level, LevelCase
-from runs.studies.records import DONE, Found
+from runs.comparison.linear_states import LinearStates
+from runs.display.numbers import attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.records import DONE, Found
 from runs.studies.verification import convergence
 from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
 

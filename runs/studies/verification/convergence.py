@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from runs.linear_states import LinearStates
-from runs.presentation import attraction
-from runs.studies.case import Case
-from runs.studies.levels import Level, LevelCase
-from runs.studies.records import DONE, Found
+from runs.comparison.linear_states import LinearStates
+from runs.display.numbers import attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.records import DONE, Found
 from runs.studies.verification.part import Part, as_seen_by, cases_of, claimed, pair
 
 NAME = "convergence"

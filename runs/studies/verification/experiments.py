@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from runs.presentation import Scale, attraction
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.display.numbers import Scale, attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
 from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
 from runs.studies.verification.part import Part, cases_of, pair, worded
 
@@ -24,7 +24,7 @@ def cases(quick: bool) -> list[Case]:
     """Return both experiments' scenes; the quick version has none, as the full approach is the question."""
     if quick:
         return []
-    from runs.scene import read_scene  # noqa: PLC0415  (needs pydantic)
+    from runs.scene.scene_file import read_scene  # noqa: PLC0415  (needs pydantic)
 
     found = []
     for diameter in DIAMETERS:

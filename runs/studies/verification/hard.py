@@ -8,8 +8,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
 from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
 from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, Check, Hard, case_of, hard_cases
 from runs.studies.verification.part import COARSE, Part, cases_of, pair, worded

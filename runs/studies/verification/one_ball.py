@@ -19,8 +19,8 @@ from linear_bem.closed_forms import (
 )
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.models import MODELS, Run
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
 from runs.studies.verification.part import COARSE, Part, as_seen_by, cases_of, claimed
 
 NAME = "one-ball"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
-from runs.studies.case import Case
-from runs.studies.records import Found
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
 
 THIN, POISSON, STIFF = 1.16, 0.48, Elastic(1e3, 0.3)
 """The paper's separation case: thickness over R, Poisson's ratio, substrate."""

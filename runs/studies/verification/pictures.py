@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.studies.figures.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.studies.verification.part import Row
 
 COLORS = (BLUE, ORANGE, GREEN, PURPLE)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.presentation import attraction
-from runs.studies.case import Case
-from runs.studies.levels import Level, LevelCase
-from runs.studies.records import DONE, Found
+from runs.display.numbers import attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.records import DONE, Found
 from runs.studies.verification.part import COARSE, Part, claimed, pair
 
 NAME = "routes"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from linear_bem.problem import Load
-from runs.linear_states import LinearStates
-from runs.presentation import attraction
-from runs.studies.case import Case
-from runs.studies.records import DONE, Found
+from runs.comparison.linear_states import LinearStates
+from runs.display.numbers import attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import DONE, Found
 from runs.studies.verification.one_ball import extrapolation_weights
 from runs.studies.verification.part import PAPER_LOAD, THIN, Part, as_seen_by, cases_of, claimed, pair
 
@@ -60,7 +60,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    from finite_strain.extent import scale_of_force  # noqa: PLC0415  (only where elements are pressed)
+    from finite_strain.geometry.extent import scale_of_force  # noqa: PLC0415  (only where elements are pressed)
 
     if case.model == "small_strain":
         steps = steps[-1:]

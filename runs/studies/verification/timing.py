@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from runs.presentation import attraction
-from runs.studies.case import Case
-from runs.studies.records import DONE, Found
+from runs.display.numbers import attraction
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import DONE, Found
 from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
 
 NAME = "timing"

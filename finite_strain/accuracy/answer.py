@@ -1,0 +1,194 @@
+"""The answer at a load step: what the finest discretisation and its pair say, and the error budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain
+from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
+from finite_strain.geometry.extent import scale_of_force
+from finite_strain.planning.records import Record, Row
+from finite_strain.planning.run_plan import RunPlan
+from linear_bem.errors import ThirdBodyError
+from linear_bem.problem import Problem
+from linear_bem.result import BallResult, Step
+from linear_bem.solver import solve
+
+LINEAR_ACCURACY = 0.03
+"""Accuracy asked of linear_bem over that asked of the run."""
+LEAST, MOST = 1.5, 3.0
+"""d ln Q / d ln D: Hertz's, and an incompressible film's under a ball much wider than it."""
+
+
+class Answers:
+    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path.
+
+    ``records`` are the last two or more discretisations, the finest last.
+    """
+
+    def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
+        self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
+        self._older = records[-3] if len(records) > 2 else None
+        self.forces_given = plan.problem.load.kind != "approach"
+        self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
+        self.failure = ""
+
+    def truth(self, fraction: float) -> LinearTruth | None:
+        """Return what `linear_bem` answers at a load fraction, None where it has no answer (one rank)."""
+        plan = self.plan
+        load = plan.problem.load
+        scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
+        scene = scene.with_load(load.kind, [fraction * value for value in load.values])
+        try:
+            balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
+        except ThirdBodyError as error:
+            self.failure = str(error)
+            return None
+        chosen = [balls[ball.index] for ball in plan.reduction.balls]
+        return LinearTruth(
+            np.array([ball.normal_force for ball in chosen]),
+            np.array([ball.approach for ball in chosen]),
+            np.array(
+                [
+                    plan.reduction.to_model(b.index, c.tangential_force)
+                    for b, c in zip(plan.reduction.balls, chosen, strict=True)
+                ]
+            ),
+            np.array([ball.tangential_force_error for ball in chosen]),
+            np.array([ball.contact_area for ball in chosen]),
+            np.array([ball.peak_pressure for ball in chosen]),
+        )
+
+    def step(
+        self, fraction: float, truth: LinearTruth | None, details: dict[str, Any], earlier: list[Step], tolerance: float
+    ) -> Step:
+        """Return the finished step; ``tolerance`` [N] is what the solver leaves open of every force."""
+        fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
+        assert fine is not None
+        assert coarse is not None
+        last = None if self._older is None else self._older.at(fraction)
+        now, before = self._paired(fine, truth), self._paired(coarse, truth)
+        older = None if last is None else self._paired(last, truth)
+        weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
+        size = np.linalg.norm(now.tangential_force, axis=1)
+        floor = np.maximum(size, self._scale(now.normal_force))
+        squared, pull = now.normal_force**2, now.tangential_force
+
+        def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
+            """Return the discretisation's error of a value (balls, k) of the paired answers, which hold a known one."""
+            if truth is not None and not self.plan.is_paired:
+                return np.zeros_like(scale)
+            return self._change(name, value(now), value(before), None if older is None else value(older), scale)
+
+        share = enforcement(fine.own, fine.small, weight)
+        solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
+        # of T at given force
+        at_force = Terms(
+            change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor),
+            np.zeros_like(size),
+            squared * now.transfer,
+            solver,
+        )
+        # of what follows: Q at given approach, D at given force
+        follows = now.approach if self.forces_given else now.normal_force
+        through = Terms(
+            change("Q", lambda a: (a.approach if self.forces_given else a.normal_force)[:, None], follows),
+            np.abs(follows) * share * (1.0 if self.forces_given else MOST),
+            np.abs(follows) * now.force_transfer,
+            tolerance
+            * (follows / np.maximum(LEAST * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
+        )
+        if self.forces_given:
+            terms = at_force
+        else:
+            terms = Terms(
+                change("T", lambda answer: answer.tangential_force, floor),
+                2.0 * MOST * size * share,
+                np.hypot(at_force.transfer, 2.0 * size * now.force_transfer),
+                solver,
+            )
+        area, peak = fine.own.contact_area, fine.own.peak_pressure
+        if truth is not None and fine.small is not None:
+            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** weight
+            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** weight
+        imbalance, doubt = self._imbalance(pull, terms.total)
+        error = doubt * terms.total
+        none = np.zeros_like(size)
+        record = {
+            "step": len(earlier) + 1,
+            **details,
+            "error_terms": {name: self._per_ball(doubt * getattr(terms, name)) for name in terms.names()},
+            "pair_weight": self._per_ball(weight),
+            "imbalance": imbalance,
+            "normal_force_error": self._per_ball(none if self.forces_given else through.total),
+            "approach_error": self._per_ball(through.total if self.forces_given else none),
+            "tangential_force_error_at_force": self._per_ball(doubt * at_force.total),
+        }
+        named = {"domain": pull, "domain_without_pair": fine.own.tangential_force, "traction": fine.own.traction_force}
+        reduction, balls = self.plan.reduction, []
+        for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
+            b = image.model_ball
+            turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
+            balls.append(
+                BallResult(
+                    position=ball.position,
+                    radius=ball.radius,
+                    approach=float(now.approach[b]),
+                    normal_force=float(now.normal_force[b]),
+                    tangential_force=turned["domain"],
+                    tangential_force_error=float(error[b]),
+                    peak_pressure=float(peak[b]),
+                    contact_area=float(area[b]),
+                    tangential_force_routes=turned,
+                )
+            )
+        return Step(tuple(balls), record)
+
+    def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
+        if truth is None or (self.plan.is_paired and row.small is None):
+            return unpaired(row.own)
+        scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
+        if row.small is not None:
+            return paired(row.own, row.small, truth, scale, self.forces_given)
+        # the small-strain model itself: its error is known
+        known = paired(row.own, row.own, truth, scale, self.forces_given)
+        own = unpaired(row.own)
+        wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
+        share = (
+            known.approach / np.maximum(own.approach, 1e-300)
+            if self.forces_given
+            else known.normal_force / np.maximum(own.normal_force, 1e-300)
+        )
+        return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
+
+    def _change(
+        self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
+    ) -> np.ndarray:
+        """Return the discretisation's error, and remember it for the steps that follow."""
+        path, last = self._relative[name], np.linalg.norm(now - before, axis=1)
+        observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
+        factor = gain(self.fine.level, self.coarse.level, observed)
+        error = discretisation(now, before, factor, path, size)
+        path.append(ratio(factor * last, size))
+        return error
+
+    def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+        """Return the size of the sum of T (balls, 2) [N] over the scene, and by how much it raises all errors (balls,).
+
+        An endless layer is the same everywhere, so the sum is zero: by symmetry in many scenes, by chance in none.
+        """
+        reduction = self.plan.reduction
+        turned = [reduction.to_scene(i, tuple(forces[im.model_ball])) for i, im in enumerate(reduction.images)]
+        imbalance, allowed = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
+        return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
+
+    def _scale(self, forces: np.ndarray) -> float:
+        """Return what T near its zero is measured against [N], for forces of the model's balls [N]."""
+        return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
+
+    def _per_ball(self, values: np.ndarray) -> list[float]:
+        return [float(values[image.model_ball]) for image in self.plan.reduction.images]

@@ -1,0 +1,87 @@
+"""How far off an answer may be: a few terms, each a function with its derivation. No constant is calibrated.
+
+discretisation   what the paired answer changed by since the coarser discretisation
+enforcement      what the surface still penetrates the balls, as an approach that the ball lacks
+transfer         what of the pair's correction (mesh, contact, domain truncation) may not carry over to finite strain
+solver           residual of Newton's method, and the error of linear_bem
+
+The terms are independent in origin; the error of T is the root of the sum of their squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from finite_strain.planning.records import ContactState, Discretisation
+
+SLOWEST, FASTEST = 3.0, 6.0
+"""Orders of convergence of Q, D and T in the resolution, order of the elements times fineness.
+
+Contact pressure falls to zero like a root at a contact's edge: u lies in H^s for s < 5/2, and functionals converge with
+twice the order of the energy norm, 2 (s - 1) = 3. Raising the order converges twice as fast where lines of the mesh
+follow the edge, as they nearly do [Babuska Suri 1987, doi 10.1051/m2an/1987210201991].
+"""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms of the error budget (balls,), in one unit."""
+
+    discretisation: np.ndarray
+    enforcement: np.ndarray
+    transfer: np.ndarray
+    solver: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """The root of the sum of squares."""
+        return np.asarray(np.sqrt(sum(getattr(self, f.name) ** 2 for f in fields(self))))
+
+    @staticmethod
+    def names() -> list[str]:
+        """Return the names of the terms."""
+        return [f.name for f in fields(Terms)]
+
+
+def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:
+    """Return what the change from one discretisation to a finer one is multiplied with to bound the finer one's error.
+
+    An error that falls by a factor q from one to the next changes by 1 - q of itself, and q / (1 - q) of that is left.
+    ``observed`` (balls,) are the last change over the one before, which is q where errors fall steadily; it is kept
+    between the fastest and the slowest order.
+    """
+    ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
+    if ratio <= 1.0:
+        return 1.0
+    q = ratio**-SLOWEST
+    if observed is not None:
+        fastest = FASTEST if fine.order > coarse.order else SLOWEST
+        q = np.clip(observed, ratio**-fastest, q)
+    return q / (1.0 - q)
+
+
+def discretisation(
+    now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: list[np.ndarray], size: np.ndarray
+) -> np.ndarray:
+    """Return the error of values (balls, k) whose coarser values are ``before``, (balls,).
+
+    Two meshes may agree by chance at one load step, so it is at least the median of the path's relative errors (each
+    (balls,), of ``size``).
+    """
+    error = factor * np.linalg.norm(now - before, axis=1)
+    if not path:
+        return error
+    relative = np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
+    return np.maximum(error, np.median([*path, relative], axis=0) * size)
+
+
+def enforcement(own: ContactState, small: ContactState | None, weight: np.ndarray) -> np.ndarray:
+    """Return by what share of itself the approach is uncertain through the contact's penetration (balls,).
+
+    A surface that penetrates by a mean (weighted with the pressure) is that of a ball which is pressed in less deep by
+    as much. The pair takes off what it does at small strain.
+    """
+    left = own.mean_gap if small is None else own.mean_gap - weight * small.mean_gap
+    return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)

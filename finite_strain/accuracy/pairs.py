@@ -1,0 +1,114 @@
+"""The small-strain problem on the same discretisation as control variate: its truth is known, so its error is.
+
+What a mesh, the contact's enforcement and the truncated domain add to the small-strain answer they add, nearly, to the
+finite-strain one. `linear_bem` knows the small-strain truth; the difference is taken off:
+
+    at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)
+    at given force:     D = D_f + c (D_l - D_s),  T / Q^2 as above,
+
+f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 hold where T passes zero. The
+weight c is 1 where T / Q^2 of the two problems is alike and falls to 0 where they have little to do with each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from finite_strain.planning.records import ContactState
+
+ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
+"""Difference of T / Q^2 between finite and small strain, over the larger of them, up to which the pair counts in full,
+and from which on it does not count. Both are choices: the error budget holds what they leave open."""
+UNSURE = 0.2
+"""Part of the correction that is never taken as certain, a choice likewise."""
+
+
+@dataclass(frozen=True)
+class LinearTruth:
+    """What `linear_bem` answers for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
+
+    ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,) too.
+    """
+
+    normal_force: np.ndarray
+    approach: np.ndarray
+    tangential_force: np.ndarray
+    error: np.ndarray
+    contact_area: np.ndarray
+    peak_pressure: np.ndarray
+
+
+@dataclass(frozen=True)
+class Paired:
+    """The answer of one discretisation (arrays per ball of the model).
+
+    ``transfer`` (balls,) [1/N] is what of the correction of T / Q^2 may not carry over; ``force_transfer`` (balls,) the
+    same of Q or D, relative; ``weight`` (balls,) is c.
+    """
+
+    normal_force: np.ndarray
+    approach: np.ndarray
+    per_squared_force: np.ndarray
+    transfer: np.ndarray
+    force_transfer: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def tangential_force(self) -> np.ndarray:
+        """T (balls, 2) [N]."""
+        return self.per_squared_force * self.normal_force[:, None] ** 2
+
+
+def unpaired(own: ContactState) -> Paired:
+    """Return what the discretisation itself says."""
+    none = np.zeros(len(own.normal_force))
+    return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none)
+
+
+def paired(own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool) -> Paired:
+    """Return the answer for the finite-strain state ``own``.
+
+    ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero. What may not carry over is the
+    difference between taking the correction off as a difference and as a ratio.
+    """
+    linear = ratio(truth.tangential_force, truth.normal_force[:, None] ** 2)
+    correction = linear - small.per_squared_force
+    largest = np.maximum(
+        np.maximum(_length(own.per_squared_force), _length(small.per_squared_force)), np.maximum(scale, 1e-300)
+    )
+    unlike = _length(own.per_squared_force - small.per_squared_force) / largest
+    weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
+    transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), UNSURE, 1.0)
+    if forces_given:
+        factor = np.ones_like(weight)
+        shift = weight * (truth.approach - small.approach)
+    else:
+        factor = ratio(truth.normal_force, small.normal_force, empty=1.0) ** weight
+        shift = np.zeros_like(weight)
+    known, own_value, small_value = (
+        (truth.approach, own.approach, small.approach)
+        if forces_given
+        else (truth.normal_force, own.normal_force, small.normal_force)
+    )
+    apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), UNSURE)
+    share = np.abs(ratio(known, small_value, empty=1.0) - 1.0) * apart
+    return Paired(
+        own.normal_force * factor,
+        own.approach + shift,
+        own.per_squared_force + weight[:, None] * correction,
+        transfer,
+        share,
+        weight,
+    )
+
+
+def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:
+    """Return part over whole, ``empty`` where the whole is zero."""
+    part, whole = np.broadcast_arrays(part, whole)
+    return np.divide(part, whole, out=np.full(part.shape, empty), where=whole != 0.0)
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(vectors, axis=1))

@@ -1,0 +1,231 @@
+"""Frictionless contact of the layer's top with rigid indenters, as an energy of the form language.
+
+Per reference area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the penalty k, <.> the positive part,
+and s = <-g> of an earlier equilibrium, or zero: the augmented Lagrangian with multiplier k s [Alart Curnier 1991,
+doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression of the displacement that it was taken
+from, so it needs no place at quadrature points. Residual, tangent and the forces on the balls follow by
+differentiation: the force on a ball is the derivative of the potential by the ball's position.
+
+One compiled form serves any number of balls: which ball a facet may touch, and that ball's position, radius and
+approach, are constants of the cells below the facets. A facet has two candidates of each kind of indenter, for between
+two balls either may be touched first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.geometry.indenters import gap
+from finite_strain.geometry.symmetry import ModelBall
+from meshes.box import TAGS
+
+CANDIDATES = 2
+"""Balls of one kind that one facet may touch."""
+REACH = 1.5
+"""Horizontal distance of a facet from a ball's axis, over the ball's reach, up to which it may touch (undeformed)."""
+
+
+def positive(value: Any) -> Any:
+    """Return the positive part of an expression."""
+    return ufl.conditional(ufl.gt(value, 0), value, 0)
+
+
+class _Slot:
+    """A candidate ball of every cell: its number ``balls`` (cells,), -1 for none, its constants, and what follows."""
+
+    def __init__(self, contact: Contact, kind: Any, space: Any, balls: np.ndarray) -> None:
+        self.kind, self.balls = kind, balls
+        names = ("x", "y", "radius", "approach", "earlier", "penalty", "chosen")
+        self.fields = {name: dolfinx.fem.Function(space, name=name) for name in names}
+        self.x, self.y, self.approach = (ufl.variable(self.fields[name]) for name in ("x", "y", "approach"))
+        self.gap = self._gap(contact, contact.displacement, self.approach)
+        self.overlap = positive(-self._gap(contact, contact.earlier, self.fields["earlier"])) * contact.augmented
+        self.pressed = positive(self.overlap - self.gap)
+        self.pressure = self.fields["penalty"] * self.pressed
+        self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2)
+
+    def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
+        X = ufl.SpatialCoordinate(contact.mesh)
+        offset = (X[0] - self.x, X[1] - self.y, X[2])
+        if contact.angle and not isinstance(self.kind, str):  # a body of its own keeps its place in the scene's frame
+            offset, displacement = (_turned(vector, contact.angle) for vector in (offset, displacement))
+        return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
+
+    def set(self, name: str, per_ball: np.ndarray, default: float = 0.0) -> None:
+        """Give every cell the value of its ball, ``default`` where it has none."""
+        self.fields[name].x.array[:] = np.append(np.asarray(per_ball, dtype=float), default)[self.balls]
+
+
+class Contact:
+    """The contact energy of all balls of a model and what follows from it; ``balls`` are numbered as given.
+
+    ``angle`` is that of the model's frame in the scene's.
+    """
+
+    def __init__(
+        self, displacement: Any, facet_tags: Any, balls: Sequence[ModelBall], finite: bool, degree: int,
+        angle: float = 0.0,
+    ) -> None:  # fmt: skip
+        space = displacement.function_space
+        self.mesh, self.balls, self.finite = space.mesh, tuple(balls), finite
+        self.angle = angle
+        self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
+        self.augmented, self._stiffer = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0)), 1.0
+        self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
+        self.slots = self._make_slots()
+        near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
+        marked = np.sort(self.facets[near]).astype(np.int32)
+        tags = dolfinx.mesh.meshtags(self.mesh, 2, marked, np.ones(len(marked), dtype=np.int32))
+        measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
+        self.measure = measure(1)
+        for name, values, default in (
+            ("x", [ball.position[0] for ball in balls], 0.0),
+            ("y", [ball.position[1] for ball in balls], 0.0),
+            ("radius", [ball.radius for ball in balls], 1.0),
+        ):
+            for slot in self.slots:
+                slot.set(name, np.array(values), default)
+        self.approaches = np.zeros(len(balls))
+        self.set_approaches(self.approaches)
+
+    def _make_slots(self) -> list[_Slot]:
+        """Give every cell below the top the balls that it may touch, the nearest to touching first."""
+        index_map = self.mesh.topology.index_map(3)
+        constants = compat.function_space(self.mesh, 0, discontinuous=True)
+        corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells, :8]]
+        slots = []
+        for kind in dict.fromkeys(ball.shape for ball in self.balls):
+            numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
+            centres = np.array([self.balls[n].position for n in numbers])
+            radii = np.array([self.balls[n].radius for n in numbers])
+            distances = np.linalg.norm(corners[:, None, :, :2] - centres[None, :, None], axis=-1)
+            heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
+            heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
+            order = np.argsort(heights, axis=1)
+            for rank in range(min(CANDIDATES, len(numbers))):
+                chosen = order[:, rank]
+                touched = np.isfinite(heights[np.arange(len(chosen)), chosen])
+                balls = np.full(index_map.size_local + index_map.num_ghosts, -1)
+                balls[self.cells[touched]] = numbers[chosen[touched]]
+                slots.append(_Slot(self, kind, constants, balls))
+        return slots
+
+    @property
+    def energy(self) -> Any:
+        """The contact potential [J] as a form."""
+        return sum(slot.density * self.measure for slot in self.slots)
+
+    def set_approaches(self, approaches: np.ndarray) -> None:
+        """Move the balls to approaches (balls,) [m]."""
+        self.approaches = np.array(approaches, dtype=float)
+        for slot in self.slots:
+            slot.set("approach", self.approaches)
+
+    def set_penalties(self, penalties: np.ndarray) -> None:
+        """Give each ball its penalty (balls,) [Pa/m]."""
+        for slot in self.slots:
+            slot.set("penalty", penalties)
+
+    def augment(self, stiffer: float) -> None:
+        """Take the multipliers from the present state, found without any; make the penalties stiffer by a factor.
+
+        That state stays an equilibrium until `close_gaps` is called.
+        """
+        self.earlier.x.array[:] = self.displacement.x.array
+        self._stiffer = stiffer
+        for slot in self.slots:
+            slot.set("earlier", self.approaches)
+            slot.fields["penalty"].x.array[:] *= stiffer
+        self.close_gaps(0.0)
+
+    def close_gaps(self, part: float) -> None:
+        """Ask the augmented state to give up a part, 0 to 1, of the penetration that its multipliers come from."""
+        self.augmented.value = 1.0 / self._stiffer - 1.0 + part
+
+    def forget_multipliers(self) -> None:
+        """Set the multipliers to zero."""
+        self.augmented.value = 0.0
+
+    def choose(self, balls: np.ndarray) -> None:
+        """Have the forms of `per_ball` count the balls with these weights (balls,)."""
+        for slot in self.slots:
+            slot.set("chosen", balls)
+
+    def force_form(self, axis: int) -> Any:
+        """Return the form of the chosen balls' in-plane force (axis 0, 1) or normal force (axis 2) [N].
+
+        It is the derivative of the potential by the ball's position, with the sign of the force on the ball.
+        """
+        total = 0
+        for slot in self.slots:
+            variable = (slot.x, slot.y, slot.approach)[axis]
+            sign = 1 if axis == 2 else -1
+            total += sign * slot.fields["chosen"] * ufl.diff(slot.density, variable) * self.measure
+        return total
+
+    def stiffness_form(self) -> Any:
+        """Return the form of the second derivative of the potential by the chosen balls' approaches [N/m]."""
+        return sum(
+            slot.fields["chosen"] * ufl.diff(ufl.diff(slot.density, slot.approach), slot.approach) * self.measure
+            for slot in self.slots
+        )
+
+    def configurational_form(self, weight: Any, axis: Any) -> Any:
+        """Return the surface terms of the domain integral for the chosen ball's force along ``axis`` (3,) [N].
+
+        With the weight q they are -int w q,k - int (c - q) dw/dx_k, where c is 1 for the chosen ball, 0 for others, and
+        x_k the ball's position; both vanish where q = c on the contacts.
+        """
+        total = 0
+        for slot in self.slots:
+            slope = axis[0] * ufl.diff(slot.density, slot.x) + axis[1] * ufl.diff(slot.density, slot.y)
+            total += -slot.density * ufl.dot(axis, ufl.grad(weight)) * self.measure
+            total += -(slot.fields["chosen"] - weight) * slope * self.measure
+        return total
+
+    def area_form(self, stretch: Any) -> Any:
+        """Return the form of the chosen balls' contact area [m^2], for the area ratio of the deformed surface."""
+        return sum(
+            slot.fields["chosen"] * ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0) * self.measure
+            for slot in self.slots
+        )
+
+    def mean_gap_forms(self) -> tuple[Any, Any]:
+        """Return the forms of the chosen balls' int p g [N m] and int p [N] over the undeformed surface."""
+        moment, force = 0, 0
+        for slot in self.slots:
+            pressure = slot.fields["chosen"] * slot.pressure
+            moment += pressure * slot.gap * self.measure
+            force += pressure * self.measure
+        return moment, force
+
+    def pressure(self) -> Any:
+        """Return the contact pressure per undeformed area [Pa], an expression of the cells below the top."""
+        return sum(slot.pressure for slot in self.slots)
+
+    def penetration(self) -> Any:
+        """Return how deep the surface lies inside a ball that presses on it [m], an expression likewise."""
+        return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
+
+
+def _turned(vector: Any, angle: float) -> tuple[Any, Any, Any]:
+    """Return a vector of the model's frame in the scene's axes."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]
+
+
+def _top_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the top facets whose cell this rank owns, and these cells."""
+    mesh.topology.create_connectivity(2, 3)
+    links = mesh.topology.connectivity(2, 3)
+    cells = np.array([links.links(facet)[0] for facet in facets], dtype=np.int32)
+    owned = cells < mesh.topology.index_map(3).size_local
+    return np.asarray(facets)[owned], cells[owned]

@@ -1,0 +1,1 @@
+"""The discrete layer: spaces, unknowns, regions, residual and tangent, and states that leave their mesh."""

@@ -1,0 +1,127 @@
+"""A state taken off its mesh: it can be evaluated anywhere, so that other meshes and later runs start from it.
+
+Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no
+numbering, number of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from finite_strain import compat
+from finite_strain.discretisation.lattice import order_of
+from finite_strain.discretisation.unknowns import Fields, Values
+from linear_bem.errors import OutputUnusable
+
+INSIDE = 1e-8
+"""How far outside a cell, in its own coordinates, a point still counts as inside."""
+_ROUNDS = 8
+"""Most iterations to find a place in a cell."""
+BULGE = 0.05
+"""How far a curved cell may reach beyond the box of its nodes, over the box's sides."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and values (cells, nodes, components) of each field.
+
+    ``approaches`` (balls,) [m] belong to it.
+    """
+
+    fraction: float
+    nodes: np.ndarray
+    values: tuple[np.ndarray, ...]
+    approaches: np.ndarray
+
+    @classmethod
+    def take(cls, fraction: float, fields: Fields, approaches: np.ndarray) -> Snapshot:
+        """Return the present state of a model's fields, on every rank (collective)."""
+        mesh = fields.displacement.function_space.mesh
+        owned = mesh.topology.index_map(3).size_local
+        parts = [mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]]
+        for function in fields.functions:
+            size = function.function_space.dofmap.index_map_bs
+            parts.append(function.x.array.reshape(-1, size)[compat.cell_dofs(function.function_space)[:owned]])
+        gathered = mesh.comm.allgather(parts)
+        nodes, *values = (np.concatenate(pieces) for pieces in zip(*gathered, strict=True))
+        return cls(fraction, nodes, tuple(values), np.array(approaches, dtype=float))
+
+    def at(self, fields: Fields) -> Values:
+        """Return the values of a model's fields that this state has at their nodes (this rank's, ghosts included)."""
+        answer: list[np.ndarray] = []
+        cells: np.ndarray | None = None
+        for number, points in enumerate(fields.points):
+            if number == 0 or len(points) != len(fields.points[number - 1]):
+                cells, places = self._locate(points)
+            assert cells is not None
+            answer.append(self._evaluate(number, cells, places))
+        return (answer[0], *(values.ravel() for values in answer[1:]))
+
+    def _locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the cell (n,) that holds each point (n, 3) [m], and the point's place in it (n, 3), within [0, 1]."""
+        cells, places = np.full(len(points), -1), np.zeros((len(points), 3))
+        violation = np.full(len(points), np.inf)
+        low, high = self.nodes.min(axis=1), self.nodes.max(axis=1)
+        slack = BULGE * (high - low)
+        order = np.argsort(points[:, 0], kind="stable")
+        sorted_x = points[order, 0]
+        for cell, nodes in enumerate(self.nodes):
+            begin, end = np.searchsorted(sorted_x, [low[cell, 0] - slack[cell, 0], high[cell, 0] + slack[cell, 0]])
+            near = order[begin:end]
+            box = np.all((points[near] >= low[cell] - slack[cell]) & (points[near] <= high[cell] + slack[cell]), axis=1)
+            near = near[box]
+            near = near[violation[near] > INSIDE]
+            if not len(near):
+                continue
+            place = _inverted(nodes, points[near])
+            outside = np.maximum(np.maximum(-place, place - 1.0).max(axis=1), 0.0)
+            better = outside < violation[near]
+            chosen = near[better]
+            cells[chosen], places[chosen], violation[chosen] = cell, place[better], outside[better]
+        if len(points) and violation.max() > 1e-3:
+            raise OutputUnusable("a saved state belongs to another scene: some nodes lie outside its mesh")
+        return cells, np.clip(places, 0.0, 1.0)
+
+    def _evaluate(self, number: int, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
+        values = self.values[number]
+        order = order_of(values.shape[1])
+        answer = np.empty((len(cells), values.shape[2]))
+        for begin in range(0, len(cells), 4096):
+            part = slice(begin, begin + 4096)
+            shapes = compat.lagrange_element(order).tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
+            answer[part] = np.einsum("na,nak->nk", shapes, values[cells[part]])
+        return answer
+
+    def save(self, path: Path) -> None:
+        """Write the state to a file, as a whole or not at all (one rank)."""
+        draft = path.with_suffix(".part")
+        with draft.open("wb") as file:
+            named = {f"values{number}": values for number, values in enumerate(self.values)}
+            np.savez(file, fraction=self.fraction, nodes=self.nodes, approaches=self.approaches, **named)
+        draft.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Snapshot:
+        """Return the state in a file; raises `OutputUnusable`."""
+        try:
+            with np.load(path) as saved:
+                values = [saved[f"values{number}"] for number in range(len(saved.files) - 3)]
+                return cls(float(saved["fraction"]), saved["nodes"], tuple(values), saved["approaches"])
+        except (OSError, ValueError, KeyError) as error:
+            raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+
+
+def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the places (n, 3) of points in a cell with nodes (8 or 27, 3), by Newton's method."""
+    place, element = np.full(points.shape, 0.5), compat.lagrange_element(order_of(len(nodes)))
+    for _ in range(_ROUNDS):
+        shapes, *slopes = element.tabulate(1, np.clip(place, -0.5, 1.5)).reshape(4, len(points), -1)
+        jacobian = np.einsum("kna,ai->nik", slopes, nodes)
+        step = np.linalg.solve(jacobian, (shapes @ nodes - points)[..., None])[..., 0]
+        place = place - step
+        if np.abs(step).max() < 1e-13:
+            break
+    return place

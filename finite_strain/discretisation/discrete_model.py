@@ -1,0 +1,306 @@
+"""The discrete layer: a displacement of order p on hexahedra, bulk energy and contact energy by forms.
+
+The total potential is the sum of the bulk's strain energy and the contact potential; its first and second derivatives
+are residual and tangent. A nearly incompressible region adds a pressure of order p - 1, in which the potential is
+stationary too. Nothing here knows how they are driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.contact.contact_energy import Contact
+from finite_strain.discretisation.regions import Bulk, elastic_constants, make_bulks, nothing_where_idle
+from finite_strain.discretisation.unknowns import Fields
+from finite_strain.geometry.symmetry import Reduction
+from finite_strain.mechanics.kinematics import Finite, Kinematics
+from finite_strain.mechanics.volumetric import Volumetric
+from linear_bem.problem import Problem
+from meshes.box import TAGS
+
+_PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
+CONTACT_DEGREE = 6
+"""Degree of the facet rule beyond 2p: the pressure has a kink inside a facet; more changes T by less than 0.1 %."""
+
+Meshed = tuple[Any, Any, Any]
+"""Mesh, cell tags, facet tags."""
+
+
+class Model:
+    """Energy, residual and tangent of the reduced scene on one mesh; collective over the mesh's communicator."""
+
+    def __init__(self, problem: Problem, reduction: Reduction, kinematics: Kinematics, meshed: Meshed, order: int):
+        self.mesh, self.cell_tags, self.facet_tags = meshed
+        self.comm = self.mesh.comm
+        self.reduction, self.kinematics, self.order = reduction, kinematics, order
+        self.is_finite = isinstance(kinematics, Finite)
+        self.space = compat.function_space(self.mesh, order, (3,))
+        self.displacement = dolfinx.fem.Function(self.space, name="displacement")
+        self.linear_space = compat.function_space(self.mesh, 1)
+        self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
+        self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
+        self._length = min(ball.radius for ball in problem.balls)
+        degree = 2 * order + CONTACT_DEGREE
+        self.contact = Contact(
+            self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
+        )
+        self.bcs = self._make_constraints()
+        self._compile()
+
+    def _make_constraints(self) -> list[Any]:
+        """Clamp the bottom; let the sides slide without leaving their plane (so they mirror the scene)."""
+        zero = PETSc.ScalarType(0.0)
+        bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
+        self._bottom = bottom
+        bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), bottom, self.space)]
+        for name, axis in _PLANES.items():
+            facets = self.facet_tags.find(TAGS[name])
+            component = self.space.sub(axis)
+            dofs = dolfinx.fem.locate_dofs_topological(component, 2, facets)
+            bcs.append(dolfinx.fem.dirichletbc(zero, dofs, component))
+        index_map = self.space.dofmap.index_map
+        self.constrained = np.zeros((index_map.size_local + index_map.num_ghosts, 3), dtype=bool)
+        for bc in bcs:
+            self.constrained.reshape(-1)[compat.constrained_dofs(bc)] = True
+        for bulk in self.bulks:
+            if bulk.pressure is not None:
+                bcs.append(dolfinx.fem.dirichletbc(zero, bulk.idle, bulk.pressure.function_space))
+        return bcs
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether some region has a pressure unknown: the equilibrium is then a saddle point of the potential."""
+        return bool(self.fields.pressures)
+
+    def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
+        """Return mu and the volumetric energy of a region, as its kinematics takes them."""
+        return elastic_constants(bulk, self.mesh, self._length)
+
+    def volume_integral(self, density: Any) -> Any:
+        """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
+        gradient = ufl.grad(self.displacement)
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+        total = 0
+        for bulk in self.bulks:
+            variable = ufl.variable(gradient)
+            psi = self.kinematics.energy_density(variable, *self.constants(bulk))
+            total += density(psi, variable) * measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
+        return total
+
+    def _compile(self) -> None:
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+        bulk = self.volume_integral(lambda psi, _: psi)
+        idle = nothing_where_idle(self.bulks, self.mesh, measure)
+        u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        fields = self.fields.functions
+        residuals = [ufl.derivative(bulk + idle, f, ufl.TestFunction(f.function_space)) for f in fields]
+        tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
+        contact = ufl.derivative(self.contact.energy, u, test)
+        self._strain_energy = self.compile(bulk)
+        self._contact_energy = self.compile(self.contact.energy)
+        self._bulk_residual, *self._volume_residuals = (self.compile(r) for r in residuals)
+        self._contact_residual = self.compile(contact)
+        # at small strain the bulk's part never changes and is kept; the contact's is added to it
+        pressed = ufl.derivative(contact, u, trial)
+        self._keeps_bulk = not (self.is_finite or self.is_mixed)
+        self._contact_tangent = self.compile(pressed) if self._keeps_bulk else None
+        if not self._keeps_bulk:
+            tangents[0][0] += pressed
+        self._tangent = [[self.compile(t) for t in row] for row in tangents]
+        self._border = self.compile(ufl.derivative(self.contact.force_form(2), u, test))
+        self._stiffness = self.compile(self.contact.stiffness_form())
+        self._forces = [self.compile(self.contact.force_form(axis)) for axis in range(3)]
+        self._mean_gap = [self.compile(form) for form in self.contact.mean_gap_forms()]
+        self._area = self.compile(self.contact.area_form(self._stretch()))
+        create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
+        self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._linear: PETSc.Mat | None = None
+        self._work = compat.ghosted_vector(self._bulk_residual, self.space)
+        spaces = [pressure.function_space for pressure in self.fields.pressures]
+        self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
+
+    def compile(self, form: Any) -> Any:
+        """Return the compiled form (collective)."""
+        return compat.compile_form(form, self.comm)
+
+    def unity(self) -> Any:
+        """Return one, as a constant of the mesh."""
+        return dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(1.0))
+
+    def _stretch(self) -> Any:
+        """Return the ratio of deformed to undeformed area of the top; 1 at small strain."""
+        if not self.is_finite:
+            return self.unity()
+        F = ufl.Identity(3) + ufl.grad(self.displacement)
+        normal = ufl.cross(F[:, 0], F[:, 1])
+        return ufl.sqrt(ufl.dot(normal, normal))
+
+    @property
+    def contact_pressure_expression(self) -> Any:
+        """The contact pressure per deformed area [Pa], for the cells below the top."""
+        return self.contact.pressure() / self._stretch()
+
+    def close(self) -> None:
+        """Free the matrices and the work vectors (collective)."""
+        for item in (self.matrix, self._linear, self._work, *self._volume_work):
+            if item is not None:
+                item.destroy()
+        compat.free_dropped_objects(self.comm)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement components and pressures on all ranks."""
+        return int(self.matrix.getSize()[0])
+
+    @property
+    def nodal(self) -> np.ndarray:
+        """Nodal displacements (nodes, 3) [m] of this rank, ghosts included; a view."""
+        return self.displacement.x.array.reshape(-1, 3)
+
+    def total(self, form: Any) -> float:
+        """Return a compiled functional summed over ranks (collective)."""
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(form), op=MPI.SUM))
+
+    def strain_energy(self) -> float:
+        """Return the strain energy [J] of the simulated part (collective)."""
+        return self.total(self._strain_energy)
+
+    def energy(self) -> float:
+        """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
+        local = dolfinx.fem.assemble_scalar(self._strain_energy) + dolfinx.fem.assemble_scalar(self._contact_energy)
+        return float(self.comm.allreduce(local, op=MPI.SUM))
+
+    def forces(self) -> np.ndarray:
+        """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
+
+        Whole balls, but along axes that a symmetry fixes.
+        """
+        values = self._per_ball(self._forces)
+        for number, ball in enumerate(self.contact.balls):
+            values[number, list(ball.fixed_axes)] = 0.0
+        return values
+
+    def part_forces(self) -> np.ndarray:
+        """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
+        return np.asarray(self.forces()[:, 2] / np.array([ball.copies for ball in self.contact.balls]))
+
+    def contact_areas(self) -> np.ndarray:
+        """Return the contact area (balls,) [m^2] of whole balls (collective)."""
+        return self._per_ball([self._area])[:, 0]
+
+    def mean_gaps(self) -> np.ndarray:
+        """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
+        moment, force = self._per_ball(self._mean_gap).T
+        return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)
+
+    def _per_ball(self, forms: list[Any]) -> np.ndarray:
+        """Return compiled functionals of the chosen ball (balls, forms), for whole balls (collective)."""
+        values = np.zeros((len(self.contact.balls), len(forms)))
+        for number, ball in enumerate(self.contact.balls):
+            self.contact.choose(np.eye(len(values))[number])
+            values[number] = [ball.copies * dolfinx.fem.assemble_scalar(form) for form in forms]
+        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+
+    def bulk_residual(self) -> np.ndarray:
+        """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""
+        return self._summed([self._bulk_residual])
+
+    def residual(self, b: PETSc.Vec) -> None:
+        """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
+        self._store_free(self._summed([self._bulk_residual, self._contact_residual]), b)
+        if self.is_mixed:
+            b.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self.volume_residual()
+
+    def border(self, balls: np.ndarray, b: PETSc.Vec) -> float:
+        """Assemble the residual's derivative by a move of the balls (balls,) into b [N]; return the move's stiffness.
+
+        The stiffness is the second derivative of the contact potential by the move [N/m], at fixed displacement.
+        """
+        self.contact.choose(balls)
+        self._store_free(self._summed([self._border]), b)
+        self.contact.choose(balls**2)
+        return self.total(self._stiffness)
+
+    def volume_residual(self) -> np.ndarray:
+        """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
+        return self._by_pressure(self._volume_residuals)
+
+    def volume_weights(self, bound: float) -> np.ndarray:
+        """Return kappa over the lumped mass of every pressure [m/N], this rank's own: see `Merit`.
+
+        kappa is the first Lame constant, but at most ``bound`` shear moduli.
+        """
+        forms, factors = [], []
+        for bulk in self.bulks:
+            if bulk.pressure is not None:
+                test = ufl.TestFunction(bulk.pressure.function_space)
+                measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
+                forms.append(self.compile(test * measure(bulk.tag)))
+                unit = bulk.solid.shear_modulus / self._length
+                factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
+        volumes = self._by_pressure(forms)
+        owned = self.fields.owned[1:]
+        return np.divide(np.repeat(factors, owned), volumes, out=np.zeros_like(volumes), where=volumes > 0.0)
+
+    def _by_pressure(self, forms: list[Any]) -> np.ndarray:
+        """Return linear forms of the pressures' test functions, summed over ranks, at this rank's own pressures."""
+        parts = []
+        idle_dofs = [bulk.idle for bulk in self.bulks if bulk.idle is not None]
+        for form, work, idle in zip(forms, self._volume_work, idle_dofs, strict=True):
+            values = assembled(work, [form])
+            values[idle[idle < len(values)]] = 0.0
+            parts.append(values)
+        return np.concatenate(parts)
+
+    def base_reaction(self) -> float:
+        """Return the normal force [N] that the bottom returns to the simulated part (collective)."""
+        residual = self.bulk_residual()
+        held = self._bottom[self._bottom < len(residual)]
+        return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
+
+    def tangent(self) -> None:
+        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
+        matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
+        if self.is_mixed:
+            matrix.zeroEntries()
+            compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
+        elif self._linear is None:
+            matrix.zeroEntries()
+            assemble(matrix, self._tangent[0][0], self.bcs)
+        else:
+            self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        if self._keeps_bulk:
+            if self._linear is None:
+                matrix.assemble()
+                self._linear = matrix.duplicate(copy=True)
+            assemble(matrix, self._contact_tangent, self.bcs)
+        matrix.assemble()
+
+    def _summed(self, forms: list[Any]) -> np.ndarray:
+        """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""
+        return assembled(self._work, forms).reshape(-1, 3)
+
+    def _store_free(self, values: np.ndarray, b: PETSc.Vec) -> None:
+        """Put forces [N] on this rank's own nodes into b, zero where constrained and in the pressures' rows."""
+        values[self.constrained[: len(values)]] = 0.0
+        b.array[:] = 0.0
+        b.array[self.fields.ranges[0]] = values.ravel()
+
+
+def assembled(work: PETSc.Vec, forms: list[Callable[..., Any]]) -> np.ndarray:
+    """Return the sum of linear forms, over ranks, at this rank's own entries; ``work`` is a ghosted vector."""
+    with work.localForm() as local:
+        local.set(0.0)
+    for form in forms:
+        dolfinx.fem.petsc.assemble_vector(work, form)
+    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return np.array(work.array_r)

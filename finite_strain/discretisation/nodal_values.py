@@ -1,0 +1,77 @@
+"""What is known inside the cells, at their nodes: gradients there, and averages over the cells that share a node.
+
+Gradients jump between cells. Each cell counts by the volume that it has at the node, as in a projection onto the
+nodes with lumped masses.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.discretisation.lattice import Lattice, derivatives_of, order_of
+
+
+class CellNodes:
+    """The n nodes of each of the c cells that this rank owns, in a Lagrange vector space on hexahedra."""
+
+    def __init__(self, space: Any) -> None:
+        self.space, self.lattice = space, Lattice.of(space)
+        self._work = dolfinx.fem.Function(space)
+        mesh = space.mesh
+        owned = mesh.topology.index_map(3).size_local
+        self.dofs = compat.cell_dofs(space)[:owned]
+        nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
+        jacobian = _by_reference(derivatives_of(order_of(nodes.shape[1]), self.lattice.points), nodes)
+        self.volumes = np.abs(np.linalg.det(jacobian))
+        """(c, n) volume per reference volume [m^3]."""
+        self._to_reference = np.linalg.inv(jacobian)
+
+    def gradient(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the gradient (c, n, 3, 3) of displacements ``nodal`` (local nodes, 3) [m] at the cells' nodes."""
+        return _by_reference(self.lattice.derivatives, nodal[self.dofs]) @ self._to_reference
+
+    def averaged(self, regions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Return values (local nodes, k), ghosts included, of what the cells of each region have at their nodes.
+
+        A region is its owned cells (m,) and values (m, n, k); zero where no region is. Where regions meet, the first
+        one's values count (collective).
+        """
+        answer = np.zeros((len(self._work.x.array) // 3, regions[0][1].shape[2]))
+        taken = np.zeros(len(answer), dtype=bool)
+        for cells, values in regions:
+            weights = self.volumes[cells][:, :, None]
+            sums = self._summed(cells, np.concatenate([values * weights, weights], axis=2))
+            new = (sums[:, -1] > 0.0) & ~taken
+            answer[new] = sums[new, :-1] / sums[new, -1:]
+            taken |= new
+        return answer
+
+    def _summed(self, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return the sums (nodes, k) over all ranks' cells of values (m, n, k) at this rank's nodes."""
+        vector, work = compat.vector_of(self._work), self._work.x.array.reshape(-1, 3)
+        answer = np.zeros((len(work), values.shape[2]))
+        np.add.at(answer, self.dofs[cells], values)
+        for begin in range(0, answer.shape[1], 3):
+            part = answer[:, begin : begin + 3]
+            work[:, : part.shape[1]] = part
+            vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+            part[:] = work[:, : part.shape[1]]
+        return answer
+
+
+def smallest_volume_ratio(space: Any, nodal: np.ndarray) -> float:
+    """Return the smallest det(I + grad u) at the nodes of all cells, of displacements (local nodes, 3) (collective)."""
+    ratios = np.linalg.det(np.eye(3) + CellNodes(space).gradient(nodal))
+    return float(space.mesh.comm.allreduce(float(ratios.min(initial=np.inf)), op=MPI.MIN))
+
+
+def _by_reference(derivatives: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return derivatives (c, n, 3, 3) by the reference coordinates, the last index, of cells' values (c, a, 3)."""
+    return (derivatives @ values[:, None]).transpose(0, 2, 3, 1)

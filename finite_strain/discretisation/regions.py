@@ -1,0 +1,69 @@
+"""The elastic regions of a mesh: layer and substrate, each with its constants and the form of its elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.discretisation.unknowns import idle_dofs
+from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, is_mixed
+from linear_bem.problem import Elastic, Problem
+from meshes.box import TAGS
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """A region of the mesh, its elastic constants, and where it is in mixed form its pressure unknown [m].
+
+    ``idle`` are the pressure's local dofs that no cell of the region touches; they are held at zero.
+    """
+
+    tag: int
+    solid: Elastic
+    pressure: Any = None
+    idle: np.ndarray | None = None
+
+
+def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
+    """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions."""
+    bulks = []
+    for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
+        if solid is None:
+            continue
+        pressure = idle = None
+        if is_mixed(problem, name):  # on a space of its own, by which its constraints are told from another's
+            pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
+            idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
+        bulks.append(Bulk(TAGS[name], solid, pressure, idle))
+    return bulks
+
+
+def constant(mesh: Any, value: float) -> Any:
+    """Return a constant of the mesh, so that one compiled form serves every value."""
+    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))
+
+
+def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volumetric]:
+    """Return mu and the volumetric energy; ``length`` [m] is what a pressure unknown is measured by."""
+    solid = bulk.solid
+    shear = constant(mesh, solid.shear_modulus)
+    if bulk.pressure is None:
+        return shear, Compressible(constant(mesh, solid.lame_first))
+    unit = constant(mesh, solid.shear_modulus / length)
+    return shear, Mixed(unit * bulk.pressure, constant(mesh, 1.0 / solid.lame_first))
+
+
+def nothing_where_idle(bulks: list[Bulk], mesh: Any, measure: Any) -> Any:
+    """Return zero, written so that a pressure's idle unknowns outside its region have a place in the matrix."""
+    terms = (
+        constant(mesh, 0.0) * bulk.pressure**2 * measure(other.tag, metadata={"quadrature_degree": 0})
+        for bulk in bulks
+        for other in bulks
+        if bulk.pressure is not None and bulk is not other
+    )
+    return sum(terms, 0)

@@ -1,0 +1,160 @@
+"""Newton's linear systems in PETSc: what a solver must be told beyond options, and factors where it fails.
+
+The rigid motions go to multigrid. The mixed form is split into displacement and pressure, and the pressure's Schur
+complement is likened to its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.regions import nothing_where_idle
+from finite_strain.equilibrium.solver_options import FACTORS, PREFIX, Choice, choose
+from finite_strain.mechanics.volumetric import Mixed
+from linear_bem.errors import InvalidProblem
+
+FALLBACK = f"{PREFIX}fallback_"
+"""Prefix of the options of the factors that stand in where the Krylov method fails."""
+_written: dict[str, str] = {}
+"""Options of ours in PETSc's database, which a solver of another form or size replaces; a user's own stay."""
+_open: set[int] = set()
+"""Solvers that are not closed yet and may still ask the database."""
+
+
+def given_options() -> dict[str, str]:
+    """Return the user's own options of our prefix."""
+    every = PETSc.Options(PREFIX).getAll()
+    return {key: value for key, value in every.items() if _written.get(key) != value}
+
+
+def install(options: Mapping[str, str]) -> None:
+    """Put options of ours into PETSc's database in place of those put there before; the user's own win."""
+    database, given = PETSc.Options(PREFIX), given_options()
+    for key in [key for key in _written if key not in given]:
+        database.delValue(key)
+    _written.clear()
+    for key, value in options.items():
+        if key not in given:
+            database[key] = value
+            _written[key] = value
+
+
+def choose_for(model: Model) -> Choice:
+    """Return the solver for a model's systems, by its size and form and the user's options."""
+    PETSc.Options(PREFIX).hasName("direct_up_to")  # ours alone: PETSc would report an option that nobody asked for
+    return choose(model.unknowns, model.is_mixed, given_options())
+
+
+class LinearSolver:
+    """The Krylov method or factors of one model's tangent, for Newton's solver and by itself."""
+
+    def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
+        self.model, self.ksp, self.choice = model, ksp, choice
+        self._owned: list[Any] = []
+        self._fallback: set[str] = set()
+        _open.add(id(self))
+        if choice.direct:
+            return
+        motions = self._rigid_motions()
+        self._owned.append(motions)
+        if not model.is_mixed:
+            model.matrix.setNearNullSpace(motions)
+        elif choice.options["pc_type"] == "fieldsplit":
+            self._split(motions)
+
+    def close(self) -> None:
+        """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too.
+
+        Options of ours leave the database with the last solver: PETSc 3.22 reports at its end those nobody asked for.
+        """
+        for item in (self.ksp, *self._owned):
+            item.destroy()
+        _open.discard(id(self))
+        if not _open:
+            install({})
+        for key in self._fallback:
+            PETSc.Options(FALLBACK).delValue(key)
+
+    def factors(self) -> PETSc.KSP:
+        """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""
+        database = PETSc.Options(FALLBACK)
+        for key, value in FACTORS.items():
+            if not database.hasName(key):
+                database[key] = value
+                self._fallback.add(key)
+        ksp = PETSc.KSP().create(self.model.comm)
+        ksp.setOptionsPrefix(FALLBACK)
+        ksp.setFromOptions()
+        return ksp
+
+    def _rigid_motions(self) -> PETSc.NullSpace:
+        """Return the six rigid motions of the undeformed nodes."""
+        points = self.model.fields.points[0][: self.model.fields.owned[0]]
+        coordinates = PETSc.Vec().create(self.model.comm)
+        coordinates.setSizes((points.size, PETSc.DECIDE), bsize=3)
+        coordinates.setUp()
+        coordinates.array[:] = np.ascontiguousarray(points).ravel()
+        motions = PETSc.NullSpace().createRigidBody(coordinates)
+        coordinates.destroy()
+        return motions
+
+    def _split(self, motions: PETSc.NullSpace) -> None:
+        model, first = self.model, self.model.matrix.getOwnershipRange()[0]
+        ranges = model.fields.ranges
+        count = ranges[-1].stop - ranges[1].start
+        rows = PETSc.IS().createStride(ranges[0].stop, first, 1, model.comm)
+        rows.setBlockSize(3)
+        rows.compose("nearnullspace", motions)
+        others = PETSc.IS().createStride(count, first + ranges[1].start, 1, model.comm)
+        mass = self._mass_over_stiffness()
+        preconditioner = self.ksp.getPC()
+        preconditioner.setType("fieldsplit")
+        preconditioner.setFieldSplitIS(("displacement", rows), ("pressure", others))
+        preconditioner.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, mass)
+        self._owned += [rows, others, mass]
+
+    def _mass_over_stiffness(self) -> PETSc.Mat:
+        """Return -(1/mu + 1/lambda) times the pressures' mass matrix, in their own unknowns; identity where idle."""
+        model = self.model
+        measure = ufl.Measure("dx", domain=model.mesh, subdomain_data=model.cell_tags)
+        energy = nothing_where_idle(model.bulks, model.mesh, measure)
+        for bulk in model.bulks:
+            shear, volumetric = model.constants(bulk)
+            if isinstance(volumetric, Mixed):
+                density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
+                energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2})
+        forms: list[list[Any]] = []
+        pressures = model.fields.pressures
+        for number, pressure in enumerate(pressures):
+            space = pressure.function_space
+            slope = ufl.derivative(energy, pressure, ufl.TestFunction(space))
+            block = ufl.derivative(slope, pressure, ufl.TrialFunction(space))
+            row = [None] * len(pressures)
+            row[number] = compat.compile_form(block, model.comm)
+            forms.append(row)
+        matrix = compat.create_block_matrix(forms)
+        compat.assemble_block_matrix(matrix, forms, model.bcs)
+        matrix.assemble()
+        return matrix
+
+
+def blame_options(error: PETSc.Error) -> None:
+    """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
+    given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
+    if given:
+        said, cause = "", error
+        while (
+            not said and cause is not None
+        ):  # an error in a call back from PETSc is the cause of one with a mere number
+            lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
+            said = next((line for line in reversed(lines) if line and "() at " not in line), "")
+            cause = cause.__cause__ or cause.__context__
+        said = said or str(error).splitlines()[0]
+        raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error

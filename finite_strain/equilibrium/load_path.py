@@ -1,0 +1,213 @@
+"""The load path on one mesh: equilibria at load fractions, with predictor, cut-back and augmentation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from finite_strain.contact.penalty import STIFFENING, penalties
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.unknowns import Values
+from finite_strain.equilibrium.load_control import LoadControl
+from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.geometry.estimates import alone
+from finite_strain.geometry.symmetry import ModelBall
+from linear_bem.errors import NotConverged
+from linear_bem.problem import Problem
+
+RESIDUAL = 1e-9
+"""Residual norm over the normal force at which Newton's method stops."""
+ROUGH = 1e5
+"""How much larger the residual may be where multipliers are still to be added."""
+MOST_STEPS = 16
+"""Most steps in which the penetration of an augmented state is taken off, where one does not do."""
+SHORTEST, GROWTH = 3e-3, 1.5
+"""Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
+SPURIOUS = 0.3
+"""An augmentation that changes a normal force by more than this part has left the solution branch."""
+BACK = 1e-12
+
+
+@dataclass(frozen=True)
+class State:
+    """An equilibrium without multipliers, from which others are predicted: fields, approaches (balls,) [m]."""
+
+    fraction: float
+    values: Values
+    approaches: tuple[float, ...]
+
+
+@dataclass
+class StepRecord:
+    """What one load step took: Newton iterations, new tangents among them, cut-backs.
+
+    ``augmentation_iterations`` are those of the iterations that were made with multipliers. ``augmented`` is False
+    where no equilibrium was found with them: the contact is then as soft as its penalty.
+    """
+
+    fraction: float
+    newton_iterations: int = 0
+    tangents: int = 0
+    augmentation_iterations: int = 0
+    augmented: bool = True
+    cuts: int = 0
+    residual: float = math.nan
+
+
+Predictor = Callable[[float], State | None]
+"""Gives a state near the equilibrium at a load fraction, or None."""
+
+
+class LoadPath:
+    """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction.
+
+    ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
+    usual penalties.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        model: Model,
+        control: LoadControl,
+        solver: NewtonSolver,
+        observe: Callable[[float, int], None] = lambda _fraction, _cuts: None,
+        stiffer: float = 1.0,
+    ) -> None:
+        self.problem, self.model, self.control, self.solver = problem, model, control, solver
+        self._observe, self._stiffer = observe, stiffer
+        self.history: list[State] = []
+
+    def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
+        """Yield after each converged step; all fractions are met in turn, with smaller steps where needed.
+
+        They may fall as well as rise: unloading. The predictor is asked first; where it has nothing to say, or Newton's
+        method fails from there, the states on the path so far are extrapolated. A step leaves the model in equilibrium
+        without multipliers, roughly; `augment` adds these and makes it exact.
+        """
+        for goal in fractions:
+            cuts, predicted = 0, predictor(goal)
+            step = goal - (self.history[-1].fraction if self.history else 0.0)
+            while not self.history or abs(self.history[-1].fraction - goal) > BACK * abs(goal):
+                reached = self.history[-1].fraction if self.history else 0.0
+                fraction = goal if abs(goal - reached) <= abs(step) * (1.0 + BACK) else reached + step
+                self._observe(fraction, cuts)
+                record = StepRecord(fraction, cuts=cuts)
+                try:
+                    self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record)
+                except NotConverged as error:
+                    if predicted is None:
+                        cuts, step = cuts + 1, 0.5 * (fraction - reached)
+                    predicted = None
+                    if abs(step) < SHORTEST * abs(goal):
+                        self._restore()
+                        raise NotConverged(
+                            f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
+                            f"the last good state is at {reached:.4g} of the full load"
+                        ) from error
+                    continue
+                self._remember(fraction)
+                predicted, step = None, GROWTH * step
+                yield record
+
+    def resume(self, history: Sequence[State]) -> None:
+        """Go on from the last states of an earlier run."""
+        self.history = list(history)[-2:]
+        self._restore()
+
+    def augment(self, record: StepRecord) -> bool:
+        """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
+
+        Where none was, the model is back in the state without multipliers.
+        """
+        model, contact = self.model, self.model.contact
+        before, start = model.forces()[:, 2], model.fields.copy()
+        approaches = contact.approaches.copy()
+        contact.augment(STIFFENING)
+        record.augmented, steps = False, 1
+        while steps <= MOST_STEPS and not record.augmented:
+            model.fields.restore(start)
+            contact.set_approaches(approaches)
+            with suppress(NotConverged):
+                for step in range(1, steps + 1):
+                    contact.close_gaps((step - 1) / steps)
+                    self.solver.prepare()
+                    contact.close_gaps(step / steps)
+                    record.augmentation_iterations += self._newton(record, rough=1.0 if step == steps else ROUGH)
+                moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
+                record.augmented = bool(moved.max() <= SPURIOUS)
+            steps *= 4
+        if not record.augmented:
+            self._restore()
+            self._newton(record)
+        return record.augmented
+
+    def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
+        contact = self.model.contact
+        contact.forget_multipliers()
+        prescribed = self.control.approaches(fraction)
+        if start is None:
+            self.model.fields.clear()
+            contact.set_approaches(prescribed)
+        else:
+            self.model.fields.restore(start.values)
+            free = self.control.moves.any(axis=1)
+            contact.set_approaches(np.where(free, start.approaches, prescribed))
+        self._set_penalties()
+        self._newton(record, rough=ROUGH)
+
+    def _set_penalties(self) -> None:
+        contact = self.model.contact
+        contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
+
+    def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
+        """Find equilibrium; return the iterations. Raises `NotConverged`."""
+        approaches = self.model.contact.approaches
+        scale = max(map(self._expected_force, approaches, self.model.contact.balls))
+        done = self.solver.solve(rough * RESIDUAL, scale, record.fraction)
+        record.newton_iterations += done.iterations
+        record.tangents += done.tangents
+        record.residual = done.residual
+        if not math.isfinite(self.model.energy()):  # the residual alone does not see it
+            raise NotConverged("the equilibrium found has elements turned inside out")
+        if not np.max(self.model.forces()[:, 2]) > 0.0:
+            raise NotConverged("no ball touches the layer in the equilibrium found")
+        return done.iterations
+
+    def _expected_force(self, approach: float, ball: ModelBall) -> float:
+        layer, substrate = self.problem.layer, self.problem.substrate
+        return (
+            alone(layer, substrate, ball.shape, ball.radius, approach=approach).normal_force if approach > 0.0 else 0.0
+        )
+
+    def _extrapolated(self, fraction: float, cuts: int) -> State | None:
+        """Return the state to start from: extrapolated from the last two, at every other cut-back the last itself."""
+        if not self.history:
+            return None
+        last = self.history[-1]
+        if len(self.history) < 2 or cuts % 2:
+            return last
+        before = self.history[-2]
+        ratio = (fraction - last.fraction) / (last.fraction - before.fraction)
+        values = tuple(new + ratio * (new - old) for new, old in zip(last.values, before.values, strict=True))
+        ahead = np.array(last.approaches) + ratio * (np.array(last.approaches) - np.array(before.approaches))
+        self.model.fields.restore(values)
+        self.model.contact.set_approaches(ahead)
+        return State(fraction, values, tuple(ahead)) if math.isfinite(self.model.energy()) else last
+
+    def _remember(self, fraction: float) -> None:
+        state = State(fraction, self.model.fields.copy(), tuple(self.model.contact.approaches))
+        self.history = [*self.history[-1:], state]
+
+    def _restore(self) -> None:
+        self.model.contact.forget_multipliers()
+        if self.history:
+            self.model.fields.restore(self.history[-1].values)
+            self.model.contact.set_approaches(np.array(self.history[-1].approaches))
+            self._set_penalties()
+        else:
+            self.model.fields.clear()

@@ -1,0 +1,299 @@
+"""Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
+
+In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `merit.py`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.equilibrium.bordered_system import Border
+from finite_strain.equilibrium.line_search import Merit
+from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
+from finite_strain.equilibrium.load_control import LoadControl
+from finite_strain.equilibrium.solver_options import PREFIX
+from linear_bem.errors import InvalidProblem, NotConverged
+
+_OPTIONS = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "bt",
+    "snes_linesearch_order": "2",
+    "snes_linesearch_minlambda": "1e-3",
+}
+"""Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
+NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
+"""Options of PETSc's that would end Newton's method early."""
+BORDER_TOLERANCE, BORDER_ITERATIONS = 1e-6, 20
+"""Of the Krylov method for the bordered system, which the solver of the tangent preconditions."""
+NEAR, CHORD = 1e-2, 0.2
+"""Residual norm over the force scale, and over the norm before, below which the last tangent serves another iteration.
+
+Such an iteration costs a residual and a back substitution, a thirtieth of one with a tangent of its own.
+"""
+NEAR_END = 1e-5
+"""Residual norm over the force scale below which full steps are taken."""
+STALL = 1e-3
+"""Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
+MOST_ITERATIONS = 25
+"""Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
+
+
+def _reasons() -> dict[int, str]:
+    names = PETSc.SNES.ConvergedReason
+    return {value: name for name, value in vars(names).items() if isinstance(value, int) and not name.startswith("_")}
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """What one Newton solve took: iterations, new tangents among them, and final residual norm [N]."""
+
+    iterations: int
+    tangents: int
+    residual: float
+
+
+@dataclass
+class Effort:
+    """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
+
+    ``residuals`` are the norms [N] that the last Newton solve passed through; ``fallbacks`` counts the systems that the
+    Krylov method left to factors, and the Newton solves that therefore ended with them.
+    """
+
+    seconds_assembly: float = 0.0
+    seconds_solve: float = 0.0
+    tangents: int = 0
+    linear_iterations: int = 0
+    fallbacks: int = 0
+    residuals: list[float] = field(default_factory=list)
+
+
+class NewtonSolver:
+    """Newton's method on a `Model` under a load, keeping its state unless it converges."""
+
+    def __init__(self, model: Model, control: LoadControl, monitor: Callable[[int, float], None] | None = None) -> None:
+        self.model, self.control = model, control
+        self._reasons = _reasons()
+        given = given_options()
+        refused = [name for name in NOT_TAKEN if name in given]
+        if refused:
+            raise InvalidProblem(
+                f"PETSC_OPTIONS: -{PREFIX}{refused[0]} is not taken: Newton's method ends where the residual is 1e-9 "
+                f"of the normal force, got {given[refused[0]]}; leave it out"
+            )
+        self.choice = choose_for(model)
+        self._options = {**_OPTIONS, **self.choice.options}
+        self.effort = Effort()
+        self.snes = PETSc.SNES().create(model.comm)
+        self.snes.setOptionsPrefix(PREFIX)
+        self.border: Border | None = None
+        ksp, operator = self.snes.getKSP(), model.matrix
+        if control.moves.shape[1]:
+            ksp = PETSc.KSP().create(model.comm)
+            ksp.setOptionsPrefix(PREFIX)
+            ksp.setOperators(model.matrix)
+            self.border = Border(model, control.moves, ksp)
+            operator = self.border.matrix
+            outer = self.snes.getKSP()
+            outer.setOptionsPrefix(f"{PREFIX}border_")
+            outer.setType("fgmres")
+            outer.setTolerances(rtol=BORDER_TOLERANCE, max_it=BORDER_ITERATIONS)
+            outer.getPC().setType("python")
+            outer.getPC().setPythonContext(self.border)
+        self.linear = LinearSolver(model, ksp, self.choice)
+        self._x = operator.createVecRight()
+        self._b, self._start = self._x.duplicate(), self._x.duplicate()
+        self.snes.setFunction(self._function, self._b)
+        self.snes.setJacobian(self._jacobian, operator)
+        self._merit = Merit(model, self._x) if model.is_mixed else None
+        self.snes.setObjective(self._objective)
+        if self._merit is not None:
+            self.snes.setLineSearchPreCheck(self._aim)
+        self.snes.setConvergenceTest(self._converged)
+        if monitor is not None:
+            self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
+        self._set_from_options({})
+        if self.border is not None:
+            self.linear.ksp.setFromOptions()
+        self.tolerance = self._goal = self._force = 0.0
+        self._targets = np.zeros(0)
+        self._norm, self._keeps, self._is_old, self._prepared = math.inf, False, False, False
+        self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
+
+    def close(self) -> None:
+        """Free the solver, with the matrix's factors (collective)."""
+        for item in (self.snes, self._x, self._b, self._start):
+            item.destroy()
+        for part in (self._merit, self.border, self.linear):
+            if part is not None:
+                part.close()
+
+    def _take(self, x: PETSc.Vec) -> None:
+        """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
+        self.model.fields.get(x)
+        if self.border is not None:
+            moves = self.control.moves
+            self.border.store(x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
+
+    def prepare(self) -> None:
+        """Take the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
+        self._take(self._x)
+        self._renew(self._x)
+        self._prepared = True
+
+    def solve(self, tolerance: float, force: float, fraction: float) -> Equilibrium:
+        """Bring the model into equilibrium at a fraction of the load, from its present state.
+
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]. Raises `NotConverged`, with the state as
+        it was before, when Newton's method fails.
+        """
+        self.tolerance, self._force, self._targets = tolerance * force, force, self.control.targets(fraction)
+        near_end = max(NEAR_END * force, self.tolerance)
+        self._take(self._x)
+        self._x.copy(self._start)
+        self.effort.residuals = []
+        self._norm, self._keeps = math.inf, self._prepared
+        iterations, tangents = 0, self.effort.tangents
+        # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
+        exact = self.tolerance
+        for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):
+            self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
+            self._set_from_options({"snes_linesearch_type": search})
+            iterations += self._iterate()
+            self._prepared = False
+            failed = PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
+            if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since that tangent
+                self._keeps = False
+                iterations += self._iterate()
+            reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
+            if norm <= exact:
+                self._set(self._x)
+                return Equilibrium(iterations, self.effort.tangents - tangents, norm)
+            stalled = reason == failed and norm < max(near_end, STALL * force)
+            if search == "bt" and not (reason > 0 or stalled):
+                break
+        self._start.copy(self._x)
+        self._set(self._x)
+        name = self._reasons.get(reason, str(reason))
+        raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
+
+    def _set(self, x: PETSc.Vec) -> None:
+        """Give the model the state in a vector: its fields and, where they are unknowns, its approaches."""
+        self.model.fields.set(x)
+        if self.border is not None:
+            self.model.contact.set_approaches(self.control.moves @ self.border.approaches(x))
+
+    def account(self) -> dict[str, Any]:
+        """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
+        done, self.effort = self.effort, Effort()
+        both = np.array([done.seconds_assembly, done.seconds_solve])
+        self.model.comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MAX)
+        return {
+            "linear_solver": self.choice.method,
+            "tangents": done.tangents,
+            "linear_iterations": done.linear_iterations,
+            "linear_fallbacks": done.fallbacks,
+            "residuals": done.residuals,
+            "seconds_assembly": float(both[0]),
+            "seconds_solve": float(both[1]),
+        }
+
+    def _set_from_options(self, changed: dict[str, str]) -> None:
+        install(self._options | changed)
+        try:
+            self.snes.setFromOptions()
+        except PETSc.Error as error:
+            blame_options(error)
+            raise
+
+    def _iterate(self) -> int:
+        """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
+        began, assembled = time.perf_counter(), self.effort.seconds_assembly
+        effort = self.effort
+        try:
+            self.snes.solve(None, self._x)
+        except PETSc.Error as error:
+            blame_options(error)
+            raise
+        iterations = self.snes.getIterationNumber()
+        effort.linear_iterations += self.snes.getLinearSolveIterations()
+        failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+        if failed and not self.choice.direct:
+            effort.fallbacks += 1
+            factors = self.linear.factors()
+            self._solve_with(factors)
+            self.snes.solve(None, self._x)
+            self._solve_with(self.linear.ksp)
+            factors.destroy()
+            iterations += self.snes.getIterationNumber()
+        effort.seconds_solve += time.perf_counter() - began - (effort.seconds_assembly - assembled)
+        return iterations
+
+    def _solve_with(self, ksp: PETSc.KSP) -> None:
+        if self.border is None:
+            self.snes.setKSP(ksp)
+        else:
+            ksp.setOperators(self.model.matrix)
+            self.border.ksp = ksp
+
+    @contextmanager
+    def _assembling(self) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        self.effort.seconds_assembly += time.perf_counter() - began
+
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        with self._assembling():
+            self._set(x)
+            self.model.residual(b)
+            if self.border is not None:
+                self.border.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        norm, before = snes.getFunctionNorm(), self._norm
+        self._norm = norm
+        near = norm < NEAR * self._force and norm < CHORD * before
+        self._is_old, self._prepared = self._keeps and (near or self._prepared), False
+        if not self._is_old:  # the last tangent did not bring the residual down fast
+            self._renew(x)
+
+    def _renew(self, x: PETSc.Vec) -> None:
+        with self._assembling():
+            self._set(x)
+            self.model.tangent()
+        self.effort.tangents += 1
+        self._keeps = True
+        if self.border is not None:
+            self.border.update()
+
+    def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
+        with self._assembling():
+            self._set(x)
+            energy = self.model.energy() if self._merit is None else self._merit(x)
+            if self.border is not None:
+                energy -= float(self._targets @ self.border.approaches(x))
+        return energy if math.isfinite(energy) else math.nan
+
+    def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        assert self._merit is not None
+        self._merit.aim(x, y)
+
+    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
+        reason = PETSc.SNES.ConvergedReason
+        residual = norms[2]
+        self.effort.residuals.append(float(residual))
+        if not math.isfinite(residual):
+            return reason.DIVERGED_FNORM_NAN
+        if residual <= self._goal:
+            return reason.CONVERGED_FNORM_ABS
+        return reason.DIVERGED_MAX_IT if iteration >= self.max_iterations else reason.CONVERGED_ITERATING

@@ -1,0 +1,48 @@
+"""Largest contact pressure and penetration under each ball.
+
+Inside elements the pressure oscillates as it nears the constraint; its mean over the hat function of a vertex does not.
+"""
+
+from __future__ import annotations
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from finite_strain import compat
+from finite_strain.discretisation.discrete_model import Model, assembled
+from finite_strain.discretisation.lattice import Lattice
+from meshes.box import TAGS
+
+
+class Extremes:
+    """Evaluates a model's extremes; compiles its expression once."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        lattice = Lattice.of(model.space)
+        nearest = model.contact.slots[0].balls
+        self._cells = np.unique(model.contact.cells[nearest[model.contact.cells] >= 0]).astype(np.int32)
+        self._balls = nearest[self._cells]
+        is_top = np.zeros(len(model.nodal), dtype=bool)
+        is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
+        self._is_top = is_top[compat.cell_dofs(model.space)[self._cells]]
+        self._values = compat.compile_expression(model.contact.penetration(), lattice.points, model.comm)
+        hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
+        self._forms = [model.compile(f * hat * measure) for f in (model.contact_pressure_expression, model.unity())]
+        self._work = compat.ghosted_vector(self._forms[0], model.linear_space)
+        points = model.linear_space.tabulate_dof_coordinates()[: model.linear_space.dofmap.index_map.size_local]
+        axes = np.array([ball.position for ball in model.contact.balls])
+        self._nearest = np.linalg.norm(points[:, None, :2] - axes[None], axis=-1).argmin(axis=1)
+
+    def __call__(self) -> np.ndarray:
+        """Return pressure per deformed area [Pa] and penetration [m] (balls, 2) (collective)."""
+        values = compat.evaluate(self._values, self.model.mesh, self._cells, (1,))
+        answer = np.zeros((len(self.model.contact.balls), 2))
+        np.maximum.at(answer[:, 1], self._balls, np.where(self._is_top, values[:, :, 0], 0.0).max(axis=1))
+        moment, weight = (assembled(self._work, [form]) for form in self._forms)
+        mean = np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)
+        np.maximum.at(answer[:, 0], self._nearest, mean)
+        self.model.comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MAX)  # in lower case it compares whole arrays
+        return answer

@@ -1,0 +1,70 @@
+"""The in-plane forces on the balls by a domain integral.
+
+The domain integral is Eshelby's: with Sigma_kJ = psi delta_kJ - u_i,k P_iJ and a weight q that is 1 under one ball's
+contact and 0 under its neighbours', F_k = -int Sigma_kJ q,J dV, and surface terms that vanish where q is constant under
+the contacts. It is the domain form of the J-integral [Shih Moran Nakamura 1986, doi 10.1007/BF00034019] and needs no
+resolved contact traction. The traction's integral (`Model.forces`) is the second route: a mesh pins the contact to its
+own lines a little, so it converges more slowly, and it takes no part in the answer.
+"""
+
+from __future__ import annotations
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from finite_strain.discretisation.discrete_model import Model
+from meshes.box import Box
+
+CLEAR = 1.03
+"""Contact radii from its axis at which a ball's contact has ended: q begins to fall on the next line of the mesh."""
+
+
+class ForceMeter:
+    """Evaluates the forces on the model's balls; compiles its forms once."""
+
+    def __init__(self, model: Model, box: Box) -> None:
+        self.model, self.box = model, box
+        self._weight = dolfinx.fem.Function(model.linear_space)
+        self._axis = dolfinx.fem.Constant(model.mesh, np.zeros(3))
+        slope = ufl.grad(self._weight)
+
+        def density(psi, gradient):  # type: ignore[no-untyped-def]
+            stress = ufl.diff(psi, gradient)
+            eshelby_row = psi * self._axis - ufl.dot(stress.T, ufl.dot(gradient, self._axis))
+            return -ufl.inner(eshelby_row, slope)
+
+        surface = model.contact.configurational_form(self._weight, self._axis)
+        self._volume = model.compile(model.volume_integral(density))
+        self._surface = model.compile(surface)
+        self._points = model.linear_space.tabulate_dof_coordinates()
+
+    def domain(self, contact_radii: np.ndarray) -> np.ndarray:
+        """Return the in-plane force (balls, 2) [N] on whole balls; radii (balls,) [m] place the ramp (collective)."""
+        contact = self.model.contact
+        forces = np.zeros((len(contact.balls), 2))
+        for number, ball in enumerate(contact.balls):
+            self._weight.x.array[:] = self._ramp(number, contact_radii[number])
+            contact.choose(np.eye(len(forces))[number])
+            for axis in {0, 1} - set(ball.fixed_axes):
+                self._axis.value[:] = np.eye(3)[axis]
+                local = dolfinx.fem.assemble_scalar(self._volume) + dolfinx.fem.assemble_scalar(self._surface)
+                forces[number, axis] = ball.copies * local
+        return np.asarray(self.model.comm.allreduce(forces, op=MPI.SUM))
+
+    def _ramp(self, number: int, contact_radius: float) -> np.ndarray:
+        """Return q at this rank's vertices: 1 under the ball, falling to 0 at the edge of its mirror-symmetric block.
+
+        Both q and the mesh under it are mirror-symmetric about the ball's axis, so the ball's own field, which is
+        larger than T by orders of magnitude, cancels to roundoff.
+        """
+        zone = self.box.zones[number]
+        lines = self.box.rings(zone)[0][:-1]
+        outside = lines[lines >= CLEAR * contact_radius]
+        start = outside[0] if len(outside) else lines[-1]
+        offset = np.abs(self._points[:, :2] - np.array(zone.position))
+        distance, along = np.linalg.norm(offset, axis=1), offset.max(axis=1)
+        # the block is square: its outline is farther away along its diagonals
+        end = zone.half_width * np.divide(distance, along, out=np.ones_like(along), where=along > 0.0)
+        return np.clip((end - distance) / (end - start), 0.0, 1.0)

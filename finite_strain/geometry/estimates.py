@@ -1,0 +1,82 @@
+"""What a ball alone is expected to do: to size meshes, penalties and first guesses. No result depends on it."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from scipy.optimize import brentq
+
+from finite_strain.geometry.indenters import NAMED
+from linear_bem.closed_forms import Indentation, indentation_of_layer
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.indenter import Indenter
+from linear_bem.problem import Ball, Elastic, Layer, Problem
+
+Expected = tuple[float, float, float]
+"""Approach [m], force [N], contact radius [m]."""
+LEAST_SHARE = 0.1
+"""Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
+_FARTHEST = 1e3
+"""Approaches and apex radii beyond which no profile is followed."""
+_ROUNDS = 4
+"""Fixed-point iterations between approach and radius where the force is given."""
+
+
+@lru_cache(maxsize=4096)
+def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
+    """Return the radius [m] of the paraboloid that the undeformed surface cuts in the same area at an approach [m]."""
+    indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
+    depth = approach / unit
+    end = min(indenter.reach, _FARTHEST * (depth + indenter.apex_radius))
+    cuts = []
+    for x, y in ((1.0, 0.0), (0.0, 1.0)):
+
+        def above(r: float, x: float = x, y: float = y) -> float:
+            return float(indenter.height(r * x, r * y)) - depth
+
+        cuts.append(brentq(above, 0.0, end) if above(end) > 0.0 else end)
+    return unit * cuts[0] * cuts[1] / (2.0 * depth)
+
+
+def alone(
+    layer: Layer, substrate: Elastic | None, shape: str | Indenter, radius: float,
+    *, approach: float | None = None, normal_force: float | None = None,
+) -> Indentation:  # fmt: skip
+    """Return what one ball does at an approach [m] > 0 or under a force [N] > 0, as a paraboloid of the radius seen."""
+    if approach is not None:
+        return indentation_of_layer(layer, substrate, radius_seen(shape, radius, approach), approach=approach)
+    seen = radius
+    for _ in range(_ROUNDS):
+        state = indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
+        seen = math.sqrt(seen * radius_seen(shape, radius, state.approach))
+    return indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
+
+
+def known_shape(ball: Ball) -> str | Indenter:
+    """Return the shape of a ball, which must be a name or an `Indenter`; raises `UnsupportedProblem`."""
+    if isinstance(ball.shape, str | Indenter):
+        return ball.shape
+    raise UnsupportedProblem(
+        "balls.shape: the finite-element models take a name or a linear_bem.Indenter, whose height is an expression "
+        "that they differentiate; got a function of numpy arrays. Derive a class from linear_bem.Indenter"
+    )
+
+
+def expected_indentation(problem: Problem) -> list[Expected]:
+    """Return per ball the expected (approach, force, contact radius) at full load, each ball alone [m, N, m].
+
+    An estimate to size meshes and first guesses; no result depends on its accuracy.
+    """
+    kind, values = problem.load.kind, problem.load.values
+    if kind == "total_force":
+        values = tuple(values[0] / problem.size for _ in problem.balls)
+    name = "approach" if kind == "approach" else "normal_force"
+    answer = []
+    for ball, value in zip(problem.balls, values, strict=True):
+        if value <= 0.0:
+            answer.append((0.0, 0.0, 0.0))
+            continue
+        state = alone(problem.layer, problem.substrate, known_shape(ball), ball.radius, **{name: value})
+        answer.append((state.approach, state.normal_force, state.contact_radius))
+    return answer

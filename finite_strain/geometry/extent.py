@@ -1,0 +1,99 @@
+"""How far the model reaches: to the sides and into the substrate, chosen from the decay of the linear response.
+
+Sides that slide in their plane mirror the balls without end, and the bottom of the meshed substrate does not move. What
+that changes to first order the small-strain problem on the same mesh takes off (`finite_strain.accuracy.pairs`); so
+the extent need only make it small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.problem import Problem
+
+ALLOWED = 2.0
+"""First-order effect of domain truncation on T over the accuracy asked for."""
+SHIFT = 0.02
+"""First-order effect of domain truncation on an approach over the approach, where approaches are given."""
+NEGLIGIBLE = 0.1
+"""Part of the half-space's mutual force below which T counts as near its zero: accuracies then refer to this part."""
+_GROWTH, _STEPS = 1.25, 30
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Distance [m] from the outermost balls' axes to the sides, and depth [m] of the meshed substrate (0: none)."""
+
+    margin: float
+    depth: float
+
+    def larger(self, ratio: float) -> Extent:
+        """Return the extent with both lengths multiplied by a ratio."""
+        return Extent(ratio * self.margin, ratio * self.depth)
+
+
+def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
+    """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].
+
+    T passes through zero where the half-space's attraction and what the base takes from it cancel; its
+    error does not. It is therefore measured against a tenth of the attraction Q_i Q_j (1 - nu^2) / (pi E r^2)
+    of the half-space at least.
+    """
+    positions = np.array([ball.position for ball in problem.balls])
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    np.fill_diagonal(distances, np.inf)
+    pairs = np.outer(forces, forces) / distances**2
+    return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
+
+
+def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], accuracy: float) -> Extent:
+    """Return an extent for a relative accuracy of T; ``expected`` holds (approach, force, contact radius) of each ball.
+
+    The sides act like images of the balls at twice the margin, by the linear kernel K: on T by K' and on an approach by
+    K. A substrate cut at a depth z below the surface lacks about (1 - nu^2) Q / (pi E z) of its yielding.
+    """
+    positions = np.array([ball.position for ball in problem.balls])
+    approaches, forces, radii = (np.array(column) for column in zip(*expected, strict=True))
+    thickness, nearest = problem.layer.thickness, _nearest(positions)
+    largest = max(ball.radius for ball in problem.balls)
+    kernel, load = LayeredKernel.of(problem), float(forces.sum())
+    scale = scale_of_force(problem, forces)
+    if nearest > 0.0:
+        slope = abs(float(kernel.slope(np.array([nearest]))[0]))
+        scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
+    given = problem.load.kind == "approach"
+    deepest = float(approaches.max())
+
+    def acts(pull: float, shift: float) -> bool:
+        return float(forces.max()) * load * pull > ALLOWED * accuracy * scale > 0.0 or (
+            given and load * shift > SHIFT * deepest
+        )
+
+    depth = 0.0
+    if problem.substrate is not None:
+        depth = 0.5 * thickness
+        for _ in range(_STEPS):
+            below = thickness + depth
+            lost = 1.0 / (math.pi * problem.substrate.contact_modulus * below)
+            if not acts(lost * nearest / below**2, lost):
+                break
+            depth *= _GROWTH
+    margin = max(1.2 * thickness, 2.0 * largest, 3.0 * radii.max(), 4.0 * deepest, 1.25 * nearest, 0.4 * depth)
+    for _ in range(_STEPS):
+        # K' changes its sign with distance: one small effect may be chance
+        away = 2.0 * margin * np.array([1.0, _GROWTH])
+        if not acts(
+            4.0 * float(np.abs(kernel.slope(away)).max()), 4.0 * float(np.abs(kernel.displacement(away)).max())
+        ):
+            break
+        margin *= _GROWTH
+    return Extent(margin, depth)
+
+
+def _nearest(positions: np.ndarray) -> float:
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    return float(distances[distances > 0.0].min(initial=np.inf)) if len(positions) > 1 else 0.0

@@ -1,0 +1,158 @@
+"""Which part of a scene is simulated: the frame with the most mirror planes, and the balls of the cut scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from finite_strain.geometry.estimates import expected_indentation, known_shape
+from linear_bem.indenter import Indenter
+from linear_bem.problem import Ball, Problem
+
+WIDEST = 2.0
+"""Distance at which a body without an edge may touch, over its radius or its expected contact's."""
+_SAME = 1e-9
+"""Relative tolerance within which positions and values count as mirror images."""
+
+
+@dataclass(frozen=True)
+class ModelBall:
+    """A ball of the reduced model, in the model's frame (see `Reduction`).
+
+    ``copies`` is by how much its contact force in the model must be multiplied (a ball on a symmetry
+    plane is cut in half); ``fixed_axes`` are the in-plane axes along which its force vanishes; ``reach`` [m] is the
+    horizontal distance from its axis at which it may touch.
+    """
+
+    index: int
+    position: tuple[float, float]
+    radius: float
+    shape: str | Indenter
+    copies: int
+    fixed_axes: tuple[int, ...]
+    reach: float = math.inf
+
+
+@dataclass(frozen=True)
+class Image:
+    """How a ball of the scene follows from a ball of the model: mirror signs of x and y."""
+
+    model_ball: int
+    signs: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """The scene in the model's frame: turned by -``angle`` about ``origin``, cut at its mirror planes.
+
+    ``planes`` holds the axes (0: the plane x = 0, 1: y = 0) about which the scene is symmetric; the
+    model is the part with x >= 0 and y >= 0 respectively. ``images`` has one entry per ball of the scene.
+    """
+
+    origin: tuple[float, float]
+    angle: float
+    planes: tuple[int, ...]
+    balls: tuple[ModelBall, ...]
+    images: tuple[Image, ...]
+
+    def to_scene(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
+        """Return an in-plane vector of the scene's ball from that of its model ball."""
+        x, y = (s * v for s, v in zip(self.images[ball].signs, vector, strict=True))
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        return (c * x - s * y, s * x + c * y)
+
+    def to_model(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
+        """Return an in-plane vector of the model's ball from that of the scene's."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        turned = (c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1])
+        x, y = (sign * v for sign, v in zip(self.images[ball].signs, turned, strict=True))
+        return x, y
+
+    def neighbours(self) -> list[list[tuple[float, float]]]:
+        """Return for each model ball the positions of all other balls of the scene, in the model's frame."""
+        everyone = [
+            tuple(s * c for s, c in zip(image.signs, self.balls[image.model_ball].position, strict=True))
+            for image in self.images
+        ]
+        return [[p for p in everyone if math.dist(p, ball.position) > _SAME * ball.radius] for ball in self.balls]  # type: ignore[misc]
+
+
+def reduce_scene(problem: Problem) -> Reduction:
+    """Find the frame with the most mirror planes, and the balls that remain in the cut scene."""
+    values = problem.load.values if problem.load.kind != "total_force" else (0.0,) * problem.size
+    positions = np.array([ball.position for ball in problem.balls])
+    angles = [0.0]
+    for a, b in combinations(positions[: min(len(positions), 12)], 2):
+        angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
+    best: tuple[float, float, np.ndarray, tuple[int, ...], np.ndarray] | None = None
+    for angle in angles:
+        turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+        local = positions @ turn.T
+        centre = 0.5 * (local.min(axis=0) + local.max(axis=0))
+        local = local - centre
+        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, local, axis, angle))
+        score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
+        if best is None or score > best[0]:
+            best = (score, angle, turn.T @ centre, planes, local)
+    assert best is not None  # the angle 0 always counts
+    _, angle, origin, planes, local = best
+    return _cut(problem, angle, origin, planes, local)
+
+
+def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, axis: int, angle: float) -> bool:
+    if not all(_is_even(ball, axis, angle) for ball in problem.balls):
+        return False
+    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
+    for ball, value, position in zip(problem.balls, values, local, strict=True):
+        image = position.copy()
+        image[axis] *= -1.0
+        partners = [
+            other
+            for other, v, p in zip(problem.balls, values, local, strict=True)
+            if np.max(np.abs(p - image)) <= _SAME * size and v == value and other.radius == ball.radius
+        ]
+        if not any(other.shape == ball.shape for other in partners):
+            return False
+    return True
+
+
+def _is_even(ball: Ball, axis: int, angle: float) -> bool:
+    """Return whether an indenter's shape is its own mirror image along an axis of a frame turned by ``angle``."""
+    if not isinstance(ball.shape, Indenter):
+        return True
+    reach = min(ball.shape.reach, ball.shape.apex_radius)
+    points = reach * np.array([[0.3, 0.1], [0.1, 0.3], [0.25, 0.2]])
+    images = points * np.where(np.arange(2) == axis, -1.0, 1.0)
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    here, there = (np.asarray(ball.shape.height(*(turn @ where.T))) for where in (points, images))
+    return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
+
+
+def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, ...], local: np.ndarray) -> Reduction:
+    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
+    local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
+    balls: list[ModelBall] = []
+    expected = expected_indentation(problem)
+    for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
+        if all(position[axis] >= 0.0 for axis in planes):
+            fixed = tuple(axis for axis in planes if position[axis] == 0.0)
+            x, y = (float(c) for c in position)
+            shape, reach = known_shape(ball), _reach(ball, expected[index][2])
+            balls.append(ModelBall(index, (x, y), ball.radius, shape, 2 ** len(fixed), fixed, reach))
+    images = []
+    for position in local:
+        signs = [-1 if axis in planes and position[axis] < 0.0 else 1 for axis in (0, 1)]
+        distances = [np.max(np.abs(np.array(signs) * position - np.array(b.position))) for b in balls]
+        images.append(Image(int(np.argmin(distances)), (signs[0], signs[1])))
+    return Reduction((float(origin[0]), float(origin[1])), angle, planes, tuple(balls), tuple(images))
+
+
+def _reach(ball: Ball, contact_radius: float) -> float:
+    if ball.shape == "sphere":
+        return ball.radius
+    edge = ball.shape.reach if isinstance(ball.shape, Indenter) else math.inf
+    return min(edge, WIDEST * max(ball.radius, contact_radius))

@@ -1,0 +1,49 @@
+"""How strain follows from displacement: finite or small; both give a strain energy and a stress.
+
+A kinematics turns a displacement into the strain-energy density per reference volume. Its first
+Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative by the displacement
+gradient du_i/dX_J, never written out by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+
+from finite_strain.mechanics.materials import LAWS
+from finite_strain.mechanics.volumetric import Volumetric
+
+
+@dataclass(frozen=True)
+class Finite:
+    """Finite strain with a hyperelastic law: F = I + grad u."""
+
+    law: str = "neo_hookean"
+
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
+        """Return the law's strain energy; nan where an element is inverted."""
+        return LAWS[self.law](gradient, shear, volumetric)
+
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
+        """Return P F^T / J."""
+        F = ufl.Identity(3) + gradient
+        return stress * F.T / ufl.det(F)
+
+
+@dataclass(frozen=True)
+class Small:
+    """Small strain, linear isotropic elasticity: mu e:e + volumetric(tr e)."""
+
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
+        """Return Hooke's strain energy of the symmetric gradient."""
+        strain = ufl.sym(gradient)
+        return shear * ufl.inner(strain, strain) + volumetric(ufl.tr(strain))
+
+    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
+        """Return the stress itself: at small strain the configurations coincide."""
+        return stress
+
+
+Kinematics = Finite | Small

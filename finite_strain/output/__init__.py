@@ -1,0 +1,1 @@
+"""Fields on disk and the surface for pictures."""

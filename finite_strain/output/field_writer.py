@@ -1,0 +1,172 @@
+"""Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
+
+Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader knows; at the
+nodes the displacement is as it was solved for. Points, vectors and tensors are in the scene's own frame; the part
+beyond the mirror planes is not written again (attributes name the planes: ParaView's Reflect filter and
+`thirdbody render` complete the scene).
+Each step's files stand alone and are closed when the step ends, so a killed run leaves every finished step readable.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import ufl
+
+from finite_strain import compat
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.nodal_values import CellNodes
+from finite_strain.geometry.indenters import gap
+from finite_strain.geometry.scene_frame import SceneFrame
+from finite_strain.mpi import on_root
+from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
+from finite_strain.output.gathered_arrays import write_gathered
+from finite_strain.output.top_surface import TopSurface
+from finite_strain.output.xdmf import stem, write_step_and_index
+
+_STRESSES = {"cauchy_stress", "von_mises", "pressure"}
+_STRAINS = {"volume_ratio", "principal_stretches"}
+
+
+class FieldWriter:
+    """Writes the chosen fields of a model, step by step (collective). What is not asked for is not compiled."""
+
+    def __init__(self, model: Model, folder: Path, choice: FieldChoice | None = None) -> None:
+        self.model = model
+        self.folder = folder
+        self.choice = choice or FieldChoice()
+        self._frame = SceneFrame.of(model.reduction)
+        self._nodes = CellNodes(model.space)
+        wanted, owned = set(self.choice.names), len(self._nodes.dofs)
+        tagged = [(bulk, model.cell_tags.find(bulk.tag)) for bulk in model.bulks]
+        self._regions = [(bulk, cells[cells < owned].astype(np.int32)) for bulk, cells in tagged]
+        self._top = TopSurface(model, self._nodes) if "contact_pressure" in wanted else None
+        self._stresses = [self._stress(bulk) for bulk, _ in self._regions] if wanted & _STRESSES else None
+
+    def _stress(self, bulk: Any) -> Any:
+        model = self.model
+        gradient = ufl.variable(ufl.grad(model.displacement))
+        psi = model.kinematics.energy_density(gradient, *model.constants(bulk))
+        stress = model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
+        return compat.compile_expression(stress, self._nodes.lattice.points, model.comm)
+
+    def forget_after(self, number: int) -> None:
+        """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
+
+        def remove() -> None:
+            for path in self.folder.glob("step_*.*"):
+                if path.stem > stem(number):
+                    path.unlink()
+
+        on_root(self.model.comm, remove)
+
+    def write(self, number: int, fraction: float) -> float:
+        """Write step ``number`` (1, 2, ...) if it is asked for, and the index anew; return the seconds taken."""
+        began = time.monotonic()
+        if self.choice.wants(number, fraction):
+            arrays = self._mesh_arrays()
+            arrays |= {f"node_fields/{name}": values for name, values in self._node_fields().items()}
+
+            def describe(file: h5py.File) -> None:
+                self._describe(file, number, fraction)
+
+            write_gathered(self.model.comm, self.folder / f"{stem(number)}.h5", arrays, describe)
+            on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
+        return time.monotonic() - began
+
+    def _mesh_arrays(self) -> dict[str, np.ndarray]:
+        nodes, index_map = self._nodes, self.model.space.dofmap.index_map
+        hexahedra = nodes.dofs[:, nodes.lattice.hexahedra]
+        region = np.zeros(hexahedra.shape[:2], dtype=np.int64)
+        for bulk, cells in self._regions:
+            region[cells] = bulk.tag
+        numbers = index_map.local_to_global(hexahedra.ravel().astype(np.int32)).reshape(-1, 8)
+        points = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
+        return {"points": self._frame.points(points), "cells": numbers, "cell_fields/region": region.ravel()}
+
+    def _node_fields(self) -> dict[str, np.ndarray]:
+        """Return the chosen fields at this rank's own nodes, in the scene's frame."""
+        answer = {"displacement": self._frame.vectors(self.model.nodal)}
+        if self._top is not None:
+            answer["contact_pressure"] = self._top.pressure()
+        answer |= self._gap() | self._strain_fields() | self._stress_fields()
+        owned = self.model.space.dofmap.index_map.size_local
+        return {name: np.ascontiguousarray(answer[name][:owned]) for name in self.choice.names}
+
+    def _gap(self) -> dict[str, np.ndarray]:
+        if "gap" not in self.choice.names:
+            return {}
+        model, gaps = self.model, []
+        for ball, approach in zip(model.reduction.balls, model.contact.approaches, strict=True):
+            offset = model.space.tabulate_dof_coordinates() - [*ball.position, 0.0]
+            gaps.append(gap(ball.shape, ball.radius, offset.T, model.nodal.T, approach, model.is_finite))
+        return {"gap": np.min(gaps, axis=0)}
+
+    def _strain_fields(self) -> dict[str, np.ndarray]:
+        if not _STRAINS.intersection(self.choice.names):
+            return {}
+        gradient = self._nodes.gradient(self.model.nodal)
+        ratio, stretches = _strains(gradient, finite=self.model.is_finite)
+        strains = np.concatenate([ratio[..., None], stretches], axis=2)
+        values = self._nodes.averaged([(cells, strains[cells]) for _, cells in self._regions])
+        # where elements differ much, the order at their nodes is not that of the averages
+        return {"volume_ratio": values[:, 0], "principal_stretches": -np.sort(-values[:, 1:], axis=1)}
+
+    def _stress_fields(self) -> dict[str, np.ndarray]:
+        if self._stresses is None:
+            return {}
+        regions = zip(self._regions, self._stresses, strict=True)
+        values = [(cells, compat.evaluate(stress, self.model.mesh, cells, (9,))) for (_, cells), stress in regions]
+        stress = self._nodes.averaged(values).reshape(-1, 3, 3)
+        stress = 0.5 * (stress + stress.transpose(0, 2, 1))  # symmetric but for roundoff
+        pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
+        deviator = stress + pressure[:, None, None] * np.eye(3)
+        return {
+            "cauchy_stress": self._frame.tensors(stress),
+            "von_mises": np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2))),
+            "pressure": pressure,
+        }
+
+    def _describe(self, file: h5py.File, number: int, fraction: float) -> None:
+        file["points"].attrs.update(unit="m", meaning="undeformed nodes of the simulated part, in the scene's frame")
+        order = self._nodes.lattice.order
+        file["cells"].attrs.update(
+            order=order, meaning=f"hexahedra by rows of points in VTK's order; {order}^3 in a row fill an element"
+        )
+        file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
+        file.require_group("node_fields")
+        for name in self.choice.names:
+            field = CATALOGUE[name]
+            file[f"node_fields/{name}"].attrs.update(unit=field.unit, kind=field.kind, meaning=field.meaning)
+        frame, reduction = self._frame, self.model.reduction
+        balls = [(image, reduction.balls[image.model_ball]) for image in reduction.images]
+        axes = np.array([[*np.multiply(image.signs, ball.position), 0.0] for image, ball in balls])
+        file.attrs.update(
+            step=number,
+            fraction=fraction,
+            deformed=self.model.is_finite,
+            ball_positions=frame.points(axes)[:, :2],
+            layer_young=self.model.bulks[0].solid.young,
+            ball_radii=[ball.radius for _, ball in balls],
+            ball_shapes=[s if isinstance(s := ball.shape, str) else type(s).__name__.lower() for _, ball in balls],
+            ball_approaches=[self.model.contact.approaches[image.model_ball] for image, _ in balls],
+            frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
+            frame_turn=frame.turn,
+            frame_origin=frame.origin,
+            frame_angle=reduction.angle,
+            mirror_planes=frame.scene_mirrors,
+            mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
+        )
+
+
+def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return J and the principal stretches (..., 3), largest first, for displacement gradients (..., 3, 3)."""
+    if not finite:
+        principal = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, -1, -2)))
+        return 1.0 + np.trace(gradient, axis1=-2, axis2=-1), 1.0 + principal[..., ::-1]
+    F = np.eye(3) + gradient
+    return np.linalg.det(F), np.linalg.svd(F, compute_uv=False)

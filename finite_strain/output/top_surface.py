@@ -1,0 +1,79 @@
+"""The whole scene's top surface on rank 0: small data, for pictures and sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import dolfinx
+import numpy as np
+
+from finite_strain import compat
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.nodal_values import CellNodes
+from finite_strain.geometry.scene_frame import SceneFrame
+from meshes.box import TAGS
+
+
+@dataclass(frozen=True)
+class SurfaceFields:
+    """The whole scene's top surface: points (n, 3) [m], triangles (m, 3), contact pressure (n,) [Pa]."""
+
+    reference: np.ndarray
+    points: np.ndarray
+    triangles: np.ndarray
+    pressure: np.ndarray
+
+
+class TopSurface:
+    """The nodes of a model's top, and the contact pressure there; collective."""
+
+    def __init__(self, model: Model, nodes: CellNodes | None = None) -> None:
+        self.model, self.nodes = model, nodes or CellNodes(model.space)
+        lattice = self.nodes.lattice
+        is_top = np.zeros(len(model.nodal), dtype=bool)
+        is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
+        self._cells, face = np.nonzero(is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
+        self._is_top = is_top
+        self._squares = self.nodes.dofs[self._cells[:, None, None], lattice.squares[face]].reshape(-1, 4)
+        self._pressure = compat.compile_expression(model.contact_pressure_expression, lattice.points, model.comm)
+
+    def pressure(self) -> np.ndarray:
+        """Return the contact pressure [Pa] per deformed area at this rank's nodes; zero below the top."""
+        cells = self._cells.astype(np.int32)
+        values = compat.evaluate(self._pressure, self.model.mesh, cells, (1,))
+        return np.where(self._is_top, self.nodes.averaged([(cells, values)])[:, 0], 0.0)
+
+    def gathered(self) -> SurfaceFields | None:
+        """Return the whole scene's deformed top on rank 0, completed by symmetry; None elsewhere."""
+        model = self.model
+        fields = (model.space.tabulate_dof_coordinates(), model.nodal, self.pressure())
+        parts = model.comm.gather([field[self._squares].reshape(-1, *field.shape[1:]) for field in fields], root=0)
+        if parts is None:
+            return None
+        reference, u, pressure = (np.concatenate(field) for field in zip(*parts, strict=True))
+        if not model.is_finite:
+            u[:, :2] = 0.0
+        places = np.round(reference / (1e-9 * np.ptp(reference)))
+        _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        triangles = _triangles(inverse.reshape(-1, 4), pressure[first])
+        part = SurfaceFields(reference[first], (reference + u)[first], triangles, pressure[first])
+        return _completed(SceneFrame.of(model.reduction), part)
+
+
+def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Split quadrilaterals (n, 4) into triangles (2 n, 3) along the diagonal on which the nodes' values differ less."""
+    ends = values[squares]
+    turned = np.abs(ends[:, 0] - ends[:, 2]) > np.abs(ends[:, 1] - ends[:, 3])
+    around = np.where(turned[:, None], np.roll(squares, 1, axis=1), squares)
+    return around[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+
+
+def _completed(frame: SceneFrame, part: SurfaceFields) -> SurfaceFields:
+    """Mirror the simulated part at its symmetry planes and turn it into the scene's frame."""
+    count, signs = len(part.reference), frame.mirror_signs()
+    return SurfaceFields(
+        np.concatenate([frame.points(part.reference * s) for s in signs]),
+        np.concatenate([frame.points(part.points * s) for s in signs]),
+        np.concatenate([part.triangles + k * count for k in range(len(signs))]),
+        np.tile(part.pressure, len(signs)),
+    )

@@ -1,0 +1,1 @@
+"""What to run, and what to run next: discretisations, load steps, costs, and the records that decide."""

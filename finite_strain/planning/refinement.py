@@ -1,0 +1,149 @@
+"""Which discretisation to run next, and when to stop: the accuracy asked for against a stated budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from finite_strain.planning.records import Discretisation, Record
+from linear_bem.errors import InvalidProblem
+
+FIRST = (Discretisation(order=2, fineness=1.0), Discretisation(order=3, fineness=1.0))
+"""The path finder, whose states predict the others', and the first one that answers."""
+DEFAULT_UNKNOWNS = 120e3
+"""Unknowns that the finest mesh may have where nothing is stated."""
+ORDER = 3.0
+"""Order of convergence in the element size that the next mesh is sized with."""
+SECONDS_POWER = 1.4
+"""Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
+HIGHEST = 4
+"""Order of the elements from which on meshes are refined instead."""
+STEP = 0.5
+"""Least difference of the fineness of successive meshes: it decides how many elements there are about a contact."""
+WIDER, STIFFER = 1.5, 8.0
+"""By how much the domain or the penalty grows where it is what limits the accuracy."""
+MOST_LEVELS = 8
+STEADY = 0.5
+"""Part of the small-strain error that a finer mesh leaves, above which it is the domain's or the contact's."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What refinement may cost: wall seconds of the whole run, and unknowns of its finest mesh (None: default)."""
+
+    seconds: float | None = None
+    unknowns: float | None = None
+
+    def __post_init__(self) -> None:
+        faults = [
+            f"accuracy.{name}: must be greater than 0, got {value:g}"
+            for name, value in (("seconds", self.seconds), ("unknowns", self.unknowns))
+            if value is not None and not value > 0.0
+        ]
+        if faults:
+            raise InvalidProblem(*faults)
+
+    @property
+    def most_unknowns(self) -> float:
+        """The bound on the unknowns of any mesh."""
+        return DEFAULT_UNKNOWNS if self.unknowns is None else self.unknowns
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The next discretisation (None: no further one), and why."""
+
+    level: Discretisation | None
+    why: str
+
+
+def decide(  # noqa: PLR0911  (each return is one reason to stop)
+    asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float]
+) -> Decision:
+    """Return whether and how to discretise again after the last of the finished records.
+
+    ``unknowns`` estimates a discretisation's size.
+    """
+    last = records[-1]
+    if len(records) < len(FIRST):
+        return Decision(FIRST[len(records)], "an error estimate needs two discretisations")
+    if last.reached <= asked:
+        return Decision(None, "the accuracy asked for is met")
+    if len(records) >= MOST_LEVELS:
+        return Decision(None, f"{MOST_LEVELS} discretisations did not reach it")
+    level = _next(asked, records)
+    if level is None:
+        return Decision(None, "what remains is the solver's tolerance")
+    wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+    while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
+        level = replace(level, fineness=level.fineness - STEP)
+        wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+    if wanted > budget.most_unknowns:
+        return Decision(
+            None,
+            f"{_text(level)}, about {wanted:.2g} unknowns, passes the budget of {budget.most_unknowns:.6g} unknowns",
+        )
+    if budget.seconds is not None:
+        spent = sum(record.seconds for record in records)
+        needed = last.seconds * (wanted / last.unknowns) ** SECONDS_POWER
+        if spent + needed > budget.seconds:
+            return Decision(
+                None,
+                f"{_text(level)} would take about {needed:.0f} s and pass the budget of {budget.seconds:g} s "
+                f"({spent:.0f} s spent)",
+            )
+    return Decision(level, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
+
+
+def _text(level: Discretisation) -> str:
+    return f"the next discretisation ({level})"
+
+
+def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
+    last, before = records[-1], records[-2]
+    level = last.level
+    largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
+    if largest == "solver":
+        return None
+    if largest == "enforcement":
+        return replace(level, penalty=STIFFER * level.penalty)
+    steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
+    if largest == "transfer" and steady:
+        return replace(level, extent=WIDER * level.extent)
+    if level.order < HIGHEST:
+        return replace(level, order=level.order + 1)
+    ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
+    wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
+    return replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
+
+
+def account(
+    asked: float, records: Sequence[Record], answered: int, budget: Budget, stopped: str, reference: str
+) -> Mapping[str, Any]:
+    """Return the structured account of accuracy for a result: asked, reached, discretisations, why it ended."""
+    last = records[answered]
+    return {
+        "asked": asked,
+        "reached": last.reached,
+        "met": last.reached <= asked,
+        "terms": dict(last.terms),
+        "relative_to": {"what": reference, "force": last.scale},
+        "stopped": stopped,
+        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns},
+        "meshes": [
+            {
+                "order": record.level.order,
+                "fineness": record.level.fineness,
+                "extent": record.level.extent,
+                "unknowns": record.unknowns,
+                "seconds": record.seconds,
+                "reached": None if record.reached != record.reached else record.reached,
+                "tangential_force_per_squared_force": record.rows[-1].own.per_squared_force.tolist(),
+                "normal_forces": record.rows[-1].own.normal_force.tolist(),
+            }
+            for record in records[: answered + 1]
+            if record.rows
+        ],
+    }

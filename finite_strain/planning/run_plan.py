@@ -1,0 +1,157 @@
+"""From a problem to what will be run: symmetry, discretisations, load steps, and what they cost."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from finite_strain.equilibrium.load_steps import answered_fractions, load_fractions
+from finite_strain.equilibrium.solver_options import choose, given_in
+from finite_strain.geometry.estimates import Expected, expected_indentation
+from finite_strain.geometry.extent import Extent, choose_extent
+from finite_strain.geometry.simulated_box import box_to_mesh
+from finite_strain.geometry.symmetry import Reduction, reduce_scene
+from finite_strain.mechanics.volumetric import describe_forms, form_faults
+from finite_strain.planning.records import Discretisation
+from finite_strain.planning.refinement import FIRST, Budget
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
+from linear_bem.problem import Problem
+from meshes.box import Box
+
+MODELS = ("finite_strain", "small_strain")
+LARGEST_APPROACH = 0.9
+"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
+MOST_AT_FIRST = 5e5
+"""Unknowns that the first discretisation that answers may have where no budget is stated."""
+_SHARED_NODES = 1.35
+"""Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
+_ITERATIONS = 9
+"""Newton iterations of a load step on one mesh, the small-strain pair's included, in units of a finite-strain one."""
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """What a run consists of: ``path`` are the load fractions that the path finder passes, ``goals`` those answered."""
+
+    problem: Problem
+    model: str
+    reduction: Reduction
+    path: tuple[float, ...]
+    goals: tuple[float, ...]
+    accuracy: float
+    budget: Budget
+    expected: tuple[Expected, ...]
+    extent: Extent = field(repr=False)
+
+    @property
+    def is_paired(self) -> bool:
+        """Whether the small-strain problem runs beside the run's own."""
+        return self.model == "finite_strain"
+
+    def box(self, level: Discretisation) -> Box:
+        """Return the box that a discretisation meshes."""
+        extent = self.extent.larger(level.extent)
+        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0])
+
+    def unknowns(self, level: Discretisation) -> float:
+        """Estimate the unknowns of a discretisation, within about 30 %."""
+        forms = describe_forms(self.problem).values()
+        pressures = sum(form == "mixed" for form in forms) * ((level.order - 1.0) / level.order) ** 3
+        nodes = _SHARED_NODES * level.order**3 * self.box(level).estimated_hexahedra()
+        return nodes * (3.0 + pressures)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the plan in words and numbers: SI units, seconds for two ranks."""
+        unknowns = [self.unknowns(level) for level in FIRST]
+        most = self.budget.most_unknowns
+        box = self.box(FIRST[-1])
+        forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
+        solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
+        iteration = [_iteration_seconds(n, solver.direct) for n, solver in zip(unknowns, solvers, strict=True)]
+        steps = [len(self.path), len(self.goals)]
+        return {
+            "forms": forms,
+            "linear_solver": solvers[-1].describe(),
+            "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
+            "unknowns": round(unknowns[-1]),
+            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(FIRST, unknowns, strict=True)]
+            + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
+            "memory_bytes": _bytes(unknowns[-1], solvers[-1].direct),
+            "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),
+            "seconds": 5.0 + _ITERATIONS * sum(n * t for n, t in zip(steps, iteration, strict=True)),
+            "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
+            "load_steps": len(self.goals),
+            "accuracy": {
+                "asked": self.accuracy,
+                "unknowns_at_most": most,
+                "seconds_at_most": self.budget.seconds,
+            },
+        }
+
+
+def _iteration_seconds(unknowns: float, direct: bool) -> float:
+    """Return the time of a Newton iteration, measured on two ranks: factors (MUMPS) or multigrid."""
+    return 0.38 * (unknowns / 28e3) ** 1.4 if direct else 3.1e-5 * unknowns
+
+
+def _bytes(unknowns: float, direct: bool) -> float:
+    """Return the memory of two ranks: matrix and factors, or matrix, multigrid and Krylov vectors, as measured."""
+    return 4e8 + (0.77e9 * (unknowns / 51.5e3) ** 1.35 if direct else 7.5e3 * unknowns)
+
+
+def plan_run(
+    problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
+    steps: Sequence[float] | None = (1.0,),
+) -> RunPlan:  # fmt: skip
+    """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
+
+    Raises `UnsupportedProblem`, naming the key, for what the model lacks.
+    """
+    if not 0.0 < tangential_force < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    _check_supported(problem, model)
+    goals = tuple(answered_fractions(problem.load.kind) if steps is None else steps)
+    if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
+        raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
+    budget = budget or Budget()
+    expected = expected_indentation(problem)
+    deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
+    path = load_fractions(problem.load.kind, deepest)
+    plan = RunPlan(
+        problem, model, reduce_scene(problem), tuple(sorted({*path, *goals})), goals, tangential_force, budget,
+        tuple(expected), choose_extent(problem, expected, tangential_force),
+    )  # fmt: skip
+    least = plan.unknowns(FIRST[-1])
+    if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):
+        raise UnsupportedProblem(
+            f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "
+            f"got {budget.unknowns or MOST_AT_FIRST:g}; raise it"
+        )
+    return plan
+
+
+def _check_supported(problem: Problem, model: str) -> None:
+    if model not in MODELS:
+        raise UnsupportedProblem(f"model: the finite-element models are {' and '.join(MODELS)}, got {model}")
+    faults = []
+    if not 0.0 < problem.layer.thickness < math.inf:
+        thickness = f"{problem.layer.thickness:g}"
+        faults.append(
+            f"layer.thickness: {model} meshes the layer and needs a finite one, got {thickness}; use linear_bem"
+        )
+    faults += form_faults(problem, model)
+    values = problem.load.values
+    if problem.load.kind == "force" and min(values) <= 0.0:
+        faults.append(
+            f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out"
+        )
+    if problem.load.kind == "approach" and max(values) >= LARGEST_APPROACH * problem.layer.thickness:
+        faults.append(
+            f"load.approach: {model} takes approaches below {LARGEST_APPROACH:g} of the layer's thickness "
+            f"({problem.layer.thickness:g} m), got {max(values):g} m"
+        )
+    if faults:
+        raise UnsupportedProblem("\n".join(faults))

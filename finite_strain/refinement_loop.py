@@ -1,0 +1,291 @@
+"""One run: discretisations from coarse to fine, every load step paired, answered, written and handed on."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from finite_strain import FORMAT, compat
+from finite_strain.accuracy.answer import Answers
+from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.equilibrium.load_path import StepRecord
+from finite_strain.equilibrium.solver_options import solver_notes, solvers_of
+from finite_strain.geometry.extent import scale_of_force
+from finite_strain.mechanics.volumetric import describe_forms, form_notes
+from finite_strain.mpi import on_root, replace_text, working_folder
+from finite_strain.one_discretisation import MeshRun, ModelRun
+from finite_strain.output.field_catalogue import FieldChoice
+from finite_strain.output.field_writer import FieldWriter
+from finite_strain.output.top_surface import TopSurface
+from finite_strain.planning.records import NAME, ContactState, Record, Row, saved_records, text_of
+from finite_strain.planning.refinement import FIRST, account, decide
+from finite_strain.planning.run_plan import RunPlan
+from linear_bem.errors import NotConverged
+from linear_bem.result import Result, Solved, Step
+
+NAMES = ("coarse", "main", "finer")
+"""What the discretisations of a run are called: the path finder, the first that answers, and those after it."""
+NEAR_ZERO = "a tenth of the half-space's mutual force"
+
+
+class Silence:
+    """The observer that watches nothing."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Take a call of any name and do nothing."""
+        return lambda *_: None
+
+
+def simulate(
+    plan: RunPlan, comm: MPI.Comm, folder: Path | None, observer: Any, fields: FieldChoice | None = None
+) -> Result:
+    """Run a plan; see `finite_strain.solve`."""
+    with working_folder(folder, comm) as where:
+        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
+
+
+class Refinement:
+    """Discretisations of one scene, each along the same load path, until accuracy or budget ends them.
+
+    Every finished step is on disk before the next begins: what a killed run computed is not computed again.
+    """
+
+    def __init__(
+        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Any, fields: FieldChoice | None, keep: bool
+    ) -> None:
+        self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
+        self.fields, self.keep = fields, keep
+        self.began = time.monotonic()
+        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget)
+        self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
+        self.records: list[Record] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
+        self.earlier_seconds = sum(record.seconds for record in self.records)
+
+    def run(self) -> Result:
+        """Run one discretisation after another (collective)."""
+        if not self.records:
+            self.records.append(Record(FIRST[0]))
+        answered, why = 0, ""
+        while True:
+            number = len(self.records) - 1
+            record = self.records[number]
+            if not record.finished:
+                self._press(number)
+            if record.steps and (not self.records[answered].steps or self._reach(number) >= self._reach(answered)):
+                answered = number
+            if record.stopped and number >= len(FIRST):
+                why = f"{record.level} did not reach full load: {record.stopped}"
+                break
+            decision = self.comm.bcast(
+                decide(self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns), root=0
+            )
+            if decision.level is None:
+                why = decision.why
+                break
+            self.records.append(Record(decision.level))
+            self._save()
+        if self._reach(answered) < self.plan.goals[-1]:
+            kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
+            raise NotConverged(f"{self.records[-1].stopped or why}{kept}")
+        return self._result(answered, why)
+
+    def _reach(self, number: int) -> float:
+        """Return the largest load fraction that a discretisation has answered."""
+        steps = self.records[number].steps
+        return float(steps[-1]["record"]["fraction"]) if steps else 0.0
+
+    def _press(self, number: int) -> None:
+        """Drive one discretisation along the load path, from where an earlier run left it (collective)."""
+        record = self.records[number]
+        name = NAMES[min(number, 2)]
+        run = MeshRun(self.plan, record.level, self.folder / f"mesh_{number}.msh", self.comm, self.observer, name)
+        try:
+            self._along(run, record, number)
+        except NotConverged as error:
+            record.stopped = f"{name} mesh ({record.unknowns} unknowns): {error}"
+        finally:
+            run.close()
+        record.finished = True
+        self._judge(record)
+        self._save()
+
+    def _along(self, run: MeshRun, record: Record, number: int) -> None:
+        plan, began, spent = self.plan, time.monotonic(), record.seconds
+        record.unknowns = run.own.model.unknowns
+        coarse = self.records[number - 1] if number else None
+        answers = writer = None
+        if coarse is not None:
+            answers = Answers(plan, self.records[max(number - 2, 0) : number + 1])
+            if self.keep:
+                writer = FieldWriter(run.own.model, self.folder, self.fields)
+                writer.forget_after(len(record.steps))
+            self._announce(run, record)
+        own_records: list[StepRecord] = []
+        self._resume(run, record, number)
+        reached = record.rows[-1].own.fraction if record.rows else 0.0
+        found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
+        path = [f for f in plan.path if f > reached and (coarse is None or f in plan.goals or f > found)]
+        pair_stopped = bool(record.rows) and record.rows[-1].small is None
+        for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
+            own_records.append(done)
+            if done.fraction not in plan.goals:
+                continue
+            snapshot = run.own.snapshot()
+            run.own.path.augment(done)
+            own = run.own.state(done.fraction)
+            small, pair = None, None
+            if run.small is not None and not pair_stopped:
+                try:
+                    small, pair = self._pair(run.small, number, done.fraction)
+                except NotConverged:
+                    pair_stopped = True
+            row = Row(own, small)
+            record.rows.append(row)
+            record.seconds = spent + time.monotonic() - began
+            self._keep(snapshot, number, "own")
+            if answers is not None and coarse is not None and coarse.at(done.fraction) is not None:
+                truth = on_root(self.comm, lambda fraction=done.fraction: answers.truth(fraction))  # type: ignore[misc]
+                details = {"mesh": number, **run.details(own_records, pair, own)}
+                own_records = []
+                earlier = [Step.from_dict(step) for step in record.steps]
+                step = answers.step(done.fraction, truth, details, earlier, run.own.solver.tolerance)
+                if writer is not None:
+                    taken = writer.write(len(record.steps) + 1, done.fraction)
+                    step = replace(step, record={**step.record, "seconds_output": taken})
+                record.steps.append(step.to_dict())
+                record.seconds = spent + time.monotonic() - began
+                self._save()
+                self.observer.step_done(step, TopSurface(run.own.model).gathered())
+            else:
+                self._save()
+
+    def _pair(self, run: ModelRun, number: int, fraction: float) -> tuple[ContactState, StepRecord]:
+        """Return the small-strain state at a load fraction (collective)."""
+        last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
+        snapshot = run.snapshot()
+        run.path.augment(last)
+        self._keep(snapshot, number, "small")
+        return run.state(fraction), last
+
+    def _announce(self, run: MeshRun, record: Record) -> None:
+        self.observer.started(
+            {
+                "model": self.plan.model,
+                "mesh": run.name,
+                "forms": describe_forms(self.plan.problem),
+                "unknowns": record.unknowns,
+                "ranks": self.comm.size,
+                "load_steps": len(self.plan.goals),
+                "symmetry_planes": len(self.plan.reduction.planes),
+                "resumed_steps": len(record.steps),
+                "versions": compat.versions(),
+            }
+        )
+
+    def _file(self, number: int, model: str, fraction: float) -> Path:
+        return self.folder / f"state_{number}_{model}_{self.plan.goals.index(fraction) + 1:03d}.npz"
+
+    def _keep(self, snapshot: Snapshot, number: int, model: str) -> None:
+        on_root(self.comm, lambda: snapshot.save(self._file(number, model, snapshot.fraction)))
+
+    def _predicted(self, run: ModelRun, number: int, model: str, fraction: float):  # type: ignore[no-untyped-def]
+        """Return the coarser discretisation's state at a load fraction, where it has one."""
+        if number == 0 or fraction not in self.plan.goals:
+            return None
+        file = self._file(number - 1, model, fraction)
+        there = self.comm.bcast(file.exists() if self.comm.rank == 0 else None, root=0)
+        return run.predicted_by(Snapshot.load(file)) if there else None
+
+    def _resume(self, run: MeshRun, record: Record, number: int) -> None:
+        """Take up the last states that an earlier run of this discretisation left."""
+        for model, each in (("own", run.own), ("small", run.small)):
+            if each is None:
+                continue
+            met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
+            states = [each.predicted_by(Snapshot.load(self._file(number, model, fraction))) for fraction in met]
+            each.path.resume([state for state in states if state is not None])
+
+    def _judge(self, record: Record) -> None:
+        """Note how far T is known at the last step: the largest error of a ball's T over the scale, and its terms."""
+        if not record.steps:
+            return
+        last = Step.from_dict(record.steps[-1])
+        forces = np.array([ball.normal_force for ball in last.balls])
+        largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
+        record.scale = max(largest, scale_of_force(self.plan.problem, forces))
+        worst = int(np.argmax([ball.tangential_force_error for ball in last.balls]))
+        if record.scale > 0.0:
+            record.terms = {name: values[worst] / record.scale for name, values in last.record["error_terms"].items()}
+            record.reached = last.balls[worst].tangential_force_error / record.scale
+        else:
+            record.reached = 0.0
+        if record.rows[-1].own.fraction < self.plan.goals[-1]:
+            record.reached = math.inf
+
+    def _save(self) -> None:
+        on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
+
+    def _result(self, answered: int, why: str) -> Result:
+        plan, record = self.plan, self.records[answered]
+        steps = [Step.from_dict(step) for step in record.steps]
+        # a force of another kind is a bound to compare with only where T itself is smaller
+        near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
+        reference = NEAR_ZERO if near_zero else "the largest tangential force"
+        said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
+        notes = list(form_notes(plan.problem))
+        if near_zero and record.scale > 0.0:
+            known = ", ".join(
+                f"{100 * ball.tangential_force_error / size:.2g} %" if size > 0.0 else "zero"
+                for ball in steps[-1].balls
+                for size in [math.hypot(*ball.tangential_force)]
+            )
+            notes.append(
+                f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
+                f"of the balls' own T the error is {known}"
+            )
+        if not said["met"]:
+            notes.append(
+                f"tangential force known to {100 * record.reached:.3g} % at full load; "
+                f"{100 * plan.accuracy:.2g} % was asked for: {why}"
+            )
+        if plan.is_paired and record.rows[-1].small is None:
+            notes.append(
+                "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
+            )
+        notes += self._overrun(record)
+        notes += solver_notes([step.record for step in steps])
+        certificate = ("penetration", "force_balance", "residual")
+        return Result(
+            model=plan.model,
+            balls=steps[-1].balls,
+            steps=tuple(steps),
+            solved=Solved(
+                converged=True,
+                iterations=sum(step.record["iterations"] for step in steps),
+                unknowns=record.unknowns,
+                seconds=self.earlier_seconds + time.monotonic() - self.began,
+                ranks=self.comm.size,
+                versions=compat.versions(),
+                notes=tuple(notes),
+                certificate={name: max(step.record[name] for step in steps) for name in certificate},
+                accuracy=said,
+                linear_solver=solvers_of([step.record for step in steps]),
+            ),
+        )
+
+    def _overrun(self, record: Record) -> list[str]:
+        """Return where the run passed its budget: the first discretisations are run whatever they cost."""
+        budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
+        notes = []
+        if budget.unknowns is not None and record.unknowns > budget.unknowns:
+            notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
+        if budget.seconds is not None and spent > budget.seconds:
+            notes.append(f"the discretisations took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
+        return notes

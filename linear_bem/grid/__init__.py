@@ -1,0 +1,1 @@
+"""Contacts of any shape on grids with the fast Fourier transform."""

@@ -1,0 +1,245 @@
+r"""Square cells of constant pressure: patches, their FFT convolution, and the coupling of patches.
+
+For contacts that no single smooth function describes: neighbours that merge, layers much thinner than the
+contact. Each patch is centred on its ball (off its grid a ball would feel a spurious T); balls whose
+patches come close share one. Within a patch the displacement at cell centres is a discrete
+convolution: Love's rectangle for 1/r plus the smooth kernel averaged over the cell. Between patches
+the kernel is smooth on the scale of their distance, so it is interpolated on q x q Chebyshev
+nodes of either patch: sums over cells become sums over nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from linear_bem.grid.rectangle_load import graded_rule, love_cells, love_rectangle
+from linear_bem.layer.kernel import LayeredKernel
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Patch:
+    """A rectangle of nx x ny square cells of side ``cell`` [m] centred on ``centre`` [m], for the balls ``members``."""
+
+    kernel: LayeredKernel
+    centre: tuple[float, float]
+    cell: float
+    nx: int
+    ny: int
+    members: tuple[int, ...]
+    nodes: int = field(default=8)
+
+    @cached_property
+    def x(self) -> Array:
+        """Cell centres along x [m], shape (nx, 1)."""
+        return (self.centre[0] + self.cell * (np.arange(self.nx) - 0.5 * (self.nx - 1)))[:, None]
+
+    @cached_property
+    def y(self) -> Array:
+        """Cell centres along y [m], shape (1, ny)."""
+        return (self.centre[1] + self.cell * (np.arange(self.ny) - 0.5 * (self.ny - 1)))[None, :]
+
+    @property
+    def reach(self) -> float:
+        """Half diagonal [m]."""
+        return 0.5 * self.cell * float(np.hypot(self.nx, self.ny))
+
+    @cached_property
+    def _size(self) -> tuple[int, int]:
+        return fft.next_fast_len(2 * self.nx - 1, real=True), fft.next_fast_len(2 * self.ny - 1, real=True)
+
+    @cached_property
+    def influence(self) -> Array:
+        """Displacement per pressure/``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, shape (nx, ny)."""
+        d = self.cell
+        x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
+        total = love_cells(self.nx, self.ny, d)
+        if not self.kernel.homogeneous:
+            # beyond some thicknesses the layer hides 1/r but for the substrate's share: both integrated alike
+            rest = 1.0 - self.kernel.far_ratio
+            far = np.hypot(x, y) > 6.0 * self.kernel.thickness
+            total = np.where(far, self.kernel.far_ratio, 1.0) * total
+            g = 0.5 * d / np.sqrt(3.0)
+            for ex, ey in ((g, g), (-g, g), (g, -g), (-g, -g)):
+                r = np.hypot(x + ex, y + ey)
+                total += 0.25 * d * d * (self.kernel.smooth(r) + np.where(far, rest / r, 0.0))
+            near = int(np.ceil(1.5 + 12.0 * self.kernel.thickness / d))
+            if d > 0.4 * self.kernel.thickness:
+                self._integrate_near(total, min(near, self.nx), min(near, self.ny))
+        return total
+
+    def _integrate_near(self, total: Array, nx: int, ny: int) -> None:
+        """Replace the first influences by graded quadrature: cells as wide as the layer is thick, or wider."""
+        d = self.cell
+        rules = [graded_rule(d * (i - 0.5), d * (i + 0.5), 0.25 * self.kernel.thickness) for i in range(max(nx, ny))]
+        for i in range(nx):
+            for j in range(ny):
+                (u, wu), (v, wv) = rules[i], rules[j]
+                smooth = wu @ self.kernel.smooth(np.hypot(u[:, None], v)) @ wv
+                total[i, j] = float(love_rectangle(d * i, d * j, 0.5 * d, 0.5 * d)) + smooth
+
+    def part(self, nx: int, ny: int) -> Patch:
+        """Return a smaller patch with the same cells, sharing their influence."""
+        small = Patch(self.kernel, self.centre, self.cell, nx, ny, self.members, self.nodes)
+        small.__dict__["influence"] = self.influence[:nx, :ny]
+        return small
+
+    @cached_property
+    def _spectrum(self) -> NDArray[np.complex128]:
+        return np.asarray(fft.rfft2(_embed(self.influence, self._size, 1.0, 1.0)))
+
+    @cached_property
+    def _slope_spectra(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Transforms of d/dx and d/dy of the cells' influence (odd, so a cell never pushes itself)."""
+        d = self.cell
+        x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
+        out = []
+        for odd_x in (True, False):
+            u, v = (x, y) if odd_x else (y, x)
+            # the derivative of Love's rectangle along u, with its four corners
+            g = np.arcsinh((v + d / 2) / np.abs(u + d / 2)) - np.arcsinh((v - d / 2) / np.abs(u + d / 2))
+            g = g - np.arcsinh((v + d / 2) / np.abs(u - d / 2)) + np.arcsinh((v - d / 2) / np.abs(u - d / 2))
+            if not self.kernel.homogeneous:
+                r = np.maximum(np.hypot(x, y), 1e-3 * d)
+                far = r > 6.0 * self.kernel.thickness
+                rest = np.where(far, 1.0 - self.kernel.far_ratio, 0.0)
+                g = (1.0 - rest) * g + d * d * (self.kernel.smooth_slope(r) - rest / r**2) * u / r
+            g = g * np.ones((self.nx, self.ny))
+            signs = (-1.0, 1.0) if odd_x else (1.0, -1.0)
+            out.append(np.asarray(fft.rfft2(_embed(g, self._size, *signs))))
+        return out[0], out[1]
+
+    def displacement(self, pressure: Array) -> Array:
+        """Return the displacement [m] at the cells under a pressure in units of 1/``singular``."""
+        return self._convolve(self._image(pressure) * self._spectrum)
+
+    def slopes(self, pressure: Array) -> tuple[Array, Array]:
+        """Return dw/dx and dw/dy at the cells."""
+        image = self._image(pressure)
+        sx, sy = self._slope_spectra
+        return self._convolve(image * sx), self._convolve(image * sy)
+
+    def _image(self, field: Array) -> NDArray[np.complex128]:
+        """Return the padded transform, one axis at a time so that padding rows are never transformed."""
+        return np.asarray(fft.fft(fft.rfft(field, self._size[1], axis=1), self._size[0], axis=0))
+
+    def _convolve(self, image: NDArray[np.complex128]) -> Array:
+        rows = fft.ifft(image, axis=0, overwrite_x=True)[: self.nx]
+        return np.asarray(fft.irfft(rows, self._size[1], axis=1)[:, : self.ny])
+
+    @cached_property
+    def _inverse_spectrum(self) -> Array:
+        """The layered half-space's own symbol 2 pi G(k h)/k, inverted, on the patch taken as periodic."""
+        kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
+        ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
+        k = np.sqrt(kx**2 + ky**2 + 1.0 / self.reach**2)
+        return k / (2.0 * np.pi * self.kernel.response_at(k))
+
+    def precondition(self, residual: Array) -> Array:
+        """Return an approximate solution p of `displacement` (p) = residual."""
+        return np.asarray(fft.irfft2(fft.rfft2(residual) * self._inverse_spectrum, residual.shape))
+
+    @cached_property
+    def node_points(self) -> tuple[Array, Array]:
+        """Chebyshev nodes of the patch, x and y [m], flattened."""
+        z = np.cos((np.arange(self.nodes) + 0.5) * np.pi / self.nodes)
+        x = self.centre[0] + 0.5 * self.cell * self.nx * z
+        y = self.centre[1] + 0.5 * self.cell * self.ny * z
+        return np.repeat(x, self.nodes), np.tile(y, self.nodes)
+
+    @cached_property
+    def _lagrange(self) -> tuple[Array, Array]:
+        q = self.nodes
+        z = np.cos((np.arange(q) + 0.5) * np.pi / q)
+        fit = np.linalg.inv(np.polynomial.chebyshev.chebvander(z, q - 1))
+        out = []
+        for n in (self.nx, self.ny):
+            cells = (2.0 * np.arange(n) - (n - 1)) / n
+            out.append(np.polynomial.chebyshev.chebvander(cells, q - 1) @ fit)
+        return out[0], out[1]
+
+    def gather(self, pressure: Array) -> Array:
+        """Return the point loads at the nodes that stand for a pressure seen from afar."""
+        lx, ly = self._lagrange
+        return np.asarray(lx.T @ pressure @ ly).ravel() * self.cell**2
+
+    def spread(self, values: Array) -> Array:
+        """Return the field at the cells that has these values at the nodes."""
+        lx, ly = self._lagrange
+        return np.asarray(lx @ values.reshape(self.nodes, self.nodes) @ ly.T)
+
+
+def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float) -> Array:
+    """Return the circulant array of a kernel known at non-negative offsets, even (+1) or odd (-1) in x and y."""
+    nx, ny = quadrant.shape
+    out = np.zeros(size)
+    out[:nx, :ny] = quadrant
+    out[size[0] - nx + 1 :, :ny] = sign_x * quadrant[:0:-1, :]
+    out[:nx, size[1] - ny + 1 :] = sign_y * quadrant[:, :0:-1]
+    out[size[0] - nx + 1 :, size[1] - ny + 1 :] = sign_x * sign_y * quadrant[:0:-1, :0:-1]
+    return out
+
+
+class Patches:
+    """All patches together: displacement of every cell from every pressure."""
+
+    def __init__(self, kernel: LayeredKernel, patches: list[Patch]) -> None:
+        self.kernel = kernel
+        self.patches = patches
+        self._mutual: Array | None = None
+        if len(patches) > 1:
+            self._mutual = self._between(lambda r, dx, dy: 1.0 / r + kernel.smooth(r))
+
+    def _between(self, f: Callable[[Array, Array, Array], Array]) -> Array:
+        """Return a kernel f(r, dx, dy) between all nodes of different patches."""
+        q2 = self.patches[0].nodes ** 2
+        x = np.concatenate([p.node_points[0] for p in self.patches])
+        y = np.concatenate([p.node_points[1] for p in self.patches])
+        out = np.zeros((len(x), len(x)))
+        for i in range(len(self.patches)):
+            rows = slice(i * q2, (i + 1) * q2)
+            dx, dy = x[rows, None] - x, y[rows, None] - y
+            r = np.hypot(dx, dy)
+            r[:, rows] = 1.0
+            out[rows] = f(r, dx, dy)
+            out[rows, rows] = 0.0
+        return out
+
+    def displacement(self, pressures: list[Array]) -> list[Array]:
+        """Return the displacement [m] of every patch."""
+        own = [p.displacement(q) for p, q in zip(self.patches, pressures, strict=True)]
+        if self._mutual is None:
+            return own
+        loads = np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
+        return self._add(own, self._mutual @ loads)
+
+    def _add(self, own: list[Array], values: Array) -> list[Array]:
+        q2 = self.patches[0].nodes ** 2
+        return [
+            w + p.spread(values[k * q2 : (k + 1) * q2]) for k, (p, w) in enumerate(zip(self.patches, own, strict=True))
+        ]
+
+    def slopes(self, pressures: list[Array]) -> tuple[list[Array], list[Array]]:
+        """Return dw/dx and dw/dy of every patch, without the part that a ball's own pressure gives itself.
+
+        That part is left out where a patch has one ball; where it has several, its sum over the ball vanishes.
+        """
+        along_x, along_y = [], []
+        for p, q in zip(self.patches, pressures, strict=True):
+            x, y = p.slopes(q) if len(p.members) > 1 else (np.zeros_like(q), np.zeros_like(q))
+            along_x.append(x)
+            along_y.append(y)
+        if self._mutual is None:
+            return along_x, along_y
+        loads = np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
+        k = self.kernel
+        sx = self._between(lambda r, dx, dy: (k.smooth_slope(r) - 1.0 / r**2) * dx / r) @ loads
+        sy = self._between(lambda r, dx, dy: (k.smooth_slope(r) - 1.0 / r**2) * dy / r) @ loads
+        return self._add(along_x, sx), self._add(along_y, sy)

@@ -1,0 +1,140 @@
+r"""Approach, force and contact radius of one ball on a layer: a Ritz estimate that needs no contact solve.
+
+The complementary energy of a contact is least at the true pressure. With p = p0 (1 - r^2/a^2)^alpha,
+whose Hankel transform is closed, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
+c = 1/(2 R (alpha + 2)) and
+
+    kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx;
+
+it is stationary where D = c a^2 (1 - 4/m), m = d ln kappa/d ln a, q = (D - c a^2)/kappa. alpha = 1/2 is
+Hertz's, 1 the compressible and 2 the incompressible thin layer's pressure, so every limit is exact;
+between them the best of several alpha (the least energy) is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gamma, jv
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.layer.response import LayerResponse
+from linear_bem.problem import Elastic, Layer
+
+Array = NDArray[np.float64]
+
+_POWERS = (0.5, 0.7, 1.0, 1.4, 2.0)
+
+
+@dataclass(frozen=True)
+class Indentation:
+    """One ball on a layer: approach [m], normal force [N], contact radius [m]."""
+
+    approach: float
+    normal_force: float
+    contact_radius: float
+
+
+@lru_cache(maxsize=8)
+def _rule(power: float) -> tuple[Array, Array]:
+    """Return nodes x and weights with the squared transform of the pressure in them."""
+    edges = np.concatenate([2.0 ** np.arange(-36.0, 1.0), np.arange(2.0, 61.0, 2.0)])
+    z, wz = np.polynomial.legendre.leggauss(8)
+    half = 0.5 * np.diff(edges)[:, None]
+    x = (edges[:-1, None] + half * (1.0 + z)).ravel()
+    order = power + 1.0
+    shape = gamma(order + 1.0) * (2.0 / x) ** order * jv(order, x)
+    return x, (half * wz).ravel() * shape**2
+
+
+@lru_cache(maxsize=32)
+def _curve(poisson: float, ratio: float | None, substrate_poisson: float) -> tuple[Array, Array, Array]:
+    """Return the logarithms of a/h, D R/h^2 and Q R/(E* h^3) for a/h from 1e-6 to 1e7."""
+    substrate = None if ratio is None else Elastic(1.0 / ratio, substrate_poisson)
+    response = LayerResponse(Elastic(1.0, poisson), substrate)
+    log_a = np.linspace(np.log(1e-6), np.log(1e7), 520)
+    a = np.exp(log_a)
+    best: tuple[Array, Array, Array] | None = None
+    for power in _POWERS:
+        x, w = _rule(power)
+        values = response(x[None, :] / a[:, None])
+        kappa = (values @ w) / (np.pi * a)
+        slope = np.gradient(np.log(kappa), log_a)
+        c = 0.5 / (power + 2.0)
+        approach = c * a**2 * (1.0 - 4.0 / slope)
+        force = (approach - c * a**2) / kappa
+        if best is None:
+            best = (approach, force, force * (approach - c * a**2))
+            radius = a.copy()
+            continue
+        # compare energies at the same approach
+        here = np.exp(np.interp(np.log(best[0]), np.log(approach), np.log(force * (approach - c * a**2))))
+        better = here > best[2]
+        q = np.exp(np.interp(np.log(best[0]), np.log(approach), np.log(force)))
+        r = np.exp(np.interp(np.log(best[0]), np.log(approach), log_a))
+        best = (best[0], np.where(better, q, best[1]), np.where(better, here, best[2]))
+        radius = np.where(better, r, radius)
+    assert best is not None
+    return np.log(radius), np.log(best[0]), np.log(best[1])
+
+
+def indentation_of_layer(
+    layer: Layer,
+    substrate: Elastic | None,
+    radius: float,
+    *,
+    approach: float | None = None,
+    normal_force: float | None = None,
+    contact_radius: float | None = None,
+) -> Indentation:
+    """Return approach, force and contact radius of one paraboloid (``radius`` [m]) from any one of them.
+
+    Any nu1, nu2, E1/E2 and thickness; ``substrate`` None is a rigid base. Error against the exact
+    solution: force at given approach within 1 %, contact radius within 6 % (tested for
+    rigid bases, sqrt(R D)/h up to 5). SI units.
+    """
+    given = [v for v in (approach, normal_force, contact_radius) if v is not None]
+    if len(given) != 1 or not given[0] > 0.0:
+        raise InvalidProblem(
+            "indentation_of_layer: give exactly one of approach, normal_force, contact_radius, greater than 0; got "
+            f"{approach}, {normal_force}, {contact_radius}"
+        )
+    kind = "approach" if approach is not None else "normal_force" if normal_force is not None else "contact_radius"
+    d, q, a = estimates(layer, substrate, np.array([radius]), kind, np.array(given))
+    return Indentation(float(d[0]), float(q[0]), float(a[0]))
+
+
+def estimates(
+    layer: Layer, substrate: Elastic | None, radii: Array, kind: str, values: Array
+) -> tuple[Array, Array, Array]:
+    """Return approaches [m], forces [N], contact radii [m] of many balls, each alone; 0 where the value is not > 0.
+
+    ``kind`` names what ``values`` are: "approach", "normal_force" or "contact_radius".
+    """
+    modulus = layer.contact_modulus
+    ratio = None if substrate is None else layer.young / substrate.young
+    log_a, log_d, log_q = _curve(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
+    pressed = values > 0.0
+    v = np.where(pressed, values, 1.0)
+    h = layer.thickness
+    if not np.isfinite(h):
+        length = np.sqrt(v / modulus) if kind == "normal_force" else v
+        h = 1e3 * float(max(np.max(radii), np.max(length)))
+    units = {"contact_radius": h, "approach": h**2 / radii, "normal_force": modulus * h**3 / radii}
+    columns = {"contact_radius": log_a, "approach": log_d, "normal_force": log_q}
+    at = np.log(v / units[kind])
+    found = {
+        name: np.where(pressed, np.exp(_extrapolate(at, columns[kind], column)) * units[name], 0.0)
+        for name, column in columns.items()
+    }
+    return found["approach"], found["normal_force"], found["contact_radius"]
+
+
+def _extrapolate(at: Array, x: Array, y: Array) -> Array:
+    """Return y(x) by linear interpolation, by the end slopes outside the table (power laws stay power laws)."""
+    low = y[0] + (at - x[0]) * (y[1] - y[0]) / (x[1] - x[0])
+    high = y[-1] + (at - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2])
+    return np.asarray(np.where(at <= x[0], low, np.where(at >= x[-1], high, np.interp(at, x, y))))

@@ -1,0 +1,1 @@
+"""Scenes that change a little from one to the next."""

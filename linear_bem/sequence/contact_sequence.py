@@ -1,0 +1,187 @@
+"""Many scenes that differ little from one to the next: each solved from the one before, in milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import NotConverged
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.problem import Problem
+from linear_bem.sequence.linearised import LinearisedContacts, LinearState
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.smooth.initial_guess import Start, first_guess
+from linear_bem.smooth.tangential_forces import half_space_pulls
+from linear_bem.solver import solve_contact
+from linear_bem.touching_balls import smooth_state
+
+Array = NDArray[np.float64]
+
+DEGREES = (4, 6, 8)
+GAP_SHARE = 0.1
+"""Share of the relative gap that counts as error of T: forces are of second order in the pressure's error (measured for
+deep spheres: 0.03 to 0.07 of it)."""
+
+
+@dataclass(frozen=True)
+class SequenceState:
+    """One scene's answer, one entry per ball: approaches [m], forces [N], T and its error estimate [N].
+
+    ``gap_in_contact`` is the largest gap inside the contacts over the largest approach; ``cold`` tells that the scene
+    was solved from nothing.
+    """
+
+    approaches: Array
+    normal_forces: Array
+    tangential_force: Array
+    tangential_force_error: Array
+    gap_in_contact: float
+    cold: bool
+
+
+class ContactSequence:
+    """Solves scenes that change a little at a time (balls that move, loads that grow).
+
+    >>> from linear_bem import Ball, ContactSequence, Layer, Load, Problem
+    >>> def scene(distance):
+    ...     pair = (Ball((0.0, 0.0), 1.0, "sphere"), Ball((distance, 0.0), 1.0, "sphere"))
+    ...     return Problem(Layer(1.0, 0.48, 8.0), pair, Load("approach", (0.5, 0.5)))
+    >>> sequence = ContactSequence(accuracy=1e-2)
+    >>> [sequence.solve(scene(2.5 + 0.01 * k)).cold for k in range(3)]
+    [True, False, False]
+
+    ``accuracy`` of T is relative, as in `linear_bem.solve`: a state whose own estimate (difference of the two routes to
+    T, square of the drift from where the equations were linearised, a tenth of the gap) or whose gap over approach
+    exceeds it is linearised anew, and where that does not help solved from nothing, by polynomials of the lowest degree
+    that will do, else by `linear_bem.solve_contact`. Layer, substrate, radii, shapes and the kind of load must stay; a
+    scene where they change is solved from nothing too. Raises what `linear_bem.solve_contact` raises.
+    """
+
+    def __init__(self, accuracy: float = 1e-2) -> None:
+        self.accuracy = accuracy
+        self._contacts: LinearisedContacts | None = None
+        self._before: Problem | None = None
+        self._approaches = np.empty(0)
+
+    def solve(self, problem: Problem) -> SequenceState:
+        """Return the state of one scene, from the scene before where that is near."""
+        problem = problem.without_empty_layer()
+        if self._contacts is not None and self._before is not None and _alike(self._before, problem):
+            try:
+                state = self._warm(problem, self._contacts)
+            except (NotConverged, np.linalg.LinAlgError, FloatingPointError):
+                state = None
+            if state is not None:
+                self._before = problem
+                return state
+        return self._cold(problem)
+
+    def _cold(self, problem: Problem) -> SequenceState:
+        self._contacts, self._before = None, problem
+        try:
+            state = self._started(problem)
+        except (NotConverged, np.linalg.LinAlgError):
+            state = None
+        if state is not None:
+            return replace(state, cold=True)
+        solution = solve_contact(problem, self.accuracy)
+        contacts = solution.contacts
+        return SequenceState(
+            approaches=contacts.approaches,
+            normal_forces=contacts.normal_forces,
+            tangential_force=contacts.mutual_force,
+            tangential_force_error=solution.tangential_force_error,
+            gap_in_contact=contacts.certificate["gap_in_contact"],
+            cold=True,
+        )
+
+    def _started(self, problem: Problem) -> SequenceState | None:
+        """Return the state by the lowest degree that is good enough, None where none is."""
+        kernel = LayeredKernel.of(problem)
+        start: Start | SmoothContacts = first_guess(problem, kernel)
+        for degree in (2, *DEGREES):
+            contacts = smooth_state(problem, kernel, degree, start, 1e-3 * self.accuracy)
+            start, self._approaches = contacts, contacts.approaches
+            zones = [n.zone for n in contacts.smooth.nodes]
+            if degree not in DEGREES:
+                continue
+            state = self._warm(problem, LinearisedContacts(problem, kernel, contacts.touching, zones))
+            if state is not None:
+                return state
+        return None
+
+    def _warm(self, problem: Problem, contacts: LinearisedContacts) -> SequenceState | None:
+        """Return the state near linearised contacts, None where it is not good enough."""
+        touching = list(contacts.touching)
+        places = np.array([problem.balls[i].position for i in touching], dtype=float)
+        values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values)
+        groups = _groups(problem, contacts.kernel, touching)
+        self._contacts = None
+        for _ in range(5):
+            state = contacts.solve(places, values[touching].astype(float), groups)
+            if not np.isfinite(state.drift) or np.any(state.forces <= 0.0):
+                return None
+            if state.drift**2 <= 0.1 * self.accuracy:
+                break
+            zones = contacts.moved(places, state.change)
+            contacts = LinearisedContacts(problem, contacts.kernel, contacts.touching, zones)
+        else:
+            return None
+        found = self._scattered(problem, contacts, state, touching, places)
+        if found is not None:
+            self._contacts, self._approaches = contacts, found.approaches
+        return found
+
+    def _scattered(
+        self, problem: Problem, contacts: LinearisedContacts, state: LinearState, touching: list[int], places: Array
+    ) -> SequenceState | None:
+        gap = state.gap / float(np.max(np.abs(state.approaches)))
+        forces = state.forces / contacts.kernel.singular
+        pulls = half_space_pulls(contacts.kernel, places, forces)
+        size = max(float(np.max(np.abs(state.mutual_force), initial=0.0)), 1e-4 * float(np.max(pulls)), 1e-300)
+        routes = np.max(np.abs(state.mutual_force - state.slope_force), axis=1)
+        error = routes + (state.drift**2 + GAP_SHARE * gap) * size
+        if gap > self.accuracy or float(np.max(error)) > self.accuracy * size:
+            return None
+        whole = problem.size
+        out = SequenceState(np.zeros(whole), np.zeros(whole), np.zeros((whole, 2)), np.zeros(whole), gap, cold=False)
+        given = problem.load.kind == "approach"
+        out.approaches[:] = np.array(problem.load.values) if given else state.approaches[0]
+        out.approaches[touching] = state.approaches
+        out.normal_forces[touching] = forces
+        out.tangential_force[touching] = state.mutual_force
+        out.tangential_force_error[touching] = error
+        return None if _touches(problem, contacts.kernel, out, touching) else out
+
+
+def _alike(a: Problem, b: Problem) -> bool:
+    """Return whether only positions and the amounts of the load differ, and the same balls are loaded."""
+    if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
+        return False
+    if a.load.kind == "force" and any(min(problem.load.values) == 0.0 for problem in (a, b)):
+        # an unloaded ball rests on the surface of the others: left to the full solver
+        return False
+    return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
+
+
+def _groups(problem: Problem, kernel: LayeredKernel, touching: list[int]) -> list[tuple[list[int], float]]:
+    load = problem.load
+    if load.kind == "force":
+        return [([k], load.values[i] * kernel.singular) for k, i in enumerate(touching)]
+    if load.kind == "total_force":
+        return [(list(range(len(touching))), load.values[0] * kernel.singular)]
+    return []
+
+
+def _touches(problem: Problem, kernel: LayeredKernel, state: SequenceState, touching: list[int]) -> bool:
+    """Return whether a ball taken for lifted may touch: the others' point loads leave it less room than it needs."""
+    lifted = [i for i in range(problem.size) if i not in touching]
+    if not lifted:
+        return False
+    xy = np.array([ball.position for ball in problem.balls], dtype=float)
+    r = np.hypot(*(xy[lifted][:, None] - xy[touching]).transpose(2, 0, 1))
+    dent = kernel.displacement(r) @ state.normal_forces[touching]
+    # the surface under a lifted ball also leans; what that may add is a few per cent of the dent
+    return bool(np.any(state.approaches[lifted] > 0.95 * dent))

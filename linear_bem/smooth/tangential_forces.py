@@ -1,0 +1,58 @@
+r"""The in-plane force on a ball, by routes that do not share their errors.
+
+Inside contact i the surface is the ball: w = D_i - f_i. The paper's slope integral (eq. 13) is
+T_i = -int p_i grad f_i dA = int p_i grad w dA. The displacement is the sum of all balls' own,
+w = sum_j K p_j, and the term j = i vanishes because its kernel grad K(x - x') is odd and p_i(x) p_i(x')
+even in the exchange of x and x'. What is left is the mutual formula,
+
+    T_i = sum_{j != i} int int p_i(x) grad K(x - x') p_j(x') dA dA',
+
+which never subtracts large numbers and makes action equal reaction exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.problem import Ball
+from linear_bem.profiles import gradient
+from linear_bem.smooth.multipole import Interaction
+from linear_bem.smooth.newton import Nodes
+
+Array = NDArray[np.float64]
+
+
+def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> Array:
+    """Return T [N] on every zone, shape (zones, 2).
+
+    Pressures are in units of 1/``kernel.singular``; ``precision`` bounds what the multipoles of far pairs neglect.
+    """
+    interaction = Interaction(kernel, list(nodes), precision)
+    interaction.update(list(nodes))
+    return np.array([interaction.force(i) for i in range(len(nodes))])
+
+
+def half_space_pulls(
+    kernel: LayeredKernel, positions: Array, forces: Array, softest: float = 0.0, fading: float = np.inf
+) -> Array:
+    """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
+
+    It is what point loads on a half-space of the layer's material would give without cancellation: the force that
+    a layer's T, which changes sign, is small against. Beyond ``fading`` [m] a pull counts for fading/r of itself.
+    """
+    r = np.hypot(positions[:, None, 0] - positions[:, 0], positions[:, None, 1] - positions[:, 1])
+    np.fill_diagonal(r, np.inf)
+    share = np.ones_like(r) if np.isinf(fading) else np.minimum(1.0, fading / r)
+    return np.asarray(forces * ((kernel.singular / (r + softest) ** 2 * share) @ forces))
+
+
+def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:
+    """Return the paper's slope integral, -int p grad f dA [N], shape (zones, 2)."""
+    total = np.zeros((len(nodes), 2))
+    for k, (ball, n) in enumerate(zip(balls, nodes, strict=True)):
+        fx, fy = gradient(ball, n.x, n.y)
+        load = n.weights * n.pressure / kernel.singular
+        total[k] = -load @ fx, -load @ fy
+    return total

@@ -1,0 +1,1 @@
+"""The commands, one file each; `evolve` and `study` have packages of their own."""

@@ -1,0 +1,145 @@
+"""The command ``render``: pictures of a run's deformed layer under its balls, and an animation of the load path."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
+from runs.commands.doctor import INSTALL_PICTURES
+from runs.display.numbers import number
+from runs.pictures import sheet
+from runs.pictures.coloring import COLORINGS
+from runs.pictures.drawing import VIEWS, Camera, Window, draw
+from runs.pictures.written_step import WrittenStep, read_step, step_files
+from runs.process import ranks
+from runs.session.progress import tell
+from runs.session.run_folder import PICTURES
+
+INSTALL = f"{INSTALL_PICTURES} (in an environment of your own: pip install 'thirdbody[render]')"
+SIZE = (1600, 1000)
+FRAME = (960, 600)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the command line asks for: field, views, step (None: the last), folder, animation, size in pixels."""
+
+    field: str = "von_mises"
+    views: tuple[str, ...] = tuple(VIEWS)
+    step: int | None = None
+    out: Path | None = None
+    animation: bool = True
+    size: tuple[int, int] = SIZE
+
+
+def render_run(run: Path, wish: Wish) -> list[Path]:
+    """Draw a run's written fields and return the files that were made."""
+    if not ranks.is_root():
+        return []
+    _check(wish)
+    files = step_files(run)
+    last = wish.step if wish.step is not None else max(files)
+    if last not in files:
+        raise InvalidProblem(f"--step {last}: {run} holds steps {', '.join(map(str, sorted(files)))}")
+    _check_vtk()
+    out = wish.out or run / PICTURES
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputUnusable(f"{out}: cannot be made: {error.strerror or error}; name another --out") from None
+    shown = _Shown(read_step(files[last], last, wish.field), wish)
+    made = []
+    for view in wish.views:
+        path = out / f"{wish.field}_{view}_step_{last:04d}.png"
+        sheet.save_png(shown.sheet(shown.last, view, wish.size), path)
+        made.append(path)
+        tell(f"drawn: {path}")
+    path_so_far = [n for n in sorted(files) if n <= last]
+    if wish.animation and len(path_so_far) > 1:
+        made += _animate(shown, [files[n] for n in path_so_far], path_so_far, out)
+    return made
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """Return width and height in pixels from "1600x1000"."""
+    sides = text.lower().split("x")
+    if len(sides) != 2 or not all(side.isdecimal() for side in sides):
+        raise InvalidProblem(f'--size {text}: must be width x height in pixels, such as "1600x1000"')
+    return int(sides[0]), int(sides[1])
+
+
+class _Shown:
+    """A field as it is shown on every sheet of a run: the colours' ends are those of the last step."""
+
+    def __init__(self, last: WrittenStep, wish: Wish) -> None:
+        self.last, self.wish = last, wish
+        self.coloring = COLORINGS[wish.field]
+        values = self._values(last)
+        seen = Window.around(last).contains(last.points)
+        self.limits = self.coloring.limits(values[seen])
+
+    def _values(self, step: WrittenStep) -> NDArray[np.float64]:
+        return self.coloring.number(step.fields[self.wish.field])
+
+    def sheet(self, step: WrittenStep, view: str, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return the sheet (height, width, 3) of one step."""
+        width, height = sheet.drawing_size(size)
+        picture = draw(step, self._values(step), self.coloring, self.limits, view, (width, height))
+        camera = Camera.on(step, view, width / height)
+        seen = 2.0 * camera.half_height * width / height
+        deepest = max(step.balls, key=lambda ball: ball.approach)
+        caption = f"step {step.number}:  D = {number(deepest.approach / deepest.radius, 3)} R"
+        legend = sheet.Legend(
+            self.coloring, self.limits, step.units[self.wish.field], seen, caption, step.dimensionless
+        )
+        return sheet.compose(picture, legend, size)
+
+
+def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: Path) -> list[Path]:
+    view = shown.wish.views[0]
+    steps = (read_step(path, n, shown.wish.field) for path, n in zip(files, numbers, strict=True))
+    size = (min(FRAME[0], shown.wish.size[0]), min(FRAME[1], shown.wish.size[1]))
+    sheets = [shown.sheet(step, view, size) for step in steps]
+    path = out / f"{shown.wish.field}_{view}.gif"
+    sheet.save_gif(sheets, path)
+    made = [path]
+    if sheet.save_mp4(sheets, path.with_suffix(".mp4")):
+        made.append(path.with_suffix(".mp4"))
+    for path in made:
+        tell(f"drawn: {path}")
+    return made
+
+
+def _check(wish: Wish) -> None:
+    faults = []
+    if wish.field not in COLORINGS:
+        faults.append(f"--field {wish.field}: is none of {', '.join(COLORINGS)}")
+    faults += [f"--view {view}: is none of {', '.join(VIEWS)}" for view in wish.views if view not in VIEWS]
+    if min(wish.size) < 200 or max(wish.size) > 8000:
+        faults.append(f"--size {wish.size[0]}x{wish.size[1]}: each side must have 200 to 8000 pixels")
+    if faults:
+        raise InvalidProblem(*faults)
+
+
+def _check_vtk() -> None:
+    """Raise `MissingDependency` where pyvista or what draws without a screen is not there; choose the latter."""
+    if importlib.util.find_spec("pyvista") is None:
+        raise MissingDependency(f"render needs pyvista, not importable by {sys.executable}; install it: {INSTALL}")
+    if os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
+        return
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError as error:
+        raise MissingDependency(
+            f"render needs libEGL to draw without a screen ({error}); as root: apt-get install libegl1"
+        ) from None
+    os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"  # or VTK looks for a screen first, and complains

@@ -1,0 +1,217 @@
+"""Figures of a run: T over the load in both models, and the deformed surface under its contact pressure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linear_bem.indenter import Indenter, Sphere
+from linear_bem.problem import Problem
+from runs.display import surface
+from runs.display.numbers import Scale, attraction, leading_ball
+from runs.process.files import replacing
+
+LINEAR, FINITE, APPROACH = "#0072b2", "#d55e00", "#009e73"
+NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
+
+
+def draw_comparison(
+    folder: Path, rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale,
+    between: Sequence[Mapping[str, float]] = (),
+) -> None:  # fmt: skip
+    """Write tangential_force.png and .svg: T(Q) of both models, and both strengthening factors over the approach.
+
+    ``between`` are rows of `runs.comparison.interpolant.table`, drawn as curves.
+    """
+    ball = leading_ball(balls)
+    path = [row for row in rows if row["ball"] == ball]
+    figure, (forces, factors) = _figure(2)
+    load = np.array([row["normal_force"] for row in path]) / scale.force
+    for model, color, marker in (("linear", LINEAR, "s"), ("finite", FINITE, "o")):
+        force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / scale.force for row in path]
+        error = [_float(row[f"tangential_{model}_error"]) / scale.force for row in path]
+        forces.errorbar(
+            load,
+            force,
+            error,
+            color=color,
+            marker=marker,
+            ms=4,
+            capsize=3,
+            label=f"{model} strain" if model == "finite" else "linear (small strain)",
+        )
+    _label_forces(forces)
+    depth = np.array([row["approach"] for row in path]) / scale.radius
+    beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
+    for key, color, marker, label in (
+        ("force", FINITE, "o", "$S_Q$: at equal normal force"),
+        ("approach", APPROACH, "^", "$S_D$: at equal approach"),
+    ):
+        ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
+        error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
+        if not np.any(np.isfinite(ratio)):
+            continue  # one ball, or no tangential force above its error
+        factors.errorbar(
+            depth + (beside if key == "approach" else 0.0),
+            ratio,
+            error,
+            color=color,
+            marker=marker,
+            ms=4,
+            capsize=3,
+            ls="none" if between else "-",
+            label=label,
+        )
+        x = [row["approach"] / scale.radius for row in between]
+        factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
+    factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
+    factors.set_xlabel("approach $D / R$")
+    factors.set_ylabel("T finite / T linear")
+    factors.set_xlim(left=0.0)
+    factors.set_title("Strengthening by finite strain", loc="left", fontsize=10)
+    if factors.get_legend_handles_labels()[0]:
+        factors.legend(frameon=False)
+    else:
+        factors.text(0.5, 0.5, "no tangential force to compare", transform=factors.transAxes, ha="center")
+    _save(figure, folder, "tangential_force", ("png", "svg"))
+
+
+def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
+    """Write tangential_force.png and .svg: T(Q) of one model."""
+    ball = leading_ball(steps[-1]["balls"])
+    states = [step["balls"][ball] for step in steps]
+    figure, (forces,) = _figure(1)
+    force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / scale.force for state in states]
+    error = [_float(state["tangential_force_error"]) / scale.force for state in states]
+    load = [state["normal_force"] / scale.force for state in states]
+    forces.errorbar(load, force, error, color=FINITE, marker="o", ms=4, capsize=3, label=NAMES.get(model, model))
+    _label_forces(forces)
+    _save(figure, folder, "tangential_force", ("png", "svg"))
+
+
+def keep_surface(folder: Path, fields: Any) -> None:
+    """Write surface.npz, the top surface that ``draw_surface`` draws: the picture survives a killed run."""
+    if fields is not None:
+        surface.keep(folder, fields)
+
+
+def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+    """Write surface.png: contact pressure from above and a section through the balls; nothing without a surface."""
+    top = surface.load(folder)
+    if top is None:
+        return
+    figure, (above, section) = _stacked()
+    _draw_pressure(figure, above, top, balls, scale)
+    _draw_section(section, top, problem, balls, scale)
+    _save(figure, folder, "surface", ("png",))
+
+
+def _draw_pressure(
+    figure: Any, axes: Any, top: surface.Surface, balls: Sequence[Mapping[str, Any]], scale: Scale
+) -> None:
+    points = top.points / scale.radius
+    mesh = axes.tripcolor(
+        points[:, 0],
+        points[:, 1],
+        top.triangles,
+        top.pressure / scale.young,
+        shading="gouraud",
+        cmap="magma_r",
+        vmin=0.0,
+    )
+    figure.colorbar(mesh, ax=axes, label="contact pressure $p / E_1$", shrink=0.8)
+    for ball in balls:
+        x, y = (c / scale.radius for c in ball["position"])
+        axes.plot(x, y, "+", color="white", ms=8)
+    (x0, x1), (y0, y1) = _window(balls, scale)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel="$x / R$", ylabel="$y / R$")
+    axes.set_title("Contact pressure, from above (+: axes of the balls)", loc="left", fontsize=10)
+
+
+def _draw_section(
+    axes: Any, top: surface.Surface, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
+) -> None:
+    line, heights = surface.section(top, [ball["position"] for ball in balls])
+    axes.plot(line / scale.radius, heights / scale.radius, color=FINITE, lw=1.5, label="surface", zorder=3)
+    axes.axhline(0.0, color="0.6", lw=0.8, ls="--", zorder=0)
+    along = surface.along_section([ball["position"] for ball in balls])
+    lowest = min(float(np.nanmin(heights)), 0.0)
+    angle = np.linspace(-math.pi, 0.0, 181)
+    across = surface.across_section([ball["position"] for ball in balls])
+    for shape, ball in zip(problem.balls, balls, strict=True):
+        center, aside = along(ball["position"]), across(ball["position"])
+        radius, body = shape.radius, shape.indenter
+        if abs(aside) > (0.99 if isinstance(body, Sphere) else 1e-6) * radius:
+            continue  # the section passes beside it, or would need more than its profile
+        if isinstance(body, Sphere):
+            cut = math.sqrt(radius**2 - aside**2)
+            x, z = center + cut * np.cos(angle), radius + cut * np.sin(angle) - ball["approach"]
+        else:
+            direction = along((1.0, 0.0)), along((0.0, 1.0))
+            half, profile = (body.half_width(*direction), body.height) if isinstance(body, Indenter) else (radius, body)
+            half = half or 3.0 * math.sqrt(ball["contact_area"] / math.pi)
+            t = np.linspace(-half, half, 181)
+            x, z = center + t, profile(t * direction[0], t * direction[1]) - ball["approach"]
+        axes.plot(x / scale.radius, z / scale.radius, color="0.25", lw=1.0)
+    centers = [along(ball["position"]) / scale.radius for ball in balls]
+    margin = 1.3 * max(ball["radius"] for ball in balls) / scale.radius
+    axes.set(xlim=(min(centers) - margin, max(centers) + margin), aspect="equal")
+    axes.set(xlabel="along the section $/ R$", ylabel="$z / R$")
+    axes.set_ylim(1.6 * lowest / scale.radius - 0.1, 1.0)
+    axes.set_title("Section through the balls", loc="left", fontsize=10)
+
+
+def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[float, float], tuple[float, float]]:
+    margin = 1.3 * max(ball["radius"] for ball in balls)
+    sides = []
+    for axis in (0, 1):
+        values = [ball["position"][axis] for ball in balls]
+        sides.append(((min(values) - margin) / scale.radius, (max(values) + margin) / scale.radius))
+    return sides[0], sides[1]
+
+
+def _label_forces(axes: Any) -> None:
+    axes.axhline(0.0, color="0.5", lw=0.8, zorder=0)
+    axes.set_xlabel("normal force $Q / E_1 R^2$")
+    axes.set_ylabel("tangential force $T / E_1 R^2$")
+    axes.set_xlim(left=0.0)
+    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+    axes.set_title("T > 0: attraction, T < 0: separation", loc="right", fontsize=10)
+    axes.legend(frameon=False)
+
+
+def _figure(panels: int) -> tuple[Any, Any]:
+    figure = _blank(4.8 * panels, 4.0)
+    return figure, np.atleast_1d(figure.subplots(1, panels))
+
+
+def _stacked() -> tuple[Any, Any]:
+    figure = _blank(7.0, 7.0)
+    return figure, figure.subplots(2, 1, height_ratios=(1.6, 1.0))
+
+
+def _blank(width: float, height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load, no display needed)
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Any, folder: Path, stem: str, kinds: Sequence[str]) -> None:
+    for kind in kinds:
+        with replacing(folder / f"{stem}.{kind}") as draft:
+            figure.savefig(draft, dpi=160, format=kind)
+
+
+def _vector(value: Any) -> tuple[float, float]:
+    return (math.nan, math.nan) if value is None else (_float(value[0]), _float(value[1]))
+
+
+def _float(value: float | None) -> float:
+    return math.nan if value is None else float(value)

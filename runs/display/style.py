@@ -1,0 +1,102 @@
+"""The common look of the study's figures: fonts, colours for colour-blind readers, marked features."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.process.files import replacing
+
+BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#666666"
+"""Okabe and Ito's colours, told apart with every kind of colour vision."""
+SETTINGS = {
+    "font.size": 10,
+    "figure.dpi": 100,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.7,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "thirdbody",
+}
+
+
+@contextlib.contextmanager
+def look() -> Iterator[None]:
+    """Draw and save inside this context: fonts, spines and legends alike in every figure."""
+    import matplotlib as mpl  # noqa: PLC0415  (slow to load)
+
+    with mpl.rc_context(SETTINGS):
+        yield
+
+
+def panels(*widths: float, height: float = 4.2) -> tuple[Any, Any]:
+    """Return a figure and its panels side by side, ``widths`` and ``height`` in inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(sum(widths), height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
+    figure.get_layout_engine().set(w_pad=0.1, wspace=0.03)
+    return figure, axes
+
+
+def save_figure(figure: Any, folder: Path, stem: str) -> None:
+    """Write STEM.svg and STEM.png; the SVG keeps its text as text and carries no date."""
+    for kind, more in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 160})):
+        with replacing(folder / f"{stem}.{kind}") as draft:
+            figure.savefig(draft, format=kind, **more)
+
+
+def map_colors() -> dict[str, Any]:
+    """Return colour map and scale of T/T0: orange separates, white is zero, blue attracts."""
+    from matplotlib.colors import LinearSegmentedColormap, SymLogNorm  # noqa: PLC0415
+
+    colors = LinearSegmentedColormap.from_list("sign", ["#b35806", "#fdb863", "#ffffff", "#92c5de", "#2166ac"])
+    return {"cmap": colors, "norm": SymLogNorm(1e-3, linscale=0.3, vmin=-1.0, vmax=1.0)}
+
+
+def checked_signs(axes: Any, points: Sequence[tuple[float, float, float]]) -> None:
+    """Mark what the full solver says at points (x, y, T): triangles up attract, triangles down separate."""
+    for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
+        x, y = [p[0] for p in points if p[2] * sign > 0.0], [p[1] for p in points if p[2] * sign > 0.0]
+        style = {"color": "black", "mfc": "none", "ms": 7, "clip_on": False, "zorder": 4}
+        if x:
+            axes.plot(x, y, marker, label=f"full solver: {what}", **style)
+
+
+def zero_line(axes: Any) -> None:
+    """Draw T = 0."""
+    axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
+
+
+def feature(
+    axes: Any,
+    x: float,
+    y: float,
+    text: str,
+    offset: tuple[float, float],
+    color: str = "0.15",
+    marker: str = "o",
+    line: str | None = None,
+) -> None:
+    """Mark a point and name it; ``offset`` [points] places the text."""
+    axes.plot([x], [y], marker, color=color, ms=5.5, mfc="white", mew=1.5, zorder=5)
+    axes.annotate(
+        text,
+        (x, y),
+        xytext=offset,
+        textcoords="offset points",
+        fontsize=9,
+        color=color,
+        ha="left" if offset[0] >= 0.0 else "right",
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": line or color, "lw": 0.7, "shrinkB": 4},
+        zorder=6,
+    )

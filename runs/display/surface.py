@@ -1,0 +1,79 @@
+"""The deformed top surface of a finite-element run: kept on disk and cut by a section."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runs.process.files import replacing
+
+NAME = "surface.npz"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Deformed points (n, 3) [m] of the whole scene's surface, triangles (m, 3), contact pressure (n,) [Pa]."""
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    pressure: NDArray[np.float64]
+
+
+def keep(folder: Path, fields: Any) -> None:
+    """Write the surface of ``fields`` into ``folder``, whole or not at all."""
+    arrays = {name: getattr(fields, name) for name in ("points", "triangles", "pressure")}
+    with replacing(folder / NAME) as draft, open(draft, "wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load(folder: Path) -> Surface | None:
+    """Return the surface kept in ``folder``, or None."""
+    try:
+        with np.load(folder / NAME) as data:
+            return Surface(data["points"], data["triangles"], data["pressure"])
+    except FileNotFoundError:
+        return None
+
+
+def along_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
+    """Return the coordinate [m] of a position along the section line: from the first ball to the farthest from it."""
+    direction = _line(positions)[1]
+    return lambda position: float(np.asarray(position) @ direction)
+
+
+def across_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
+    """Return the distance [m] of a position from the section line, with a sign."""
+    origin, direction = _line(positions)
+    return lambda position: float(np.cross(direction, np.asarray(position) - origin))
+
+
+def _line(positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    origin = np.asarray(positions[0], dtype=float)
+    farthest = np.asarray(max(positions, key=lambda p: math.dist(p, positions[0])), dtype=float)
+    length = float(np.linalg.norm(farthest - origin))
+    return origin, (farthest - origin) / length if length > 0.0 else np.array([1.0, 0.0])
+
+
+def section(top: Surface, positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return coordinates along the section line and heights [m] there, where it crosses edges of the surface."""
+    origin, direction = _line(positions)
+    normal = np.array([-direction[1], direction[0]])
+    offset = (top.points[:, :2] - origin) @ normal
+    # a line that runs exactly along edges crosses none of them: put it beside the points by a hair
+    span = float(np.ptp(top.points[:, :2], axis=0).max())
+    offset = np.where(np.abs(offset) < 1e-9 * span, 1e-9 * span, offset)
+    edges = np.unique(np.sort(top.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    a, b = edges.T
+    crossed = offset[a] * offset[b] < 0.0
+    a, b = a[crossed], b[crossed]
+    share = (offset[a] / (offset[a] - offset[b]))[:, None]
+    crossing = top.points[a] * (1.0 - share) + top.points[b] * share
+    along = crossing[:, :2] @ direction
+    order = np.argsort(along)
+    return along[order], crossing[order, 2]

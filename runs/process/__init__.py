@@ -1,0 +1,1 @@
+"""The process: ranks, signals, exit codes, and whole documents on standard output."""

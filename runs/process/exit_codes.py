@@ -1,0 +1,65 @@
+"""How a command ends: exit code and one clear message, on one rank or on many."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from typing import NoReturn
+
+from linear_bem.errors import InvalidProblem, OutputUnusable, ThirdBodyError, UnsupportedProblem
+from runs.process import ranks, signals
+
+BAD_INPUT = (InvalidProblem, UnsupportedProblem, OutputUnusable)
+
+
+def run_to_end(task: Callable[[], int | None]) -> NoReturn:
+    """Run ``task`` and exit: 0, its own code, 1 for a failure, 2 for bad input, 130 when interrupted.
+
+    Every rank runs this. Rank 0 speaks; ranks that never joined MPI end with 0, so that the launcher
+    does not cut rank 0 short: its code is the job's.
+    """
+    signals.listen()
+    words = ""
+    try:
+        code = task() or 0
+    except BaseException as error:
+        code, words = _verdict(error)
+    if words and ranks.is_root():
+        print(words, file=sys.stderr, flush=True)
+    if code:
+        ranks.end_together(code, last_words=words, patience=1.0 if signals.received() else ranks.PATIENCE)
+    if not ranks.joined() and not ranks.is_root():
+        _linger(3.0 if code else 0.5)
+        code = 0
+    sys.stdout.flush()
+    if signals.received():
+        os._exit(code)  # libraries that were cut short may hang in their own clean-up
+    sys.exit(code)
+
+
+def _linger(seconds: float) -> None:
+    """Wait to be ended by the launcher, in case rank 0 is failing now.
+
+    Open MPI takes 1 s to report a failure while another rank is left to be ended, 2 s when none is.
+    """
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    time.sleep(seconds)
+
+
+def _verdict(error: BaseException) -> tuple[int, str]:
+    if signals.received() or isinstance(error, KeyboardInterrupt):
+        code = 128 + (signals.received() or signal.SIGINT)
+        saves = {"solve", "compare", "evolve", "study"}.intersection(sys.argv[1:2])
+        kept = "; finished steps are saved, and the same command continues from there" if saves else ""
+        return code, f"thirdbody: stopped{kept}"
+    if isinstance(error, SystemExit):
+        return (error.code if isinstance(error.code, int) else 1), ""
+    if isinstance(error, ThirdBodyError):
+        return (2 if isinstance(error, BAD_INPUT) else 1), f"thirdbody: error: {error}"
+    trace = "".join(traceback.format_exception(error))
+    rank = ranks.rank_and_size()[0]
+    return 1, f"{trace}thirdbody: unexpected failure on rank {rank}, please report it with the lines above"

@@ -1,0 +1,1 @@
+"""Scene files: their keys, units, and what is said about faults."""

@@ -1,0 +1,62 @@
+"""The scene's table [load]: one key of the load, and the steps on the way to it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import model_validator
+from pydantic_core import PydanticCustomError
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import LoadKind
+from runs.scene.units import Force, Forces, Lengths, Listed, OneOrMany, Table, fault, quantities
+
+LOAD_KEYS: tuple[LoadKind, ...] = ("approach", "force", "total_force")
+SAME = 1e-9
+"""Relative difference below which a load step is full load."""
+
+
+class LoadTable(Table):
+    """[load]: exactly one key of the load, and the ``steps`` on the way to it at which answers are wanted."""
+
+    approach: Lengths | None = None
+    force: Forces | None = None
+    total_force: Force | None = None
+    steps: Listed | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _exactly_one(cls, data: Any) -> Any:
+        named = [key for key in LOAD_KEYS if isinstance(data, dict) and key in data]
+        if isinstance(data, dict) and len(named) != 1:
+            got = f"{len(named)} ({', '.join(named)})" if named else "none of them"
+            raise fault(f"needs exactly one of approach, force, total_force, got {got}")
+        return data
+
+    @property
+    def given(self) -> tuple[LoadKind, OneOrMany]:
+        """The key that is there, and its value."""
+        return next((key, value) for key in LOAD_KEYS if (value := getattr(self, key)) is not None)
+
+    def fractions(self) -> tuple[float, ...] | None:
+        """Return the steps as fractions of the load, full load appended; raises `InvalidProblem`."""
+        if self.steps is None:
+            return None
+        kind, value = self.given
+        loads = set(value) if isinstance(value, tuple) else {value}
+        alike = len(loads) == 1
+        full = loads.pop() if alike else 1.0
+        unit = "" if not alike else "m" if kind == "approach" else "N"
+        what = f"of {kind}" if unit else "between 0 and 1, fractions of the unlike loads"
+        try:
+            steps = quantities(list(self.steps), unit)
+        except PydanticCustomError as error:
+            raise InvalidProblem(f"load.steps: must hold values {what}: {error.message()}") from None
+        if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
+            raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {steps or 'none'}")
+        if not full * (1.0 + SAME) >= steps[-1]:
+            raise InvalidProblem(
+                f"load.steps: must not exceed the load of {full:g} {unit}".rstrip()
+                + f", got {steps[-1]:g}; raise {kind} or drop the step"
+            )
+        return (*(step / full for step in steps if step < full * (1.0 - SAME)), 1.0)

@@ -1,0 +1,284 @@
+"""A scene file: TOML tables that name what there is and which effects it calls for, checked as a whole."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ValidationError
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, LoadKind, Problem
+from runs.scene import messages
+from runs.scene.balls import BallsTable, per_ball
+from runs.scene.load_table import LoadTable
+from runs.scene.units import (
+    Direction,
+    Length,
+    Number,
+    Pressure,
+    Table,
+    Whole,
+)
+
+
+class InvalidScene(InvalidProblem):
+    """A scene file that cannot be solved as written; ``faults`` holds one text per fault."""
+
+    def __init__(self, path: Path, *texts: str) -> None:
+        super().__init__(*texts)
+        self.path = path
+
+    def __str__(self) -> str:
+        if len(self.faults) == 1:
+            return f"{self.path}: {self.faults[0]}"
+        return "\n".join([f"{self.path}: {len(self.faults)} faults", *(f"  {text}" for text in self.faults)])
+
+
+class ElasticTable(Table):
+    """Isotropic elastic constants."""
+
+    young: Pressure
+    poisson: Number
+
+
+class LayerTable(ElasticTable):
+    """[layer]: constants and thickness."""
+
+    thickness: Length
+
+
+class FiniteStrainTable(Table):
+    """[finite_strain]: hyperelastic layer, contact in the deformed configuration."""
+
+    law: Literal["neo_hookean"] = "neo_hookean"
+
+
+class ReciprocationTable(Table):
+    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
+
+    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it sets the clock alone), ``direction`` (x, y) of
+    the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions from
+    ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
+    ``rest``: force over load below which nothing is taken to move; ``forces`` from the table of "pairs", or "direct":
+    the model asked at every step.
+    """
+
+    amplitude: Length
+    cycles: Number
+    friction: Number
+    direction: Direction = (1.0, 0.0)
+    perturbation: Length = 0.0
+    seed: Whole = 0
+    ensemble: Whole = 1
+    tolerance: Number = 1e-6
+    rest: Number = 1e-6
+    forces: Literal["pairs", "direct"] = "pairs"
+
+    def faults(self, load: LoadKind) -> list[str]:
+        """Return what is out of range, one text each."""
+        texts = [
+            f"reciprocation.{key}: must be greater than 0 and finite, got {value:g}"
+            for key in ("amplitude", "cycles", "friction", "rest")
+            if not 0.0 < (value := getattr(self, key)) < math.inf
+        ]
+        if not 0.0 <= self.perturbation < math.inf:
+            texts.append(f"reciprocation.perturbation: must not be negative, got {self.perturbation:g} m")
+        if self.ensemble < 1:
+            texts.append(f"reciprocation.ensemble: must be at least 1, got {self.ensemble}")
+        if self.ensemble > 1 and self.perturbation == 0.0:
+            texts.append(f"reciprocation.ensemble: {self.ensemble} equal runs without a perturbation; give one")
+        if not 0.0 < self.tolerance <= 1e-2:
+            texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {self.tolerance:g}")
+        if load != "approach":
+            texts.append(f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}")
+        return texts
+
+
+class ElementsTable(Table):
+    """[elements]: how finite elements write resistance to a change of volume; absent: as Poisson's ratio needs."""
+
+    form: Literal["displacement", "mixed"]
+
+
+class OutputTable(Table):
+    """[output]: which fields a finite-element run writes, every so many load steps; absent: all, on every step."""
+
+    fields: tuple[str, ...] | None = None
+    every: Whole = 1
+
+    def faults(self) -> list[str]:
+        """Return what is out of range, one text each."""
+        from finite_strain.output.field_catalogue import choice_faults  # noqa: PLC0415  (only where a scene has the table)
+
+        return choice_faults(self.fields or (), self.every)
+
+
+class AccuracyTable(Table):
+    """[accuracy]: relative accuracy asked of the tangential force, and what a model that refines may spend on it.
+
+    ``seconds`` of wall time for the whole run, ``unknowns`` of the finest mesh; absent: each model's own default.
+    """
+
+    tangential_force: Number | None = None
+    seconds: Number | None = None
+    unknowns: Number | None = None
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """What is stated of the budget."""
+        return {k: v for k in ("seconds", "unknowns") if (v := getattr(self, k)) is not None}
+
+
+class Tables(Table):
+    """Every table that a scene may hold."""
+
+    title: str = ""
+    layer: LayerTable
+    balls: BallsTable
+    load: LoadTable
+    substrate: ElasticTable | None = None
+    finite_strain: FiniteStrainTable | None = None
+    reciprocation: ReciprocationTable | None = None
+    accuracy: AccuracyTable = AccuracyTable()
+    elements: ElementsTable | None = None
+    output: OutputTable | None = None
+
+    def problem(self) -> Problem:
+        """Return the contact problem; raises `InvalidProblem` with every fault found."""
+        size = len(self.balls.positions)
+        texts: list[str] = []
+        try:
+            balls = self.balls.balls()
+        except InvalidProblem as error:
+            texts += error.faults
+            balls = tuple(Ball(place, math.ulp(0.0)) for place in self.balls.positions)
+        accuracy = self.accuracy.tangential_force
+        if accuracy is not None and not 0.0 < accuracy < 1.0:
+            texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+        texts += [
+            f"accuracy.{key}: must be greater than 0, got {value:g}"
+            for key, value in self.accuracy.budget.items()
+            if not value > 0.0
+        ]
+        if self.output is not None:
+            texts += self.output.faults()
+        kind, values = self.load.given
+        try:
+            self.load.fractions()
+        except InvalidProblem as error:
+            texts += error.faults
+        if self.reciprocation is not None:
+            texts += self.reciprocation.faults(kind)
+            if self.load.steps is not None:
+                texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
+            if self.balls.shape in ("ellipsoid", "cone"):
+                texts.append(
+                    f'balls.shape: balls that drift apart until they touch must be round, got "{self.balls.shape}"; '
+                    'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
+                )
+        try:
+            problem = Problem(
+                Layer(self.layer.young, self.layer.poisson, self.layer.thickness),
+                balls,
+                Load(kind, per_ball(values, 1 if kind == "total_force" else size)),
+                Elastic(self.substrate.young, self.substrate.poisson) if self.substrate else None,
+                FiniteStrain(self.finite_strain.law) if self.finite_strain else None,
+                Elements(self.elements.form) if self.elements else None,
+            )
+        except InvalidProblem as error:
+            raise InvalidProblem(*texts, *error.faults) from None
+        if texts:
+            raise InvalidProblem(*texts)
+        return problem
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene that can be solved as written: the file, its text and data as given, and its meaning."""
+
+    path: Path
+    text: str
+    data: dict[str, Any]
+    title: str
+    problem: Problem
+    effects: tuple[str, ...]
+    tangential_force: float | None
+    reciprocation: ReciprocationTable | None = None
+    output: OutputTable | None = None
+    budget: dict[str, float] = field(default_factory=dict)
+    steps: tuple[float, ...] | None = None
+    """Load fractions at which answers are wanted; None: the command's own."""
+
+
+def read_scene(path: Path) -> Scene:
+    """Return the scene in ``path``; raises `InvalidScene` with all its faults at once."""
+    text = _read_text(path)
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InvalidScene(path, f"is not TOML: {error}; see https://toml.io for the format") from None
+    tables, texts, doubtful = _validate(data)
+    problem = None
+    if tables is not None:
+        try:
+            problem = tables.problem()
+        except InvalidProblem as error:
+            texts += [messages.of_problem(t, data) for t in error.faults if not messages.concerns(t, doubtful)]
+    if texts or tables is None or problem is None:
+        raise InvalidScene(path, *dict.fromkeys(texts))
+    effects = tuple(
+        name for name in ("substrate", "finite_strain", "reciprocation") if getattr(tables, name) is not None
+    )
+    title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
+    return Scene(
+        path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output,
+        tables.accuracy.budget, tables.load.fractions(),
+    )  # fmt: skip
+
+
+def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:
+    """Return the tables, the faults of their keys, and the keys that are stand-ins for faulty ones.
+
+    A faulty key is replaced by a harmless value, so that what the other keys say is still checked.
+    """
+    try:
+        return Tables.model_validate(data), [], set()
+    except ValidationError as error:
+        errors = error.errors()
+    texts = [messages.of_key(e, Tables, data) for e in errors]
+    repaired, doubtful = messages.stand_in(errors, data)
+    try:
+        return Tables.model_validate(repaired), texts, doubtful
+    except ValidationError:
+        return None, texts, doubtful
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.is_dir():
+            raise InvalidScene(path, "is a folder, not a scene file: name a .toml file in it")
+        if not path.exists():
+            raise InvalidScene(path, f"does not exist{_similar_files(path)}")
+        if not path.is_file():
+            raise InvalidScene(path, "is not a regular file: name a .toml file")
+        return path.read_text(encoding="utf-8-sig")  # editors may put a byte order mark
+    except UnicodeDecodeError as error:
+        raise InvalidScene(path, f"is not TOML, which is UTF-8 text: {error.reason} at byte {error.start}") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InvalidScene):
+            raise
+        raise InvalidScene(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _similar_files(path: Path) -> str:
+    try:
+        names = [p.name for p in path.parent.glob("*.toml")]
+    except OSError:
+        return ""
+    close = difflib.get_close_matches(path.name, names, n=1)
+    return f"; did you mean {path.parent / close[0]}?" if close else ""

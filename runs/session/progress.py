@@ -1,0 +1,98 @@
+"""What a run tells while it goes: one line per load step on standard error, and every finished step handed on."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from linear_bem.result import Step
+from runs.display.numbers import Scale, attraction, duration, number
+from runs.process import signals
+
+COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
+MODELLED = ("whole model", "half model", "quarter model")
+StepTaker = Callable[[Step, Any], None]
+
+
+def tell(text: str) -> None:
+    """Write a line to standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _setting(info: Mapping[str, Any]) -> str:
+    """Return what is run in one phrase: "main mesh: 18051 unknowns, 2 ranks, 6 load steps, quarter model"."""
+    parts = [f"{info[key]} {words}" for key, words in COUNTED.items() if info.get(key)]
+    parts += [MODELLED[info["symmetry_planes"]]] if "symmetry_planes" in info else []
+    return f"{info.get('mesh', 'main')} mesh: {', '.join(parts)}"
+
+
+class Progress:
+    """Observer of a load path: all ranks call it, ``root`` alone speaks and hands steps to ``take``."""
+
+    def __init__(
+        self, scale: Scale, goal: float | None, *, root: bool, take: StepTaker, log: Callable[[str], None]
+    ) -> None:
+        self.scale, self.goal, self.root = scale, goal, root
+        self.take, self.log = take, log
+        self._began = self._step_began = time.monotonic()
+        self._cuts = 0
+
+    def started(self, info: Mapping[str, Any]) -> None:
+        """Tell size and setting of the run."""
+        signals.check()
+        if self.root:
+            words = _setting(info)
+            self.log(f"started: {words}")
+            for key, value in info.items():
+                if isinstance(value, Mapping):
+                    self.log(f"{key}: " + ", ".join(f"{k} {_word(v)}" for k, v in value.items()))
+            tell(words)
+
+    def attempt(self, info: Mapping[str, Any]) -> None:
+        """Note that a load step begins."""
+        signals.check()
+        self._step_began = time.monotonic()
+        if self.root:
+            self.log("attempt: " + ", ".join(f"{key} {_word(value)}" for key, value in info.items()))
+            cuts, self._cuts = self._cuts, info.get("cuts", 0)
+            if self._cuts > cuts:
+                tell(f"the step did not converge: cut back to {100.0 * info['fraction']:.0f} % of the load")
+            elif info.get("mesh", "main") != "main":
+                tell(f"{info['mesh']} mesh: {100.0 * info['fraction']:.0f} % of the load")
+
+    def newton(self, info: Mapping[str, Any]) -> None:
+        """Look for an interruption at every iteration."""
+        signals.check()
+
+    def step_done(self, step: Step, fields: Any) -> None:
+        """Hand the step on and tell it: what was told is written, however soon the run is killed."""
+        if self.root:
+            now = time.monotonic()
+            text = self._line(step) + f"   {duration(now - self._step_began)}, {duration(now - self._began)} in all"
+            self.take(step, fields)
+            tell(text)
+            self.log(text)
+            self._step_began = time.monotonic()
+        signals.check()
+
+    def _line(self, step: Step) -> str:
+        balls = [ball.to_dict() for ball in step.balls]
+        leading = max(range(len(balls)), key=lambda i: balls[i]["normal_force"])
+        ball = balls[leading]
+        approach = ball["approach"] / self.scale.radius
+        share = f" ({100.0 * ball['approach'] / self.goal:.0f} %)" if self.goal else ""
+        number_of = step.record.get("step", "")
+        words = [f"step {number_of}".strip(), f"D = {number(approach)} R{share}"]
+        words.append(f"Q = {number(ball['normal_force'] / self.scale.force)} E R^2")
+        if len(balls) > 1:
+            ratio = attraction(balls, leading, ball["tangential_force"]) / ball["normal_force"]
+            words.append(f"T/Q = {number(ratio, 3)}")
+        if "iterations" in step.record:
+            words.append(f"{step.record['iterations']} iterations")
+        return "   ".join(words)
+
+
+def _word(value: Any) -> str:
+    return number(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,182 @@
+"""The output folder of one run: written as the run goes, refused to any other run, continued by the same one."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from linear_bem.errors import OutputUnusable
+from runs.process.files import replacing
+from runs.process.json_values import plain, to_json
+
+MARK = "run.json"
+FIRST = (MARK, "scene.toml", ".lock")
+"""What a run writes before it computes anything."""
+FIELDS = "fields"
+PICTURES = "pictures"
+OURS = (
+    MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
+    "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
+    "distances.svg", "evolution.gif", "ensemble.png", "ensemble.svg", "report.html", ".lock",
+)  # fmt: skip
+
+
+class RunFolder:
+    """One run's folder. Use on rank 0 alone.
+
+    ``identity`` says what is computed (command, model, problem, accuracy); a folder that holds another
+    identity raises `OutputUnusable`, as does one that holds files of no run or cannot be written.
+    """
+
+    def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
+        self.path = path
+        self.identity = plain(identity, infinity="inf")
+        self._lock: IO[str] | None = None
+        try:
+            self._open(scene_text, fresh)
+        except OutputUnusable:
+            self.close()
+            raise
+        except OSError as error:
+            self.close()
+            raise OutputUnusable(f"{path}: cannot write there: {error.strerror or error}; name another --out") from None
+
+    @property
+    def fields(self) -> Path:
+        """Where the finite-element fields and checkpoints go."""
+        return self.path / FIELDS
+
+    def _open(self, scene_text: str, fresh: bool) -> None:
+        if self.path.exists() and not self.path.is_dir():
+            raise OutputUnusable(f"{self.path}: is a file, not a folder; name another --out")
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._take_lock()
+        mark = self._mark()
+        # a run that found no room may have left nothing but its first files, whole or not
+        strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
+        if mark is None and strangers:
+            raise OutputUnusable(
+                f"{self.path}: holds files of no run ({', '.join(sorted(strangers)[:3])}); name a new or empty --out"
+            )
+        if mark is not None and fresh:
+            self._clear()
+        elif mark is not None and mark.get("identity") != self.identity:
+            raise OutputUnusable(
+                f"{self.path}: holds another run ({_difference(mark.get('identity'), self.identity)}); "
+                "name another --out, or replace that run with --fresh"
+            )
+        if self._mark() is None:
+            self._write_mark("running")
+        self._write("scene.toml", scene_text)
+
+    def _take_lock(self) -> None:
+        self._lock = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputUnusable(
+                f"{self.path}: another run is writing there now; wait for it or name another --out"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+
+    def _clear(self) -> None:
+        for folder in (self.fields, self.path / PICTURES):
+            shutil.rmtree(folder, ignore_errors=True)
+        for name in OURS:
+            if name != ".lock":
+                (self.path / name).unlink(missing_ok=True)
+
+    def _mark(self) -> dict[str, Any] | None:
+        return self._read_json(MARK)
+
+    def _read_json(self, name: str) -> dict[str, Any] | None:
+        try:
+            data = json.loads((self.path / name).read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return None
+        return data if isinstance(data, dict) else None
+
+    def _write_mark(self, state: str) -> None:
+        self._write(MARK, to_json({"identity": self.identity, "state": state}))
+
+    def saved(self) -> dict[str, Any] | None:
+        """Return what an earlier run of the same identity has saved so far."""
+        return self._read_json("result.json")
+
+    def finished(self) -> dict[str, Any] | None:
+        """Return the saved document of a run that came to its end."""
+        mark = self._mark()
+        return self.saved() if mark is not None and mark.get("state") == "finished" else None
+
+    def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
+        """Write result.json and steps.csv; each is at every moment whole, the old one or the new one."""
+        self._write("result.json", to_json(document))
+        self._write("steps.csv", _csv([_flat(row) for row in rows]))
+
+    def save_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write a table of plain values as CSV."""
+        self._write(name, _csv(rows))
+
+    def finish(self) -> None:
+        """Mark the run as complete: the same command then prints what is saved."""
+        self._write_mark("finished")
+
+    def log(self, text: str) -> None:
+        """Append lines with the time to run.log."""
+        stamp = time.strftime("%Y-%m-%d %H:%M:%S")
+        try:
+            with open(self.path / "run.log", "a", encoding="utf-8") as log:
+                log.writelines(f"{stamp}  {line}\n" for line in text.splitlines())
+        except OSError as error:
+            raise OutputUnusable(f"{self.path / 'run.log'}: cannot be written: {error.strerror or error}") from None
+
+    def close(self) -> None:
+        """Let another run have the folder."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _write(self, name: str, text: str) -> None:
+        with replacing(self.path / name) as draft, open(draft, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+    flat = {}
+    for key, value in plain(row).items():
+        if isinstance(value, list) and len(value) == 2:
+            flat[f"{key}_x"], flat[f"{key}_y"] = value
+        elif not isinstance(value, dict | list):
+            flat[key] = value
+    return flat
+
+
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _difference(old: Any, new: Any, where: str = "") -> str:
+    if isinstance(old, dict) and isinstance(new, dict):
+        parts = [
+            _difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))
+            for k in {**old, **new}
+            if old.get(k) != new.get(k)
+        ]
+        return ", ".join(parts[:3]) + (", ..." if len(parts) > 3 else "")
+    return f"{where.removeprefix('problem.')} is {old} there and {new} here"

@@ -1,0 +1,93 @@
+"""One case of a study: a problem, the model that solves it, and which of the solver's constants are varied."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Problem
+from linear_bem.result import Result
+from runs.models import MODELS, Run
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is solved once: ``name`` is unlike any other's in the study and names its file.
+
+    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
+    ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
+    whole load path); ``stop_after`` interrupts the run after that many load
+    steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
+    has one rank solve it where several are there.
+    """
+
+    name: str
+    problem: Problem
+    model: str
+    accuracy: float
+    constants: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, Any] = field(default_factory=dict)
+    steps: Sequence[float] | None = (1.0,)
+    stop_after: int | None = None
+    budget: Mapping[str, float] = field(default_factory=dict)
+    alone: bool = False
+
+    @property
+    def parallel(self) -> bool:
+        """Whether all ranks solve it together."""
+        return MODELS[self.model].parallel
+
+    def solve(self, run: Run) -> Result:
+        """Return the answer (collective where it is `parallel`); a study may have cases that find theirs otherwise."""
+        return MODELS[self.model].solve(self.problem, run)
+
+    def key(self) -> str:
+        """Return a digest that changes whenever a saved answer to this case is one no more."""
+        varied = sorted(self.constants.items())
+        code = _element_format() if self.parallel else _linear_code()
+        budget = sorted(self.budget.items())
+        steps = None if self.steps is None else tuple(self.steps)
+        said = repr((code, self.problem, self.model, self.accuracy, varied, steps, self.stop_after, budget, self.alone))
+        return hashlib.sha256(said.encode()).hexdigest()[:20]
+
+
+@contextmanager
+def varied(constants: Mapping[str, float]) -> Iterator[None]:
+    """Set constants of modules, named "package.module.NAME", while the block runs; raises `InvalidProblem`."""
+    before: list[tuple[Any, str, Any]] = []
+    try:
+        for place, value in constants.items():
+            module_name, _, name = place.rpartition(".")
+            module = importlib.import_module(module_name)
+            if not hasattr(module, name):
+                raise InvalidProblem(f"{place}: there is no such constant to vary; the study's case must be mended")
+            before.append((module, name, getattr(module, name)))
+            setattr(module, name, value)
+        yield
+    finally:
+        for module, name, value in reversed(before):
+            setattr(module, name, value)
+
+
+def _element_format() -> str:
+    from finite_strain import FORMAT  # noqa: PLC0415  (only a case with finite elements asks)
+
+    return f"elements {FORMAT}"
+
+
+@cache
+def _linear_code() -> str:
+    """Return a digest of the linear model's code as this process found it."""
+    import linear_bem  # noqa: PLC0415
+
+    digest = hashlib.sha256()
+    for file in sorted(Path(linear_bem.__file__).parent.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()

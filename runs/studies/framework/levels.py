@@ -1,0 +1,212 @@
+"""A case on stated discretisations, one after the other, and none beyond: their steps all kept, each as its own answer.
+
+The balls may be moved together with the mesh: energies of two such runs differ by the balls' distance alone, and what
+the mesh adds to both cancels in their difference.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linear_bem.problem import Problem
+from linear_bem.result import BallResult, Result, Solved, Step
+from runs.models import Run
+from runs.studies.framework.case import Case
+
+if TYPE_CHECKING:
+    from finite_strain.discretisation.checkpoint import Snapshot
+    from finite_strain.equilibrium.load_path import StepRecord
+    from finite_strain.one_discretisation import ModelRun
+    from finite_strain.planning.records import Discretisation, Record
+    from finite_strain.planning.run_plan import RunPlan
+    from meshes.box import Zone
+
+STILL = 0.7
+"""Part of a block's half-width about a ball's axis in which the mesh moves with the ball as a whole."""
+Seen = dict[tuple[str, float], "Snapshot"]
+"""States by model and load fraction, from which the next discretisation's are predicted."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A discretisation as a case states it, without the solver; see `finite_strain.planning.records.Discretisation`."""
+
+    order: int = 3
+    fineness: float = 1.0
+    extent: float = 1.0
+    penalty: float = 1.0
+
+    def discretisation(self) -> Discretisation:
+        """Return it as the solver takes it."""
+        from finite_strain.planning.records import Discretisation  # noqa: PLC0415
+
+        return Discretisation(**dataclasses.asdict(self))
+
+
+@dataclass(frozen=True)
+class LevelCase(Case):
+    """A case solved on ``levels``; a step's discretisation error is what it changed by since the level before.
+
+    ``shift`` [m] moves each ball of a pair away from the other, and the mesh with it.
+    """
+
+    levels: tuple[Level, ...] = (Level(),)
+    shift: float = 0.0
+
+    def key(self) -> str:
+        """Return the key of `Case`, which changes with levels and shift too."""
+        return hashlib.sha256(f"{super().key()} {self.levels} {self.shift}".encode()).hexdigest()[:20]
+
+    def solve(self, run: Run) -> Result:
+        """Press the balls in on every level (collective)."""
+        from finite_strain import compat  # noqa: PLC0415  (a case of finite elements)
+        from finite_strain.mpi import working_folder  # noqa: PLC0415
+        from finite_strain.planning.records import Record  # noqa: PLC0415
+        from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+
+        plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps)
+        steps: list[Step] = []
+        before: Record | None = None
+        seen: Seen = {}
+        with working_folder(run.folder, run.comm) as folder:
+            for number, level in enumerate(self.levels):
+                record = Record(level.discretisation())
+                file = folder / f"mesh_{number}.msh"
+                if self.shift:
+                    steps += _moved(plan, record, self.shift, file, run)
+                else:
+                    steps += _answered(plan, record, before or record, seen, file, run)
+                before = record
+        details = [step.record for step in steps]
+        solved = Solved(
+            True, sum(d["iterations"] for d in details), max(d["unknowns"] for d in details),
+            sum(d["seconds"] for d in details), run.comm.size, compat.versions(),
+        )  # fmt: skip
+        return Result(self.model, steps[-1].balls, solved, tuple(steps))
+
+
+def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run) -> list[Step]:
+    """Return the answers of one discretisation, paired as those of a whole run are (collective)."""
+    from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
+    from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
+    from finite_strain.planning.records import Row  # noqa: PLC0415
+
+    mesh = MeshRun(plan, record.level, file, run.comm, run.observer, str(record.level))
+    answers = Answers(plan, [before, record])
+    steps: list[Step] = []
+    try:
+        for done in _along(mesh.own, "own", seen, plan.path if before is record else plan.goals):
+            if done.fraction not in plan.goals:
+                continue
+            own, small = mesh.own.state(done.fraction), None
+            if mesh.small is not None:
+                for _ in _along(mesh.small, "small", seen, [done.fraction]):
+                    small = mesh.small.state(done.fraction)
+            record.rows.append(Row(own, small))
+            truth = on_root(run.comm, partial(answers.truth, done.fraction))
+            details = {**_of(plan, mesh.own, record), **mesh.details([done], None, own)}
+            steps.append(answers.step(done.fraction, truth, details, steps, mesh.own.solver.tolerance))
+    finally:
+        mesh.close()
+    return steps
+
+
+def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[StepRecord]:
+    """Yield each equilibrium with its multipliers, predicted from the level before; it is remembered for the next."""
+    for done in run.path.steps(list(fractions), lambda fraction: run.predicted_by(seen.get((model, fraction)))):
+        seen[model, done.fraction] = run.snapshot()
+        run.path.augment(done)
+        yield done
+
+
+def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) -> list[Step]:
+    """Return energies and forces on a mesh that is moved with the balls (collective)."""
+    from finite_strain import compat  # noqa: PLC0415
+    from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
+    from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, kinematics_of  # noqa: PLC0415
+    from meshes.layer import write_layer_mesh  # noqa: PLC0415
+
+    box = plan.box(record.level)
+    problem = moved(plan.problem, shift)
+    shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
+
+    def write() -> None:
+        write_layer_mesh(box, file)
+        (zone,) = box.zones  # mirrored at x = 0
+        move_mesh(file, zone, shift)
+
+    on_root(run.comm, write)
+    meshed = compat.read_mesh(file, run.comm)
+    name = f"{record.level}, moved"
+    driven = ModelRun(problem, shifted, kinematics_of(plan), meshed, box, record.level, run.observer, name)
+    steps = []
+    try:
+        for done in _along(driven, "own", {}, plan.path):
+            if done.fraction in plan.goals:
+                forces = driven.model.forces()[:, 2]
+                steps.append(_energies(problem, float(forces[0]), done, _of(plan, driven, record)))
+    finally:
+        driven.close()
+    return steps
+
+
+def _energies(problem: Problem, force: float, done: StepRecord, of: dict[str, Any]) -> Step:
+    """Return a step that holds the force on either ball and the energies; T is not asked for."""
+    nan = float("nan")
+    balls = tuple(
+        BallResult(ball.position, ball.radius, done.fraction * value, force, (nan, nan), nan, nan, nan)
+        for ball, value in zip(problem.balls, problem.load.values, strict=True)
+    )
+    took = {"iterations": done.newton_iterations, "augmented": done.augmented, "seconds": 0.0}
+    return Step(balls, {**of, "fraction": done.fraction, **took})
+
+
+def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
+    """Return what a step's discretisation is, and the energies [J] of the whole scene."""
+    copies = 2 ** len(plan.reduction.planes)
+    return {
+        "order": record.level.order, "fineness": record.level.fineness, "unknowns": run.model.unknowns,
+        "strain_energy": copies * run.model.strain_energy(), "potential": copies * run.model.energy(),
+    }  # fmt: skip
+
+
+def moved(problem: Problem, shift: float) -> Problem:
+    """Return a pair on the x axis with each ball ``shift`` [m] farther from the other."""
+    balls = tuple(
+        dataclasses.replace(b, position=(b.position[0] + np.sign(b.position[0]) * shift, b.position[1]))
+        for b in problem.balls
+    )
+    return dataclasses.replace(problem, balls=balls)
+
+
+def move_mesh(file: Path, zone: Zone, shift: float) -> None:
+    """Shift the nodes of a mesh file near a ball's axis by ``shift`` [m] along x, those farther out by less.
+
+    From the edge of the ball's block on, nodes stay. The move is as symmetric about the axis as the mesh: the ball's
+    own energy, larger by orders of magnitude than what the distance changes, does not feel it.
+    """
+    import gmsh  # noqa: PLC0415
+
+    from meshes.layer import gmsh_session  # noqa: PLC0415
+
+    with gmsh_session():
+        gmsh.open(str(file))
+        tags, points, _ = gmsh.model.mesh.getNodes()
+        points = points.reshape(-1, 3)
+        distance = np.linalg.norm(points[:, :2] - np.array(zone.position), axis=1) / zone.half_width
+        points[:, 0] += shift * np.clip((1.0 - distance) / (1.0 - STILL), 0.0, 1.0)
+        for tag, point in zip(tags, points, strict=True):
+            gmsh.model.mesh.setNode(int(tag), point.tolist(), [])
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.write(str(file))

@@ -1,0 +1,224 @@
+"""How a study of many cases is run: shared out, resumed after a kill, one failing case recorded and passed over.
+
+Every rank runs this. Cases of finite elements are solved by all ranks together, others by rank 0; each record is
+written as its case goes on, and tables and figures are made from whatever is there.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import MissingDependency, NotConverged, OutputUnusable, ThirdBodyError
+from linear_bem.result import Result, Step
+from runs.display.numbers import Scale
+from runs.models import Run
+from runs.process import ranks, signals
+from runs.session.progress import Progress, tell
+from runs.session.session import path_so_far
+from runs.studies import Options
+from runs.studies.framework.case import Case, varied
+from runs.studies.framework.publishing import publish
+from runs.studies.framework.records import DONE, NOT_RUN, RUNNING, Found, StudyFolder
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study: its cases, and ``present``, which makes tables and figures in a folder and returns the answer's text."""
+
+    name: str
+    cases: Sequence[Case]
+    present: Callable[[Found, Path, bool], str]
+    publishes: Sequence[str] = field(default_factory=tuple)
+    """Files of the output folder that belong on the study's page."""
+    answers: Sequence[str] = (DONE,)
+    """States of a case that answer the study's question."""
+
+
+def run(study: Study, options: Options) -> None:
+    """Solve this run's part of the cases, then make tables and figures from all that are there."""
+    root = ranks.is_root()
+    folder = None
+    if root:  # before MPI starts: a folder that cannot be used ends the run at once
+        identity = {"command": "study", "study": study.name, "quick": options.quick}
+        name = f"study-{study.name}" + ("-quick" if options.quick else "")
+        folder = StudyFolder(options.out or Path("out") / name, identity)
+    part, parts = options.shard
+    mine = [] if options.tables else list(study.cases)[part - 1 :: parts]
+    comm = ranks.world() if any(case.parallel for case in mine) else None
+    for number, case in enumerate(mine, start=1):
+        signals.check()
+        if folder is not None and options.fresh:
+            folder.forget(case)
+        _run_case(case, folder, comm, f"{number}/{len(mine)} {case.name}")
+    if folder is not None:
+        _tell_answer(study, folder, options)
+
+
+def _tell_answer(study: Study, folder: StudyFolder, options: Options) -> None:
+    found = Found.of(folder, study.cases)
+    command = f"thirdbody study {study.name}{' --quick' if options.quick else ''}"
+    lines = [study.present(found, folder.path, options.quick), "", made_by(found, command)]
+    missing = found.missing(study.answers)
+    if missing:
+        lines += ["", f"**Not there: {len(missing)} of {len(found.cases)} cases.**", ""]
+        lines += [f"- {sentence}" for sentence in missing]
+    text = "\n".join(lines) + "\n"
+    folder.write("answer.md", text)
+    print(text, end="")
+    if options.publish:
+        page = publish(study.name, text, [folder.path / name for name in study.publishes])
+        tell(f"published in {page}")
+    tell(f"answer.md, tables (CSV) and figures are in {folder.path}")
+
+
+def made_by(found: Found, command: str) -> str:
+    """Return the sentence that says how the numbers were made."""
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
+    states = [found.state(case.name) for case in found.cases]
+    ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
+    answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
+    return (
+        f"Made by `{command}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "
+        f"processor time{f' ({versions})' if versions else ''}."
+    )
+
+
+def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> None:
+    with ExitStack() as stack:
+        saved, free = None, True
+        if folder is not None:
+            free = stack.enter_context(folder.claim(case))
+            saved = folder.record(case)
+        saved, free = ranks.share((saved, free))
+        if not free or (saved is not None and saved["state"] != RUNNING):
+            if folder is not None:
+                tell(f"{title}: {saved['state'] if saved and free else 'another run is computing it'}")
+            return
+        if folder is not None:
+            tell(title)
+        together = case.parallel and not case.alone
+        if together or folder is not None:
+            _Attempt(case, folder, comm if together else _alone() if case.parallel else None, saved).run()
+
+
+def _alone() -> Any:
+    from mpi4py import MPI  # noqa: PLC0415  (a case of finite elements has loaded it)
+
+    return MPI.COMM_SELF
+
+
+class _Stopped(Exception):
+    """A run that is interrupted on purpose."""
+
+
+class _Attempt:
+    """One go at a case: keeps its record on disk while it runs."""
+
+    def __init__(self, case: Case, folder: StudyFolder | None, comm: Any, saved: dict[str, Any] | None) -> None:
+        self.case, self.folder, self.comm = case, folder, comm
+        self.steps: list[dict[str, Any]] = list((saved or {}).get("steps", []))
+        self.spent = float((saved or {}).get("cpu_seconds", 0.0)), float((saved or {}).get("wall_seconds", 0.0))
+        self.began = time.process_time(), time.monotonic()
+        self.stop_after = case.stop_after
+
+    def run(self) -> None:
+        """Solve the case and save what came of it; raises only what would fail every other case too."""
+        state, reason, result = DONE, None, None
+        try:
+            with varied(self.case.constants):
+                result = self._solve()
+        except (MissingDependency, OutputUnusable):
+            raise
+        except NotConverged as error:
+            state, reason = "not converged", str(error)
+        except ThirdBodyError as error:
+            state, reason = "refused", str(error)
+        except Exception as error:
+            if not self._all_failed():
+                raise
+            state, reason = "failed", "".join(traceback.format_exception_only(error)).strip()
+        cpu = self._cpu_seconds()
+        if self.folder is None:
+            return
+        record = self._record(state, cpu)
+        if result is not None:
+            found = result.to_dict()
+            record |= {"steps": found["steps"] or [{"balls": found["balls"], "record": {}}], "solved": found["solved"]}
+        self.folder.save(self.case, record | {"reason": reason})
+        tell(f"{self.case.name}: {state}{f': {reason}' if reason else ''} ({cpu:.0f} s of processor time)")
+
+    def _solve(self) -> Result:
+        case = self.case
+        workspace = self.folder.workspace(case) if self.folder is not None else None
+        if self.comm is not None:
+            workspace = self.comm.bcast(workspace, root=0)
+        goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
+        while True:
+            progress = Progress(
+                Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
+            )
+            observer = _Stopper(progress, self.stop_after)
+            try:
+                run = Run(case.accuracy, self.comm, workspace, observer, budget=case.budget, steps=case.steps)
+                return case.solve(run)
+            except _Stopped:
+                self.stop_after = None
+
+    def _take(self, step: Step, _fields: Any) -> None:
+        assert self.folder is not None
+        self.steps[:] = path_so_far(self.steps, step)
+        self.folder.save(self.case, self._record(RUNNING, self.spent[0] + time.process_time() - self.began[0]))
+
+    def _record(self, state: str, cpu: float) -> dict[str, Any]:
+        return {
+            "name": self.case.name,
+            "state": state,
+            "model": self.case.model,
+            "accuracy": self.case.accuracy,
+            "labels": dict(self.case.labels),
+            "ranks": 1 if self.comm is None else self.comm.size,
+            "cpu_seconds": cpu,
+            "wall_seconds": self.spent[1] + time.monotonic() - self.began[1],
+            "steps": self.steps,
+        }
+
+    def _cpu_seconds(self) -> float:
+        """Return the processor time [s] spent on the case by all ranks, earlier runs of it included (collective)."""
+        mine = time.process_time() - self.began[0]
+        return self.spent[0] + (mine if self.comm is None else self.comm.allreduce(mine))
+
+    def _all_failed(self) -> bool:
+        """Return whether all ranks have come here: only then can the others be asked to go on (collective)."""
+        if self.comm is None or self.comm.size == 1:
+            return True
+        request = self.comm.Ibarrier()
+        deadline = time.monotonic() + ranks.PATIENCE
+        while not request.Test():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.02)
+        return True
+
+
+class _Stopper:
+    """An observer that hands everything on, and interrupts the run after a number of load steps."""
+
+    def __init__(self, inner: Progress, stop_after: int | None) -> None:
+        self.inner, self.left = inner, stop_after
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+    def step_done(self, step: Step, fields: Any) -> None:
+        """Hand the step on; raise after the last one wanted."""
+        self.inner.step_done(step, fields)
+        if self.left is not None:
+            self.left -= 1
+            if self.left == 0:
+                raise _Stopped

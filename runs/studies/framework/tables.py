@@ -1,0 +1,45 @@
+"""Tables of a study, twice: Markdown for its text and CSV for other programs."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.display.numbers import with_error
+from runs.process.files import replacing
+
+
+def markdown(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str] | None = None) -> list[str]:
+    """Return lines of a table; ``columns`` maps keys to headings, by default the keys of the first row.
+
+    A pair (value, error) is written to the place of its error.
+    """
+    if not rows:
+        return ["(no rows yet)"]
+    columns = columns or {key: key.replace("_", " ") if key.islower() else key for key in rows[0]}
+    sides = [":--" if any(isinstance(row.get(key), str) for row in rows) else "--:" for key in columns]
+    lines = [f"| {' | '.join(columns.values())} |", f"|{'|'.join(sides)}|"]
+    return lines + [f"| {' | '.join(written(row.get(key)) for key in columns)} |" for row in rows]
+
+
+def written(value: Any) -> str:
+    """Return one cell: four digits of a number, a dash for none, value and error for a pair."""
+    if isinstance(value, tuple):
+        return with_error(*value)
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value).replace("|", "\\|").replace("\n", " ")
+
+
+def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows of plain values; a row may lack columns."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    with replacing(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
