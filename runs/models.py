@@ -12,18 +12,8 @@ from typing import Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
+from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import OutputTable, Scene
-
-EFFECTS = {
-    "substrate": "elastic half-space below the layer",
-    "finite_strain": "hyperelastic layer, contact in the deformed configuration",
-    "reciprocation": "sliding cycles that move the balls",
-}
-WITHOUT = {
-    "substrate": "the base is rigid",
-    "finite_strain": "strains are small",
-    "reciprocation": "the balls stay where they are",
-}
 
 
 class ModelName(enum.StrEnum):
@@ -186,7 +176,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
             f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not call for; add the table"
         )
     dropped = sorted(wanted & model.leaves_out)
-    notes = tuple(f"[{e}] left out, as {asked} was asked for by name: {WITHOUT[e]}" for e in dropped)
+    notes = tuple(f"[{e}] left out, as {asked} was asked for by name: {EFFECTS[e].without}" for e in dropped)
     return model, without(scene.problem, dropped), notes
 
 
@@ -203,4 +193,4 @@ def without(problem: Problem, effects: list[str]) -> Problem:
 
 
 def _names(effects: frozenset[str]) -> str:
-    return ", ".join(f"[{name}] ({EFFECTS[name]})" for name in sorted(effects))
+    return ", ".join(f"[{name}] ({EFFECTS[name].words})" for name in sorted(effects))

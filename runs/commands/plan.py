@@ -12,9 +12,10 @@ from linear_bem.result import Result
 from runs.advice import USUAL, Adviser
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
-from runs.models import EFFECTS, MODELS, WITHOUT, Model, Run, choose, standing, without
+from runs.models import MODELS, Model, Run, choose, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
+from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
 
 NAMES = {
@@ -89,12 +90,12 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say(f"shape: {document['bodies']}")
     say("simulated:")
     for name in document["effects_present"]:
-        say(f"  [{name}] {EFFECTS[name]}")
+        say(f"  [{name}] {EFFECTS[name].words}")
     if not document["effects_present"]:
         say("  no optional effect")
     say("not simulated:")
     for name in document["effects_absent"]:
-        say(f"  [{name}] {EFFECTS[name]}: {WITHOUT[name]}")
+        say(f"  [{name}] {EFFECTS[name].words}: {EFFECTS[name].without}")
     for note in document["notes"]:
         say(f"  note: {note}")
     for model in document["models"]:

@@ -24,7 +24,8 @@ from runs.evolution.start import start
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
 from runs.process.json_values import as_given
-from runs.scene.scene_file import ReciprocationTable, Scene
+from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.scene.scene_file import Scene
 from runs.session.progress import tell
 from runs.session.run_folder import RunFolder
 from runs.session.session import Options

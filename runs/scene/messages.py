@@ -11,28 +11,17 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from runs.scene.effects import EFFECTS
+
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
 EXAMPLES: dict[str, dict[str, Any]] = {
     "layer": {"thickness": "10 mm", "young": "1 MPa", "poisson": 0.48},
-    "substrate": {"young": "1 GPa", "poisson": 0.3},
     "balls": {"radius": "8 mm", "positions": [["-8 mm", 0], ["8 mm", 0]], "shape": "sphere"},
     "load": {"approach": "1.5 mm"},
-    "finite_strain": {"law": "neo_hookean"},
-    "reciprocation": {
-        "amplitude": "80 mm",
-        "cycles": 50,
-        "friction": 0.1,
-        "direction": [1, 0],
-        "perturbation": "0.1 mm",
-        "seed": 1,
-        "ensemble": 1,
-        "tolerance": 1e-6,
-        "rest": 1e-6,
-        "forces": "pairs",
-    },
     "accuracy": {"tangential_force": 0.01, "seconds": 600, "unknowns": 1e5},
     "elements": {"form": "mixed"},
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
+    **{name: dict(effect.example) for name, effect in EFFECTS.items()},
 }
 """A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""
 RARER_EXAMPLES: dict[str, dict[str, Any]] = {

@@ -9,15 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ValidationError
+from pydantic import ValidationError, create_model
 
 from linear_bem.errors import InvalidProblem
-from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, LoadKind, Problem
+from linear_bem.problem import Ball, Elements, Layer, Load, Problem
 from runs.scene import messages
 from runs.scene.balls import BallsTable, per_ball
+from runs.scene.effects import EFFECTS, Effect
+from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
 from runs.scene.units import (
-    Direction,
     Length,
     Number,
     Pressure,
@@ -39,64 +40,12 @@ class InvalidScene(InvalidProblem):
         return "\n".join([f"{self.path}: {len(self.faults)} faults", *(f"  {text}" for text in self.faults)])
 
 
-class ElasticTable(Table):
-    """Isotropic elastic constants."""
+class LayerTable(Table):
+    """[layer]: constants and thickness."""
 
     young: Pressure
     poisson: Number
-
-
-class LayerTable(ElasticTable):
-    """[layer]: constants and thickness."""
-
     thickness: Length
-
-
-class FiniteStrainTable(Table):
-    """[finite_strain]: hyperelastic layer, contact in the deformed configuration."""
-
-    law: Literal["neo_hookean"] = "neo_hookean"
-
-
-class ReciprocationTable(Table):
-    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
-
-    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it sets the clock alone), ``direction`` (x, y) of
-    the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions from
-    ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
-    ``rest``: force over load below which nothing is taken to move; ``forces`` from the table of "pairs", or "direct":
-    the model asked at every step.
-    """
-
-    amplitude: Length
-    cycles: Number
-    friction: Number
-    direction: Direction = (1.0, 0.0)
-    perturbation: Length = 0.0
-    seed: Whole = 0
-    ensemble: Whole = 1
-    tolerance: Number = 1e-6
-    rest: Number = 1e-6
-    forces: Literal["pairs", "direct"] = "pairs"
-
-    def faults(self, load: LoadKind) -> list[str]:
-        """Return what is out of range, one text each."""
-        texts = [
-            f"reciprocation.{key}: must be greater than 0 and finite, got {value:g}"
-            for key in ("amplitude", "cycles", "friction", "rest")
-            if not 0.0 < (value := getattr(self, key)) < math.inf
-        ]
-        if not 0.0 <= self.perturbation < math.inf:
-            texts.append(f"reciprocation.perturbation: must not be negative, got {self.perturbation:g} m")
-        if self.ensemble < 1:
-            texts.append(f"reciprocation.ensemble: must be at least 1, got {self.ensemble}")
-        if self.ensemble > 1 and self.perturbation == 0.0:
-            texts.append(f"reciprocation.ensemble: {self.ensemble} equal runs without a perturbation; give one")
-        if not 0.0 < self.tolerance <= 1e-2:
-            texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {self.tolerance:g}")
-        if load != "approach":
-            texts.append(f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}")
-        return texts
 
 
 class ElementsTable(Table):
@@ -134,19 +83,21 @@ class AccuracyTable(Table):
         return {k: v for k in ("seconds", "unknowns") if (v := getattr(self, k)) is not None}
 
 
-class Tables(Table):
-    """Every table that a scene may hold."""
+class PlainTables(Table):
+    """Every table that a scene may hold beside its effects."""
 
     title: str = ""
     layer: LayerTable
     balls: BallsTable
     load: LoadTable
-    substrate: ElasticTable | None = None
-    finite_strain: FiniteStrainTable | None = None
-    reciprocation: ReciprocationTable | None = None
     accuracy: AccuracyTable = AccuracyTable()
     elements: ElementsTable | None = None
     output: OutputTable | None = None
+
+    def effects(self) -> list[tuple[Effect, Any]]:
+        """Return the effects that the scene calls for, with their tables."""
+        found = [(effect, getattr(self, name)) for name, effect in EFFECTS.items()]
+        return [(effect, table) for effect, table in found if table is not None]
 
     def problem(self) -> Problem:
         """Return the contact problem; raises `InvalidProblem` with every fault found."""
@@ -172,29 +123,29 @@ class Tables(Table):
             self.load.fractions()
         except InvalidProblem as error:
             texts += error.faults
-        if self.reciprocation is not None:
-            texts += self.reciprocation.faults(kind)
-            if self.load.steps is not None:
-                texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
-            if self.balls.shape in ("ellipsoid", "cone"):
-                texts.append(
-                    f'balls.shape: balls that drift apart until they touch must be round, got "{self.balls.shape}"; '
-                    'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
-                )
+        parts = {}
+        for effect, table in self.effects():
+            texts += effect.faults(table, self)
+            if effect.part is not None:
+                parts[effect.name] = effect.part(table)
         try:
             problem = Problem(
                 Layer(self.layer.young, self.layer.poisson, self.layer.thickness),
                 balls,
                 Load(kind, per_ball(values, 1 if kind == "total_force" else size)),
-                Elastic(self.substrate.young, self.substrate.poisson) if self.substrate else None,
-                FiniteStrain(self.finite_strain.law) if self.finite_strain else None,
-                Elements(self.elements.form) if self.elements else None,
+                elements=Elements(self.elements.form) if self.elements else None,
+                **parts,
             )
         except InvalidProblem as error:
             raise InvalidProblem(*texts, *error.faults) from None
         if texts:
             raise InvalidProblem(*texts)
         return problem
+
+
+_optional: dict[str, Any] = {name: (effect.table | None, None) for name, effect in EFFECTS.items()}
+Tables = create_model("Tables", __base__=PlainTables, **_optional)
+"""Every table that a scene may hold."""
 
 
 @dataclass(frozen=True)
@@ -231,17 +182,15 @@ def read_scene(path: Path) -> Scene:
             texts += [messages.of_problem(t, data) for t in error.faults if not messages.concerns(t, doubtful)]
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
-    effects = tuple(
-        name for name in ("substrate", "finite_strain", "reciprocation") if getattr(tables, name) is not None
-    )
+    effects = {effect.name: table for effect, table in tables.effects()}
     title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
     return Scene(
-        path, text, data, title, problem, effects, accuracy, tables.reciprocation, tables.output,
+        path, text, data, title, problem, tuple(effects), accuracy, effects.get("reciprocation"), tables.output,
         tables.accuracy.budget, tables.load.fractions(),
     )  # fmt: skip
 
 
-def _validate(data: dict[str, Any]) -> tuple[Tables | None, list[str], set[str]]:
+def _validate(data: dict[str, Any]) -> tuple[PlainTables | None, list[str], set[str]]:
     """Return the tables, the faults of their keys, and the keys that are stand-ins for faulty ones.
 
     A faulty key is replaced by a harmless value, so that what the other keys say is still checked.

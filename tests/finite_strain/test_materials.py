@@ -17,7 +17,9 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
+from finite_strain.mechanics.materials import LAWS
 from finite_strain.mechanics.volumetric import Compressible
+from linear_bem import problem
 from tests.finite_strain.scenes import relatively
 
 ROUNDOFF = 1e-13
@@ -26,6 +28,10 @@ SHEAR, LAME = 0.4, 3.1
 getcontext().prec = 60
 
 Density = Callable[[np.ndarray], float]
+
+
+def test_a_problem_takes_the_laws_that_there_are() -> None:
+    assert set(LAWS) == set(problem.LAWS)
 
 
 class OneTetrahedron:

@@ -17,9 +17,12 @@ from linear_bem import (
     InvalidProblem,
     Layer,
     Load,
+    Problem,
     Punch,
 )
+from runs.models import MODELS
 from runs.process.json_values import as_given
+from runs.scene.effects import EFFECTS, Effect
 from runs.scene.scene_file import InvalidScene, read_scene
 
 PAIR = """
@@ -289,3 +292,14 @@ def test_a_path_that_is_no_file_is_a_fault(tmp_path: Path) -> None:
     with pytest.raises(InvalidScene, match="not a regular file"):
         read_scene(Path("/dev/null"))
     assert issubclass(InvalidScene, InvalidProblem)
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=str)
+def test_an_effect_of_the_registry_is_whole(effect: Effect) -> None:
+    table = effect.table.model_validate(dict(effect.example))
+    assert set(effect.example) == set(effect.table.model_fields)  # a valid value of every key
+    assert effect.words
+    assert effect.without
+    if effect.part is not None:  # a field of the problem, and a model that has it
+        assert type(effect.part(table)).__name__ in str(Problem.__dataclass_fields__[effect.name].type)
+        assert any(effect.name in model.effects for model in MODELS.values())

@@ -1,0 +1,17 @@
+"""The registry of effects: an optional table of a scene is simulated where it is there, and costs nothing elsewhere.
+
+A new effect is a file here and its entry in the list. One that changes what models solve has a field of its name in
+`linear_bem.problem.Problem`, and the models of `runs.models` name those that they have.
+"""
+
+from __future__ import annotations
+
+from runs.scene.effects.effect import Effect
+from runs.scene.effects.finite_strain import FINITE_STRAIN
+from runs.scene.effects.reciprocation import RECIPROCATION
+from runs.scene.effects.substrate import SUBSTRATE
+
+EFFECTS = {effect.name: effect for effect in (SUBSTRATE, FINITE_STRAIN, RECIPROCATION)}
+"""Every effect by its name, in the order in which `plan` lists them."""
+
+__all__ = ["EFFECTS", "Effect"]

@@ -1,0 +1,27 @@
+"""What an effect is to a scene file: an optional table, and what there is to say about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from runs.scene.units import Table
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One entry of the registry.
+
+    ``words`` and ``without`` say what is simulated with the table and without it; ``example`` holds a valid value of
+    every key. ``part`` makes the value of the problem's field of the same name from the table (None: the effect is not
+    a model's); ``faults`` returns what is wrong with the table in a scene, one text each.
+    """
+
+    name: str
+    table: type[Table]
+    words: str
+    without: str
+    example: Mapping[str, Any]
+    part: Callable[[Any], Any] | None = None
+    faults: Callable[[Any, Any], list[str]] = lambda _table, _scene: []

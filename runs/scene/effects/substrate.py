@@ -1,0 +1,24 @@
+"""The effect `[substrate]`: an elastic half-space below the layer."""
+
+from __future__ import annotations
+
+from linear_bem.problem import Elastic
+from runs.scene.effects.effect import Effect
+from runs.scene.units import Number, Pressure, Table
+
+
+class SubstrateTable(Table):
+    """[substrate]: isotropic elastic constants."""
+
+    young: Pressure
+    poisson: Number
+
+
+SUBSTRATE = Effect(
+    "substrate",
+    SubstrateTable,
+    "elastic half-space below the layer",
+    "the base is rigid",
+    {"young": "1 GPa", "poisson": 0.3},
+    lambda table: Elastic(table.young, table.poisson),
+)
