@@ -14,6 +14,7 @@ STUDIES = {
     "benchmarks": "seconds and errors against other contact codes; growth with the number of balls",
     "strengthening": "how much stronger finite strain makes the tangential force",
     "accuracy": "what accuracy costs in time",
+    "discretisations": "order and size of the elements: work against precision on five scenes",
     "experiments": "the paper's drifting balls, run by run beside what it reports",
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
@@ -21,7 +22,7 @@ STUDIES = {
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.run`` answers it."""
-ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "stability", "verification", "scaling"})
+ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 
 

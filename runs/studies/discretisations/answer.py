@@ -1,0 +1,57 @@
+"""Error against processor time of every discretisation, with the small-strain pair and without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
+from runs.studies.framework.tables import markdown, save_csv
+
+BY_ITSELF, PAIRED, BAR = "T off by itself [%]", "T off, paired [%]", "its error bar [%]"
+
+
+def present(found: Found, folder: Path, quick: bool) -> str:
+    """Write discretisations.csv; return the table as Markdown."""
+    rows = [row for case in found.cases for row in _rows(case, found)]
+    save_csv(folder / "discretisations.csv", rows)
+    text = (
+        "Finite strain at full load, on the ball with the largest T. *By itself* is what the discretisation says, "
+        "*paired* what it says with the small-strain problem beside it; both against the paired answer of the finest, "
+        "whose bar is its own. Seconds are those of the load step, pair included; the coarsest one's also hold the "
+        "load path that leads to it."
+    )
+    return "\n".join(["# Work against precision of the elements", "", text, "", *markdown(rows)])
+
+
+def _rows(case: Case, found: Found) -> list[dict[str, Any]]:
+    """Return one row per discretisation that a case has answered on."""
+    steps = found.steps(case.name)
+    if not steps:
+        return []
+    sizes = [math.hypot(*ball["tangential_force"]) for ball in steps[-1]["balls"]]
+    ball = sizes.index(max(sizes))
+    truth = steps[-1]["balls"][ball]["tangential_force"]
+    return [_row(case, step, step["balls"][ball], truth, step is steps[-1]) for step in steps]
+
+
+def _row(
+    case: Case, step: Mapping[str, Any], ball: Mapping[str, Any], truth: list[float], is_finest: bool
+) -> dict[str, Any]:
+    record, size = step["record"], math.hypot(*truth)
+    off = math.dist(ball["tangential_force"], truth)
+    return {
+        "scene": case.labels["scene"],
+        "order": record["order"],
+        "fineness": record["fineness"],
+        "unknowns": record["unknowns"],
+        "iterations": record["iterations"],
+        "tangents": record["tangents"],
+        "seconds": record["seconds"],
+        BY_ITSELF: 100.0 * math.dist(ball["tangential_force_routes"]["domain_without_pair"], truth) / size,
+        PAIRED: None if is_finest else 100.0 * off / size,
+        BAR: 100.0 * ball["tangential_force_error"] / size,
+    }
