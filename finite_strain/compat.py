@@ -10,7 +10,7 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from linear_bem.errors import MissingDependency, OutputUnusable, ThirdBodyError
+from meshes.layer import gmsh_session
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
@@ -146,23 +147,19 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     """Return mesh, cell tags and facet tags of a .msh file whose groups were checked by its writer."""
     reader = import_module("dolfinx.io.gmshio" if VERSION < (0, 10) else "dolfinx.io.gmsh")
     failure = None
-    if comm.rank == 0:
-        gmsh.initialize([], False)
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        try:
-            gmsh.open(str(path))
-        except Exception as error:
-            failure = f"mesh file {path} cannot be read: {error}"
-        else:
-            if not gmsh.model.getPhysicalGroups(3) or not gmsh.model.getPhysicalGroups(2):
-                failure = f"mesh file {path} lacks physical groups of volumes or of faces"
-    failure = comm.bcast(failure, root=0)
-    if failure:
-        raise ThirdBodyError(failure)
-    answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
-    if comm.rank == 0:
-        gmsh.finalize()
+    with gmsh_session() if comm.rank == 0 else nullcontext():
+        if comm.rank == 0:
+            try:
+                gmsh.open(str(path))
+            except Exception as error:
+                failure = f"mesh file {path} cannot be read: {error}"
+            else:
+                if not gmsh.model.getPhysicalGroups(3) or not gmsh.model.getPhysicalGroups(2):
+                    failure = f"mesh file {path} lacks physical groups of volumes or of faces"
+        failure = comm.bcast(failure, root=0)
+        if failure:
+            raise ThirdBodyError(failure)
+        answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
     return answer[0], answer[1], answer[2]  # of more since DOLFINx 0.10
 
 

@@ -27,7 +27,7 @@ from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import NAME, ContactState, Record, Row, saved_records, text_of
 from finite_strain.planning.refinement import FIRST, account, decide
 from finite_strain.planning.run_plan import RunPlan
-from linear_bem.errors import NotConverged
+from linear_bem.errors import NotConverged, ThirdBodyError
 from linear_bem.result import Result, Solved, Step
 
 NAMES = ("coarse", "main", "finer")
@@ -110,8 +110,10 @@ class Refinement:
             self._along(run, record, number)
         except NotConverged as error:
             record.stopped = f"{name} mesh ({record.unknowns} unknowns): {error}"
-        finally:
+        except ThirdBodyError:
             run.close()
+            raise
+        run.close()  # after any other error, which one rank may have alone, nothing collective is safe
         record.finished = True
         self._judge(record)
         self._save()
@@ -259,6 +261,8 @@ class Refinement:
             notes.append(
                 "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
             )
+        failures = dict.fromkeys(step.record["linear_failure"] for step in steps if step.record["linear_failure"])
+        notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
         notes += self._overrun(record)
         notes += solver_notes([step.record for step in steps])
         certificate = ("penetration", "force_balance", "residual")

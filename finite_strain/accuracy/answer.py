@@ -35,10 +35,9 @@ class Answers:
         self._older = records[-3] if len(records) > 2 else None
         self.forces_given = plan.problem.load.kind != "approach"
         self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
-        self.failure = ""
 
-    def truth(self, fraction: float) -> LinearTruth | None:
-        """Return what `linear_bem` answers at a load fraction, None where it has no answer (one rank)."""
+    def truth(self, fraction: float) -> LinearTruth | str:
+        """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
         plan = self.plan
         load = plan.problem.load
         scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
@@ -46,8 +45,7 @@ class Answers:
         try:
             balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
         except ThirdBodyError as error:
-            self.failure = str(error)
-            return None
+            return str(error)
         chosen = [balls[ball.index] for ball in plan.reduction.balls]
         return LinearTruth(
             np.array([ball.normal_force for ball in chosen]),
@@ -64,12 +62,11 @@ class Answers:
         )
 
     def step(
-        self, fraction: float, truth: LinearTruth | None, details: dict[str, Any], earlier: list[Step], tolerance: float
+        self, fraction: float, said: LinearTruth | str, details: dict[str, Any], earlier: list[Step], tolerance: float
     ) -> Step:
-        """Return the finished step; ``tolerance`` [N] is what the solver leaves open of every force."""
-        fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
-        assert fine is not None
-        assert coarse is not None
+        """Return the finished step; ``said`` is what `truth` returned, ``tolerance`` [N] what the solver left."""
+        fine, coarse, truth = self.fine.at(fraction), self.coarse.at(fraction), None if isinstance(said, str) else said
+        assert fine is not None and coarse is not None  # noqa: PT018
         last = None if self._older is None else self._older.at(fraction)
         now, before = self._paired(fine, truth), self._paired(coarse, truth)
         older = None if last is None else self._paired(last, truth)
@@ -121,6 +118,7 @@ class Answers:
         record = {
             "step": len(earlier) + 1,
             **details,
+            "linear_failure": said if isinstance(said, str) else "",
             "error_terms": {name: self._per_ball(doubt * getattr(terms, name)) for name in terms.names()},
             "pair_weight": self._per_ball(weight),
             "imbalance": imbalance,

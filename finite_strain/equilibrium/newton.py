@@ -48,11 +48,6 @@ MOST_ITERATIONS = 25
 """Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
 
-def _reasons() -> dict[int, str]:
-    names = PETSc.SNES.ConvergedReason
-    return {value: name for name, value in vars(names).items() if isinstance(value, int) and not name.startswith("_")}
-
-
 @dataclass(frozen=True)
 class Equilibrium:
     """What one Newton solve took: iterations, new tangents among them, and final residual norm [N]."""
@@ -83,7 +78,6 @@ class NewtonSolver:
 
     def __init__(self, model: Model, control: LoadControl, monitor: Callable[[int, float], None] | None = None) -> None:
         self.model, self.control = model, control
-        self._reasons = _reasons()
         given = given_options()
         refused = [name for name in NOT_TAKEN if name in given]
         if refused:
@@ -184,7 +178,7 @@ class NewtonSolver:
                 break
         self._start.copy(self._x)
         self._set(self._x)
-        name = self._reasons.get(reason, str(reason))
+        name = next((key for key, value in vars(PETSc.SNES.ConvergedReason).items() if value == reason), str(reason))
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
     def _set(self, x: PETSc.Vec) -> None:

@@ -35,9 +35,8 @@ class ForceMeter:
             eshelby_row = psi * self._axis - ufl.dot(stress.T, ufl.dot(gradient, self._axis))
             return -ufl.inner(eshelby_row, slope)
 
-        surface = model.contact.configurational_form(self._weight, self._axis)
         self._volume = model.compile(model.volume_integral(density))
-        self._surface = model.compile(surface)
+        self._surface = model.compile(model.contact.configurational_form(self._weight, self._axis))
         self._points = model.linear_space.tabulate_dof_coordinates()
 
     def domain(self, contact_radii: np.ndarray) -> np.ndarray:

@@ -80,10 +80,11 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
         level = replace(level, fineness=level.fineness - STEP)
         wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+    following = f"the next discretisation ({level})"
     if wanted > budget.most_unknowns:
         return Decision(
             None,
-            f"{_text(level)}, about {wanted:.2g} unknowns, passes the budget of {budget.most_unknowns:.6g} unknowns",
+            f"{following}, about {wanted:.2g} unknowns, passes the budget of {budget.most_unknowns:.6g} unknowns",
         )
     if budget.seconds is not None:
         spent = sum(record.seconds for record in records)
@@ -91,14 +92,10 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
         if spent + needed > budget.seconds:
             return Decision(
                 None,
-                f"{_text(level)} would take about {needed:.0f} s and pass the budget of {budget.seconds:g} s "
+                f"{following} would take about {needed:.0f} s and pass the budget of {budget.seconds:g} s "
                 f"({spent:.0f} s spent)",
             )
     return Decision(level, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
-
-
-def _text(level: Discretisation) -> str:
-    return f"the next discretisation ({level})"
 
 
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
@@ -140,7 +137,6 @@ def account(
                 "unknowns": record.unknowns,
                 "seconds": record.seconds,
                 "reached": None if record.reached != record.reached else record.reached,
-                "tangential_force_per_squared_force": record.rows[-1].own.per_squared_force.tolist(),
                 "normal_forces": record.rows[-1].own.normal_force.tolist(),
             }
             for record in records[: answered + 1]

@@ -95,7 +95,6 @@ def _accuracy(step: Step, asked: float, seconds: float | None, unknowns: float |
     largest = max(math.hypot(*ball.tangential_force) for ball in step.balls)
     mesh = {
         "order": 3, "fineness": 1.0, "extent": 1.0, "unknowns": 1234, "seconds": 1.0, "reached": asked,
-        "tangential_force_per_squared_force": [[t / b.normal_force**2 for t in b.tangential_force] for b in step.balls],
         "normal_forces": [ball.normal_force for ball in step.balls],
     }  # fmt: skip
     return {
