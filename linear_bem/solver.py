@@ -24,6 +24,11 @@ from linear_bem.touching_balls import Touched, missed_pulls, places, smooth_stat
 
 Array = NDArray[np.float64]
 
+LINEAR_UP_TO = 0.5
+"""Approach over the layer's thickness above which an answer comes with a note, where the layer alone yields.
+
+At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
+"""
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
 WORTH_KEEPING = 5.0
@@ -126,7 +131,19 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
-    return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
+    return Solution(
+        problem, contacts, error, time.perf_counter() - begun, (*notes, *_beyond_small_strain(problem, contacts))
+    )
+
+
+def _beyond_small_strain(problem: Problem, contacts: SmoothContacts | GridContacts) -> tuple[str, ...]:
+    share, base = float(np.max(contacts.approaches)) / problem.layer.thickness, problem.substrate
+    if share <= LINEAR_UP_TO or (base is not None and base.young < 10.0 * problem.layer.young):  # the base yields, too
+        return ()
+    return (
+        f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
+        f"model means something up to about {LINEAR_UP_TO:g}; the effect finite_strain goes on to 0.9",
+    )
 
 
 Answer = tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem
+from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -22,3 +22,10 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
 def test_what_means_nothing_is_refused_by_its_key(parts, words):
     with pytest.raises(InvalidProblem, match=words):
         Problem(**({"layer": LAYER, "balls": BALLS, "load": LOAD} | parts))
+
+
+def test_an_approach_as_deep_as_the_layer_is_answered_with_a_note():
+    layer = Layer(1.0, 0.3, 10.0)
+    for approach, noted in ((2.0, False), (15.0, True)):
+        notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes
+        assert any("of the layer's thickness" in note for note in notes) == noted
