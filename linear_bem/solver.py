@@ -137,8 +137,13 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
 
 
 def _beyond_small_strain(problem: Problem, contacts: SmoothContacts | GridContacts) -> tuple[str, ...]:
-    share, base = float(np.max(contacts.approaches)) / problem.layer.thickness, problem.substrate
-    if share <= LINEAR_UP_TO or (base is not None and base.young < 10.0 * problem.layer.young):  # the base yields, too
+    layer, base = problem.layer, problem.substrate
+    share, radius = (
+        float(np.max(contacts.approaches)) / layer.thickness,
+        math.sqrt(np.max(contacts.contact_areas) / math.pi),
+    )
+    yields = base is not None and (base.young < 10.0 * layer.young or layer.thickness < 0.5 * radius)
+    if share <= LINEAR_UP_TO or yields:  # a base that yields takes its part of the approach
         return ()
     return (
         f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
