@@ -86,12 +86,12 @@ def form_faults(problem: Problem, model: str) -> list[str]:
 
 def form_notes(problem: Problem) -> list[str]:
     """Return what the reader must know of the forms taken, one sentence each."""
-    why = f"as its Poisson's ratio is {LEAST_MIXED_POISSON:g} or more"
     notes = []
     for name, form in describe_forms(problem).items():
         if problem.elements is not None and name == "layer":
             notes.append(f"{name}: {form} form of the elements, as [elements] asks")
         elif form == "mixed":
+            why = f"as its Poisson's ratio {getattr(problem, name).poisson:g} is {LEAST_MIXED_POISSON:g} or more"
             notes.append(f"{name}: mixed (displacement and pressure) form of the elements, {why}")
     return notes
 

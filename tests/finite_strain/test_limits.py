@@ -17,7 +17,7 @@ from mpi4py import MPI
 import finite_strain
 from finite_strain.equilibrium.load_path import LoadPath
 from finite_strain.mechanics.kinematics import Small
-from finite_strain.output.field_writer import gathered_arrays
+from finite_strain.output import gathered_arrays
 from finite_strain.output.gathered_arrays import write_gathered
 from linear_bem import NotConverged
 from linear_bem.errors import OutputUnusable
