@@ -17,6 +17,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from linear_bem.resting_balls import rested
 from linear_bem.result import BallResult, Result, Solved
+from linear_bem.small_strain_range import beyond
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
@@ -24,11 +25,6 @@ from linear_bem.touching_balls import Touched, missed_pulls, places, smooth_stat
 
 Array = NDArray[np.float64]
 
-LINEAR_UP_TO = 0.5
-"""Approach over the layer's thickness above which an answer comes with a note, where the layer alone yields.
-
-At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
-"""
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an answer that is handed out."""
 WORTH_KEEPING = 5.0
@@ -132,22 +128,11 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
     return Solution(
-        problem, contacts, error, time.perf_counter() - begun, (*notes, *_beyond_small_strain(problem, contacts))
-    )
-
-
-def _beyond_small_strain(problem: Problem, contacts: SmoothContacts | GridContacts) -> tuple[str, ...]:
-    layer, base = problem.layer, problem.substrate
-    share, radius = (
-        float(np.max(contacts.approaches)) / layer.thickness,
-        math.sqrt(np.max(contacts.contact_areas) / math.pi),
-    )
-    yields = base is not None and (base.young < 10.0 * layer.young or layer.thickness < 0.5 * radius)
-    if share <= LINEAR_UP_TO or yields:  # a base that yields takes its part of the approach
-        return ()
-    return (
-        f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
-        f"model means something up to about {LINEAR_UP_TO:g}; the effect finite_strain goes on to 0.9",
+        problem,
+        contacts,
+        error,
+        time.perf_counter() - begun,
+        (*notes, *beyond(problem, contacts.approaches, contacts.contact_areas)),
     )
 
 

@@ -12,6 +12,7 @@ from runs.process import ranks
 STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",
     "benchmarks": "seconds and errors against other contact codes; growth with the number of balls",
+    "peers": "two balls at finite strain by this project and by other finite-element codes: work against precision",
     "strengthening": "how much stronger finite strain makes the tangential force",
     "accuracy": "what accuracy costs in time",
     "discretisations": "order and size of the elements: work against precision on five scenes",

@@ -294,7 +294,7 @@ def test_a_path_that_is_no_file_is_a_fault(tmp_path: Path) -> None:
     assert issubclass(InvalidScene, InvalidProblem)
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=str)
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=list(EFFECTS))
 def test_an_effect_of_the_registry_is_whole(effect: Effect) -> None:
     table = effect.table.model_validate(dict(effect.example))
     assert set(effect.example) == set(effect.table.model_fields)  # a valid value of every key

@@ -1,0 +1,48 @@
+"""The pair by this project's command `thirdbody solve`, asked for a relative accuracy of T."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+from runs.studies.peers.scene import POISSON, THICKNESS, YOUNG, report
+
+SCENE = """
+[layer]
+thickness = {thickness}
+young = {young}
+poisson = {poisson}
+[balls]
+radius = 1.0
+positions = [[-1.0, 0.0], [1.0, 0.0]]
+[load]
+approach = {approach}
+[finite_strain]
+law = "neo_hookean"
+[accuracy]
+tangential_force = {accuracy}
+"""
+
+
+def main(approach: float, size: str) -> None:
+    """Solve with T asked for to ``size``, and print the answer."""
+    with tempfile.TemporaryDirectory() as name:
+        scene = Path(name) / "pair.toml"
+        given = {"thickness": THICKNESS, "young": YOUNG, "poisson": POISSON, "approach": approach, "accuracy": size}
+        scene.write_text(SCENE.format(**given), encoding="utf-8")
+        command = [sys.executable, "-c", "from runs.entry import main; main()", "solve", str(scene), "--json"]
+        done = subprocess.run([*command, "--out", f"{name}/out"], check=True, stdout=subprocess.PIPE)
+    result = json.loads(done.stdout)
+    ball, solved = result["balls"][1], result["solved"]
+    orders = ", ".join(str(mesh["order"]) for mesh in solved["accuracy"]["meshes"])
+    text = f"asked for {size}; orders {orders}"
+    force = ball["tangential_force"][0]
+    report("thirdbody", version("thirdbody"), approach, text, solved["unknowns"], ball["normal_force"], force)
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]), sys.argv[2])
