@@ -45,7 +45,7 @@ def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, 
 
 def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> None:
     measuring.run(LINEAR)
-    with pytest.raises(ThirdBodyError, match=r"without linear_bem\.tangential ended with"):
+    with pytest.raises(ThirdBodyError, match=r"without linear_bem\.smooth\.tangential_forces ended with"):
         measuring.run(LINEAR, blocked=["linear_bem.smooth.tangential_forces"])
 
 

@@ -61,7 +61,7 @@ def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(tmp_path: Path)
     again = study(tmp_path / "out")
     assert again.returncode == 0, again.stderr
     assert again.stderr.count("step 1 ") == len(NAMES) - 1
-    assert all(len(record["steps"]) == 4 for record in records(tmp_path / "out").values())
+    assert all(len(record["steps"]) == 3 for record in records(tmp_path / "out").values())
     assert not any(path.is_dir() for path in (tmp_path / "out/cases").iterdir())
 
 
