@@ -1,6 +1,6 @@
 """Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
 
-In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `merit.py`.
+In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `line_search.py`.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class NewtonSolver:
         self._x.copy(self._start)
         self.effort.residuals = []
         self._norm, self._keeps = math.inf, self._prepared
-        iterations, tangents = 0, self.effort.tangents
+        iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
         exact = self.tolerance
         for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import signal
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from runs.process import exit_codes
 from tests.launch import ROOT, mpirun, python
 from tests.scenes import thin_pair
 
@@ -137,3 +140,13 @@ def test_without_the_packages_of_the_command_line_the_script_names_them(tmp_path
     assert "typer" in done.stderr
     assert 'pip install ".[cli]"' in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("command", "saves"), [("plan", False), ("solve", True), ("study", True)])
+def test_an_interrupted_command_speaks_of_saved_steps_where_it_saves_any(
+    command: str, saves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["thirdbody", command, "scene.toml"])
+    code, words = exit_codes._verdict(KeyboardInterrupt())
+    assert code == 128 + signal.SIGINT
+    assert ("finished steps are saved" in words) == saves
