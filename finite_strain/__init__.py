@@ -20,7 +20,7 @@ from linear_bem.result import Result
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
-FORMAT = 12
+FORMAT = 13
 """Changes whenever a run that an older version left behind must not be continued or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Relative accuracy of the tangential force that is aimed at where none is asked for."""

@@ -62,16 +62,12 @@ class ModelRun:
         """Return a snapshot as a state of this model (collective)."""
         if snapshot is None:
             return None
-        return State(snapshot.fraction, snapshot.at(self.model.fields), tuple(snapshot.approaches))
+        values, source = snapshot.at(self.model.fields)
+        return State(snapshot.fraction, values, tuple(snapshot.approaches), source)
 
-    def snapshot(self) -> Snapshot:
-        """Return the path's last state, without multipliers (collective)."""
-        last, fields = self.path.history[-1], self.model.fields
-        present = fields.copy()
-        fields.restore(last.values)
-        taken = Snapshot.take(last.fraction, fields, np.array(last.approaches))
-        fields.restore(present)
-        return taken
+    def snapshot(self, fraction: float) -> Snapshot:
+        """Return the present state (collective)."""
+        return Snapshot.take(fraction, self.model.fields, self.model.contact.approaches, self.path.source)
 
     def state(self, fraction: float) -> ContactState:
         """Return what the model says in its present state (collective)."""

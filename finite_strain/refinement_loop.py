@@ -139,8 +139,8 @@ class Refinement:
             own_records.append(done)
             if done.fraction not in plan.goals:
                 continue
-            snapshot = run.own.snapshot()
             run.own.path.augment(done)
+            snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
             small, pair = None, None
             if run.small is not None and not pair_stopped:
@@ -171,9 +171,8 @@ class Refinement:
     def _pair(self, run: ModelRun, number: int, fraction: float) -> tuple[ContactState, StepRecord]:
         """Return the small-strain state at a load fraction (collective)."""
         last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
-        snapshot = run.snapshot()
         run.path.augment(last)
-        self._keep(snapshot, number, "small")
+        self._keep(run.snapshot(fraction), number, "small")
         return run.state(fraction), last
 
     def _announce(self, run: MeshRun, record: Record) -> None:

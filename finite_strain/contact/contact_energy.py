@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import dolfinx
@@ -36,6 +37,18 @@ REACH = 1.5
 def positive(value: Any) -> Any:
     """Return the positive part of an expression."""
     return ufl.conditional(ufl.gt(value, 0), value, 0)
+
+
+@dataclass(frozen=True)
+class Penalised:
+    """A state whose penetration is the contact pressure over the penalty: what multipliers are taken from.
+
+    Nodal displacement (nodes, 3) [m], and of each ball (balls,) the approach [m] and the penalty [Pa/m].
+    """
+
+    displacement: np.ndarray
+    approaches: np.ndarray
+    penalties: np.ndarray
 
 
 class _Slot:
@@ -131,19 +144,25 @@ class Contact:
 
     def set_penalties(self, penalties: np.ndarray) -> None:
         """Give each ball its penalty (balls,) [Pa/m]."""
+        self.penalties = np.array(penalties, dtype=float)
         for slot in self.slots:
             slot.set("penalty", penalties)
 
-    def augment(self, stiffer: float) -> None:
-        """Take the multipliers from the present state, found without any; make the penalties stiffer by a factor.
+    @property
+    def penalised(self) -> Penalised:
+        """What the penalties press on at present, for `augment`."""
+        return Penalised(self.displacement.x.array.reshape(-1, 3).copy(), self.approaches.copy(), self.penalties.copy())
+
+    def augment(self, source: Penalised, stiffer: float) -> None:
+        """Take the multipliers from a state without any; make the penalties stiffer than its own by a factor.
 
         That state stays an equilibrium until `close_gaps` is called.
         """
-        self.earlier.x.array[:] = self.displacement.x.array
+        self.earlier.x.array[:] = source.displacement.ravel()
         self._stiffer = stiffer
+        self.set_penalties(stiffer * source.penalties)
         for slot in self.slots:
-            slot.set("earlier", self.approaches)
-            slot.fields["penalty"].x.array[:] *= stiffer
+            slot.set("earlier", source.approaches)
         self.close_gaps(0.0)
 
     def close_gaps(self, part: float) -> None:

@@ -6,12 +6,14 @@ numbering, number of ranks or version, so it is checkpoint, predictor on a finer
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
 from pathlib import Path
 
 import numpy as np
 
 from finite_strain import compat
+from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.lattice import order_of
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
@@ -28,37 +30,39 @@ BULGE = 0.05
 class Snapshot:
     """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and values (cells, nodes, components) of each field.
 
-    ``approaches`` (balls,) [m] belong to it.
+    ``approaches`` (balls,) [m] belong to it. What its multipliers were taken from, `Penalised`, is on the same mesh.
     """
 
     fraction: float
     nodes: np.ndarray
     values: tuple[np.ndarray, ...]
     approaches: np.ndarray
+    source: Penalised
 
     @classmethod
-    def take(cls, fraction: float, fields: Fields, approaches: np.ndarray) -> Snapshot:
+    def take(cls, fraction: float, fields: Fields, approaches: np.ndarray, source: Penalised) -> Snapshot:
         """Return the present state of a model's fields, on every rank (collective)."""
-        mesh = fields.displacement.function_space.mesh
+        mesh, space = fields.displacement.function_space.mesh, fields.displacement.function_space
         owned = mesh.topology.index_map(3).size_local
         parts = [mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]]
+        parts.append(source.displacement[compat.cell_dofs(space)[:owned]])
         for function in fields.functions:
             size = function.function_space.dofmap.index_map_bs
             parts.append(function.x.array.reshape(-1, size)[compat.cell_dofs(function.function_space)[:owned]])
         gathered = mesh.comm.allgather(parts)
-        nodes, *values = (np.concatenate(pieces) for pieces in zip(*gathered, strict=True))
-        return cls(fraction, nodes, tuple(values), np.array(approaches, dtype=float))
+        nodes, pressing, *values = (np.concatenate(pieces) for pieces in zip(*gathered, strict=True))
+        return cls(fraction, nodes, tuple(values), np.array(approaches), replace(source, displacement=pressing))
 
-    def at(self, fields: Fields) -> Values:
-        """Return the values of a model's fields that this state has at their nodes (this rank's, ghosts included)."""
+    def at(self, fields: Fields) -> tuple[Values, Penalised]:
+        """Return what this state has at the nodes of a model's fields (this rank's, ghosts included)."""
         answer: list[np.ndarray] = []
-        cells: np.ndarray | None = None
         for number, points in enumerate(fields.points):
             if number == 0 or len(points) != len(fields.points[number - 1]):
                 cells, places = self._locate(points)
-            assert cells is not None
-            answer.append(self._evaluate(number, cells, places))
-        return (answer[0], *(values.ravel() for values in answer[1:]))
+            answer.append(_evaluate(self.values[number], cells, places))
+            if number == 0:
+                source = replace(self.source, displacement=_evaluate(self.source.displacement, cells, places))
+        return (answer[0], *(values.ravel() for values in answer[1:])), source
 
     def _locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the cell (n,) that holds each point (n, 3) [m], and the point's place in it (n, 3), within [0, 1]."""
@@ -85,21 +89,12 @@ class Snapshot:
             raise OutputUnusable("a saved state belongs to another scene: some nodes lie outside its mesh")
         return cells, np.clip(places, 0.0, 1.0)
 
-    def _evaluate(self, number: int, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
-        values = self.values[number]
-        order = order_of(values.shape[1])
-        answer = np.empty((len(cells), values.shape[2]))
-        for begin in range(0, len(cells), 4096):
-            part = slice(begin, begin + 4096)
-            shapes = compat.lagrange_element(order).tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
-            answer[part] = np.einsum("na,nak->nk", shapes, values[cells[part]])
-        return answer
-
     def save(self, path: Path) -> None:
         """Write the state to a file, as a whole or not at all (one rank)."""
         draft = path.with_suffix(".part")
         with draft.open("wb") as file:
             named = {f"values{number}": values for number, values in enumerate(self.values)}
+            named |= {f"source_{name}": value for name, value in vars(self.source).items()}
             np.savez(file, fraction=self.fraction, nodes=self.nodes, approaches=self.approaches, **named)
         draft.replace(path)
 
@@ -108,10 +103,22 @@ class Snapshot:
         """Return the state in a file; raises `OutputUnusable`."""
         try:
             with np.load(path) as saved:
-                values = [saved[f"values{number}"] for number in range(len(saved.files) - 3)]
-                return cls(float(saved["fraction"]), saved["nodes"], tuple(values), saved["approaches"])
+                fields = tuple(saved[name] for name in saved.files if name.startswith("values"))
+                source = Penalised(*(saved[f"source_{each.name}"] for each in dataclass_fields(Penalised)))
+                return cls(float(saved["fraction"]), saved["nodes"], fields, saved["approaches"], source)
         except (OSError, ValueError, KeyError) as error:
             raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+
+
+def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return nodal values (cells, nodes, k) at places (n, 3) in cells (n,)."""
+    order = order_of(values.shape[1])
+    answer = np.empty((len(cells), values.shape[2]))
+    for begin in range(0, len(cells), 4096):
+        part = slice(begin, begin + 4096)
+        shapes = compat.lagrange_element(order).tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
+        answer[part] = np.einsum("na,nak->nk", shapes, values[cells[part]])
+    return answer
 
 
 def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:

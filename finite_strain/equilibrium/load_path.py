@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from finite_strain.contact.contact_energy import Penalised
 from finite_strain.contact.penalty import STIFFENING, penalties
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
@@ -34,11 +35,15 @@ BACK = 1e-12
 
 @dataclass(frozen=True)
 class State:
-    """An equilibrium without multipliers, from which others are predicted: fields, approaches (balls,) [m]."""
+    """An equilibrium from which others are predicted: fields, approaches (balls,) [m].
+
+    Where it has a ``source``, the equilibrium is so near that the multipliers of this state serve there too.
+    """
 
     fraction: float
     values: Values
     approaches: tuple[float, ...]
+    source: Penalised | None = None
 
 
 @dataclass
@@ -46,14 +51,14 @@ class StepRecord:
     """What one load step took: Newton iterations, new tangents among them, cut-backs.
 
     ``augmentation_iterations`` are those of the iterations that were made with multipliers. ``augmented`` is False
-    where no equilibrium was found with them: the contact is then as soft as its penalty.
+    where none were asked for, or no equilibrium was found with them: the contact is then as soft as its penalty.
     """
 
     fraction: float
     newton_iterations: int = 0
     tangents: int = 0
     augmentation_iterations: int = 0
-    augmented: bool = True
+    augmented: bool = False
     cuts: int = 0
     residual: float = math.nan
 
@@ -81,13 +86,14 @@ class LoadPath:
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
         self._observe, self._stiffer = observe, stiffer
         self.history: list[State] = []
+        self.source: Penalised | None = None
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are met in turn, with smaller steps where needed.
 
         They may fall as well as rise: unloading. The predictor is asked first; where it has nothing to say, or Newton's
-        method fails from there, the states on the path so far are extrapolated. A step leaves the model in equilibrium
-        without multipliers, roughly; `augment` adds these and makes it exact.
+        method fails from there, the states on the path so far are extrapolated. A step from a near state ends with
+        multipliers; another leaves the model in equilibrium without, roughly; `augment` adds them and makes it exact.
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
@@ -102,7 +108,8 @@ class LoadPath:
                 except NotConverged as error:
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
-                    predicted = None
+                    near = predicted is not None and predicted.source is not None
+                    predicted = replace(predicted, source=None) if near else None
                     if abs(step) < SHORTEST * abs(goal):
                         self._restore()
                         raise NotConverged(
@@ -116,18 +123,20 @@ class LoadPath:
 
     def resume(self, history: Sequence[State]) -> None:
         """Go on from the last states of an earlier run."""
-        self.history = list(history)[-2:]
+        self.history = [replace(state, source=None) for state in history][-2:]
         self._restore()
 
     def augment(self, record: StepRecord) -> bool:
         """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
 
-        Where none was, the model is back in the state without multipliers.
+        Where it has them, nothing is done. Where none was found, the model is back in the state without multipliers.
         """
+        if record.augmented:
+            return True
         model, contact = self.model, self.model.contact
         before, start = model.forces()[:, 2], model.fields.copy()
         approaches = contact.approaches.copy()
-        contact.augment(STIFFENING)
+        contact.augment(self.source, STIFFENING)
         record.augmented, steps = False, 1
         while steps <= MOST_STEPS and not record.augmented:
             model.fields.restore(start)
@@ -138,8 +147,7 @@ class LoadPath:
                     self.solver.prepare()
                     contact.close_gaps(step / steps)
                     record.augmentation_iterations += self._newton(record, rough=1.0 if step == steps else ROUGH)
-                moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
-                record.augmented = bool(moved.max() <= SPURIOUS)
+                record.augmented = not self._left(before)
             steps *= 4
         if not record.augmented:
             self._restore()
@@ -147,7 +155,7 @@ class LoadPath:
         return record.augmented
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
-        contact = self.model.contact
+        contact, near = self.model.contact, None if start is None else start.source
         contact.forget_multipliers()
         prescribed = self.control.approaches(fraction)
         if start is None:
@@ -157,8 +165,34 @@ class LoadPath:
             self.model.fields.restore(start.values)
             free = self.control.moves.any(axis=1)
             contact.set_approaches(np.where(free, start.approaches, prescribed))
-        self._set_penalties()
-        self._newton(record, rough=ROUGH)
+        if near is None:
+            self._set_penalties()
+            self._newton(record, rough=ROUGH)
+            self.source = contact.penalised
+        else:
+            self._near(near, record)
+
+    def _near(self, source: Penalised, record: StepRecord) -> None:
+        """Find the equilibrium near the present state, with multipliers that are those of a like one."""
+        contact, fields = self.model.contact, self.model.fields
+        start, approaches = fields.copy(), contact.approaches
+        fields.restore((source.displacement, *start[1:]))
+        contact.set_approaches(source.approaches)
+        contact.augment(source, self._stiffer * STIFFENING)
+        before = self.model.forces()[:, 2]
+        fields.restore(start)
+        contact.set_approaches(approaches)
+        contact.close_gaps(1.0)
+        self.solver.prepare()
+        record.augmentation_iterations = self._newton(record)
+        if self._left(before):
+            raise NotConverged("the equilibrium found has other normal forces than the state that it started from")
+        self.source, record.augmented = source, True
+
+    def _left(self, before: np.ndarray) -> bool:
+        """Return whether normal forces (balls,) [N] have become others than they were (collective)."""
+        moved = np.abs(self.model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
+        return bool(moved.max() > SPURIOUS)
 
     def _set_penalties(self) -> None:
         contact = self.model.contact

@@ -35,7 +35,7 @@ NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
 BORDER_TOLERANCE, BORDER_ITERATIONS = 1e-6, 20
 """Of the Krylov method for the bordered system, which the solver of the tangent preconditions."""
-NEAR, CHORD = 1e-2, 0.2
+NEAR, CHORD = 2e-4, 0.2
 """Residual norm over the force scale, and over the norm before, below which the last tangent serves another iteration.
 
 Such an iteration costs a residual and a back substitution, a thirtieth of one with a tangent of its own.

@@ -123,8 +123,8 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
 def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[StepRecord]:
     """Yield each equilibrium with its multipliers, predicted from the level before; it is remembered for the next."""
     for done in run.path.steps(list(fractions), lambda fraction: run.predicted_by(seen.get((model, fraction)))):
-        seen[model, done.fraction] = run.snapshot()
         run.path.augment(done)
+        seen[model, done.fraction] = run.snapshot(done.fraction)
         yield done
 
 
