@@ -106,7 +106,7 @@ class Contact:
         ):
             for slot in self.slots:
                 slot.set(name, np.array(values), default)
-        self.approaches = np.zeros(len(balls))
+        self.approaches = self.penalties = np.zeros(len(balls))
         self.set_approaches(self.approaches)
 
     def _make_slots(self) -> list[_Slot]:

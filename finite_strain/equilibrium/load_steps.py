@@ -5,13 +5,13 @@ from __future__ import annotations
 from linear_bem.problem import LoadKind
 
 GROWTH = 1.5
-"""Ratio of successive approaches while they are small; the contact radius grows by about its square root."""
-LARGEST_STEP = 0.065
+"""Largest ratio of successive approaches; the contact radius grows by about its square root."""
+LARGEST_STEP = 0.13
 """Largest increment of the approach over the radius."""
 ANSWERS = 6
 """Load steps of a comparison along the load."""
-FIRST = 0.0125
-"""First approach over the radius: small- and finite-strain theory nearly agree there."""
+FIRST = 0.13
+"""First approach over the radius: Newton's method reaches it from the undeformed layer."""
 
 
 def load_fractions(kind: LoadKind, deepest: float) -> list[float]:

@@ -59,7 +59,7 @@ def prepare(model: Model, approach: float, *, augmented: bool) -> np.ndarray:
     contact.set_penalties(np.array([PENALTY]))
     if augmented:
         model.nodal[:] = 1.3 * u + smooth_field(model, 4, 0.002)
-        contact.augment(1.0)
+        contact.augment(contact.penalised, 1.0)
     model.nodal[:] = u
     return u
 

@@ -59,7 +59,7 @@ def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     model = coarse_model(problem, kind, tmp_path_factory.mktemp("mixed"))
     model.contact.set_approaches(np.array([0.07]))
     model.contact.set_penalties(np.array([30.0]))
-    model.contact.augment(1.0)
+    model.contact.augment(model.contact.penalised, 1.0)
     model.contact.set_approaches(np.array([0.1]))
     return model
 
