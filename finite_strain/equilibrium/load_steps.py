@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from linear_bem.problem import LoadKind
 
-GROWTH = 1.5
-"""Largest ratio of successive approaches; the contact radius grows by about its square root."""
-LARGEST_STEP = 0.13
-"""Largest increment of the approach over the radius."""
+LARGEST_STEP = 0.065
+"""Largest increment of the approach over the radius: Newton's method follows it, also from the undeformed layer."""
 ANSWERS = 6
 """Load steps of a comparison along the load."""
-FIRST = 0.13
-"""First approach over the radius: Newton's method reaches it from the undeformed layer."""
 
 
-def load_fractions(kind: LoadKind, deepest: float) -> list[float]:
-    """Return increasing fractions of the load that end in 1, for a deepest (expected) approach over its ball's radius.
+def load_fractions(kind: LoadKind, deepest: float, goals: Sequence[float] = (1.0,)) -> tuple[float, ...]:
+    """Return rising fractions of the load that meet all goals, for a deepest approach over its ball's radius.
 
     Fractions are of the approach where that is prescribed, and of the force otherwise, with
-    Q ~ D^(3/2) between the two.
+    Q ~ D^(3/2) between the two. Between two goals steps of the approach are equal.
     """
-    approaches = [deepest]
-    while approaches[-1] > FIRST * GROWTH**0.5:
-        approaches.append(max(approaches[-1] / GROWTH, approaches[-1] - LARGEST_STEP))
-    power = 1.0 if kind == "approach" else 1.5
-    return [(a / approaches[0]) ** power for a in reversed(approaches)]
+    power = _power(kind)
+    fractions: list[float] = []
+    before = 0.0
+    for goal in goals:
+        after = goal ** (1.0 / power)
+        parts = max(math.ceil(deepest * (after - before) / LARGEST_STEP - 1e-9), 1)
+        fractions += [(before + (after - before) * n / parts) ** power for n in range(1, parts)]
+        fractions.append(goal)
+        before = after
+    return tuple(fractions)
 
 
-def answered_fractions(kind: LoadKind) -> list[float]:
+def answered_fractions(kind: LoadKind) -> tuple[float, ...]:
     """Return the load fractions that a comparison along the load answers at: equal steps of the approach."""
-    power = 1.0 if kind == "approach" else 1.5
-    return [(n / ANSWERS) ** power for n in range(1, ANSWERS + 1)]
+    return tuple((n / ANSWERS) ** _power(kind) for n in range(1, ANSWERS + 1))
+
+
+def _power(kind: LoadKind) -> float:
+    return 1.0 if kind == "approach" else 1.5

@@ -113,16 +113,15 @@ def plan_run(
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     _check_supported(problem, model)
-    goals = tuple(answered_fractions(problem.load.kind) if steps is None else steps)
+    goals = answered_fractions(problem.load.kind) if steps is None else tuple(steps)
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     budget = budget or Budget()
     expected = expected_indentation(problem)
     deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
-    path = load_fractions(problem.load.kind, deepest)
     plan = RunPlan(
-        problem, model, reduce_scene(problem), tuple(sorted({*path, *goals})), goals, tangential_force, budget,
-        tuple(expected), choose_extent(problem, expected, tangential_force),
+        problem, model, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
+        tangential_force, budget, tuple(expected), choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
     least = plan.unknowns(FIRST[-1])
     if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 import finite_strain
-from finite_strain.equilibrium.load_steps import FIRST, GROWTH, LARGEST_STEP, answered_fractions, load_fractions
+from finite_strain.equilibrium.load_steps import LARGEST_STEP, answered_fractions, load_fractions
 from finite_strain.geometry.estimates import expected_indentation
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.symmetry import reduce_scene
@@ -43,11 +43,11 @@ def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: st
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
-    approaches = [deepest * f**power for f in fractions]
-    assert approaches[0] <= FIRST * math.sqrt(GROWTH) * (1.0 + 1e-12)
-    for a, b in pairwise(approaches):
-        assert b - a <= LARGEST_STEP * (1.0 + 1e-12)
-        assert b <= GROWTH * a * (1.0 + 1e-12)
+    approaches = [0.0] + [deepest * f**power for f in fractions]
+    steps = [b - a for a, b in pairwise(approaches)]
+    assert max(steps) <= LARGEST_STEP * (1.0 + 1e-12)
+    assert max(steps) == pytest.approx(min(steps))
+    assert len(steps) == max(math.ceil(deepest / LARGEST_STEP), 1)
 
 
 def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
@@ -63,7 +63,7 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
         assert paths[0][1] == pytest.approx(paths[1][1])
         deepest = max(a / b.radius for b, (a, _, _) in zip(balls, expected_indentation(problem)[::-1], strict=True))
         power = 1.0 if load.kind == "approach" else 2.0 / 3.0
-        assert paths[0][0][0] ** power * deepest < 1.3 * FIRST  # the smaller ball's own first step
+        assert paths[0][0][0] ** power * deepest <= LARGEST_STEP  # the smaller ball's own first step
 
 
 def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_follow() -> None:
@@ -73,11 +73,12 @@ def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_fo
     assert usual.path == pytest.approx(load_fractions("approach", 0.2))
     asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
     assert asked.goals == (0.3, 0.77, 1.0)
-    assert set(asked.path) == {*usual.path, 0.3, 0.77}
+    assert asked.path == load_fractions("approach", 0.2, asked.goals)
+    assert set(asked.goals) <= set(asked.path)
     assert list(asked.path) == sorted(asked.path)
     every = plan_run(problem, 0.02, "finite_strain", steps=None)
     assert every.goals == tuple(answered_fractions("approach"))
-    assert set(every.path) == {*usual.path, *every.goals}
+    assert every.path == every.goals  # close enough to follow
 
 
 @pytest.mark.parametrize("steps", [(), (0.0, 1.0), (-0.5,), (1.0, 0.5), (0.5, 0.5)])

@@ -121,7 +121,7 @@ def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
         assert step.record["residual"] < 1e-8 * step.balls[0].normal_force
         assert step.record["pair_weight"] == [1.0, 1.0]
         assert 0 < step.record["tangents"] <= step.record["iterations"]
-        assert 0 < step.record["augmentation_iterations"] < step.record["iterations"]
+        assert step.record["augmentation_iterations"] == step.record["iterations"]  # with multipliers from the start
         assert step.record["pair_iterations"] > 0
         assert step.record["seconds"] > 0.0
     assert result.solved.converged

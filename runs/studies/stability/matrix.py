@@ -20,10 +20,7 @@ STIFF = Elastic(1e3, 0.3)
 ACCURACY = 0.1
 """Relative accuracy of T that is asked of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-ONE_STEP = {
-    "finite_strain.equilibrium.load_steps.LARGEST_STEP": 10.0,
-    "finite_strain.equilibrium.load_steps.GROWTH": 1e9,
-}
+ONE_STEP = {"finite_strain.equilibrium.load_steps.LARGEST_STEP": 10.0}
 GRADED = {"meshes.box.GROWTH": 2.4, "meshes.box.FILLER_GROWTH": 1.2}
 """Twice the usual growth of the elements."""
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
