@@ -13,7 +13,9 @@ POISSONS = (0.3, 0.4, 0.4999)
 NEAR_SIGN_CHANGE = (1.7, 1.9)
 """Thicknesses about the linear model's sign change, h' = 1.6977 at the paper's load."""
 APPROACHES = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.32, 0.4, 0.5)
-"""Approaches over R that a curve is answered at; the first is near the paper's load, three give its slope."""
+"""Approaches over R that the headline's curves are answered at; the first is near the paper's load."""
+VARIED = (0.05, 0.1, 0.2, 0.32, 0.5)
+"""Those of every other curve: three give its slope. The smallest contact sets the size of the mesh."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 40e3, 120e3
@@ -44,11 +46,11 @@ def _quick() -> list[Case]:
 
 def _full() -> list[Case]:
     found = [_along("headline", h, APPROACHES, 0.002, unknowns=HEADLINE_UNKNOWNS) for h in SIDES]
-    found += [_along("paraboloid", h, APPROACHES, 0.02, shape="paraboloid") for h in SIDES]
+    found += [_along("paraboloid", h, VARIED, 0.02, shape="paraboloid") for h in SIDES]
     for h in SIDES:
-        found += [_along("distance", h, APPROACHES, 0.02, distance=distance) for distance in DISTANCES]
-        found += [_along("poisson", h, APPROACHES, 0.02, poisson=poisson) for poisson in POISSONS]
-    found += [_along("sign", h, APPROACHES, 0.02) for h in NEAR_SIGN_CHANGE]
+        found += [_along("distance", h, VARIED, 0.02, distance=distance) for distance in DISTANCES]
+        found += [_along("poisson", h, VARIED, 0.02, poisson=poisson) for poisson in POISSONS]
+    found += [_along("sign", h, VARIED, 0.02) for h in NEAR_SIGN_CHANGE]
     # apart from the headline, which must not fail with them
     found += [_along("deeper", h, approaches, 0.02) for h, approaches in DEEPER.items()]
     return found
