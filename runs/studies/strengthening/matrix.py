@@ -14,7 +14,7 @@ NEAR_SIGN_CHANGE = (1.7, 1.9)
 """Thicknesses about the linear model's sign change, h' = 1.6977 at the paper's load."""
 APPROACHES = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.32, 0.4, 0.5)
 """Approaches over R that the headline's curves are answered at; the first is near the paper's load."""
-VARIED = (0.05, 0.1, 0.2, 0.32, 0.5)
+VARIED = (0.03, 0.05, 0.07, 0.15, 0.32, 0.5)
 """Those of every other curve: three give its slope. The smallest contact sets the size of the mesh."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
