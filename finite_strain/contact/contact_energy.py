@@ -99,13 +99,10 @@ class Contact:
         tags = dolfinx.mesh.meshtags(self.mesh, 2, marked, np.ones(len(marked), dtype=np.int32))
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
         self.measure = measure(1)
-        for name, values, default in (
-            ("x", [ball.position[0] for ball in balls], 0.0),
-            ("y", [ball.position[1] for ball in balls], 0.0),
-            ("radius", [ball.radius for ball in balls], 1.0),
-        ):
-            for slot in self.slots:
-                slot.set(name, np.array(values), default)
+        for slot in self.slots:
+            slot.set("x", np.array([ball.position[0] for ball in balls]))
+            slot.set("y", np.array([ball.position[1] for ball in balls]))
+            slot.set("radius", np.array([ball.radius for ball in balls]), default=1.0)
         self.approaches = self.penalties = np.zeros(len(balls))
         self.set_approaches(self.approaches)
 
@@ -163,11 +160,11 @@ class Contact:
         self.set_penalties(stiffer * source.penalties)
         for slot in self.slots:
             slot.set("earlier", source.approaches)
-        self.close_gaps(0.0)
+        self.augmented.value = 1.0 / stiffer - 1.0
 
-    def close_gaps(self, part: float) -> None:
-        """Ask the augmented state to give up a part, 0 to 1, of the penetration that its multipliers come from."""
-        self.augmented.value = 1.0 / self._stiffer - 1.0 + part
+    def close_gaps(self) -> None:
+        """Ask for an equilibrium without the penetration that the multipliers come from."""
+        self.augmented.value = 1.0 / self._stiffer
 
     def forget_multipliers(self) -> None:
         """Set the multipliers to zero."""

@@ -44,8 +44,8 @@ class Snapshot:
         """Return the present state of a model's fields, on every rank (collective)."""
         mesh, space = fields.displacement.function_space.mesh, fields.displacement.function_space
         owned = mesh.topology.index_map(3).size_local
-        parts = [mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]]
-        parts.append(source.displacement[compat.cell_dofs(space)[:owned]])
+        nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
+        parts = [nodes, source.displacement[compat.cell_dofs(space)[:owned]]]
         for function in fields.functions:
             size = function.function_space.dofmap.index_map_bs
             parts.append(function.x.array.reshape(-1, size)[compat.cell_dofs(function.function_space)[:owned]])

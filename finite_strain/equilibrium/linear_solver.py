@@ -150,9 +150,7 @@ def blame_options(error: PETSc.Error) -> None:
     given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
     if given:
         said, cause = "", error
-        while (
-            not said and cause is not None
-        ):  # an error in a call back from PETSc is the cause of one with a mere number
+        while not said and cause is not None:  # one in a call back from PETSc is the cause of one with a mere number
             lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
             said = next((line for line in reversed(lines) if line and "() at " not in line), "")
             cause = cause.__cause__ or cause.__context__

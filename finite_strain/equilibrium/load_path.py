@@ -16,7 +16,6 @@ from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.geometry.estimates import alone
-from finite_strain.geometry.symmetry import ModelBall
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
@@ -24,8 +23,6 @@ RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
 ROUGH = 1e5
 """How much larger the residual may be where multipliers are still to be added."""
-MOST_STEPS = 16
-"""Most steps in which the penetration of an augmented state is taken off, where one does not do."""
 SHORTEST, GROWTH = 3e-3, 1.5
 """Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
 SPURIOUS = 0.3
@@ -75,18 +72,13 @@ class LoadPath:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        model: Model,
-        control: LoadControl,
-        solver: NewtonSolver,
-        observe: Callable[[float, int], None] = lambda _fraction, _cuts: None,
-        stiffer: float = 1.0,
-    ) -> None:
+        self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
+        observe: Callable[[float, int], None] = lambda _fraction, _cuts: None, stiffer: float = 1.0,
+    ) -> None:  # fmt: skip
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
         self._observe, self._stiffer = observe, stiffer
         self.history: list[State] = []
-        self.source: Penalised | None = None
+        self.source = model.contact.penalised
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are met in turn, with smaller steps where needed.
@@ -108,8 +100,8 @@ class LoadPath:
                 except NotConverged as error:
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
-                    near = predicted is not None and predicted.source is not None
-                    predicted = replace(predicted, source=None) if near else None
+                    else:
+                        predicted = None if predicted.source is None else replace(predicted, source=None)
                     if abs(step) < SHORTEST * abs(goal):
                         self._restore()
                         raise NotConverged(
@@ -117,7 +109,8 @@ class LoadPath:
                             f"the last good state is at {reached:.4g} of the full load"
                         ) from error
                     continue
-                self._remember(fraction)
+                present = State(fraction, self.model.fields.copy(), tuple(self.model.contact.approaches))
+                self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 yield record
 
@@ -131,31 +124,16 @@ class LoadPath:
 
         Where it has them, nothing is done. Where none was found, the model is back in the state without multipliers.
         """
-        if record.augmented:
-            return True
-        model, contact = self.model, self.model.contact
-        before, start = model.forces()[:, 2], model.fields.copy()
-        approaches = contact.approaches.copy()
-        contact.augment(self.source, STIFFENING)
-        record.augmented, steps = False, 1
-        while steps <= MOST_STEPS and not record.augmented:
-            model.fields.restore(start)
-            contact.set_approaches(approaches)
+        if not record.augmented:
             with suppress(NotConverged):
-                for step in range(1, steps + 1):
-                    contact.close_gaps((step - 1) / steps)
-                    self.solver.prepare()
-                    contact.close_gaps(step / steps)
-                    record.augmentation_iterations += self._newton(record, rough=1.0 if step == steps else ROUGH)
-                record.augmented = not self._left(before)
-            steps *= 4
+                self._multiply(self.source, record)
         if not record.augmented:
             self._restore()
             self._newton(record)
         return record.augmented
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
-        contact, near = self.model.contact, None if start is None else start.source
+        contact = self.model.contact
         contact.forget_multipliers()
         prescribed = self.control.approaches(fraction)
         if start is None:
@@ -165,34 +143,30 @@ class LoadPath:
             self.model.fields.restore(start.values)
             free = self.control.moves.any(axis=1)
             contact.set_approaches(np.where(free, start.approaches, prescribed))
-        if near is None:
+        if start is not None and start.source is not None:
+            self._multiply(start.source, record)
+        else:
             self._set_penalties()
             self._newton(record, rough=ROUGH)
             self.source = contact.penalised
-        else:
-            self._near(near, record)
 
-    def _near(self, source: Penalised, record: StepRecord) -> None:
-        """Find the equilibrium near the present state, with multipliers that are those of a like one."""
-        contact, fields = self.model.contact, self.model.fields
-        start, approaches = fields.copy(), contact.approaches
-        fields.restore((source.displacement, *start[1:]))
-        contact.set_approaches(source.approaches)
+    def _multiply(self, source: Penalised, record: StepRecord) -> None:
+        """Find the equilibrium near the present state with the multipliers of another one, or of this one."""
+        model, contact = self.model, self.model.contact
+        start, approaches = model.fields.copy(), contact.approaches
         contact.augment(source, self._stiffer * STIFFENING)
-        before = self.model.forces()[:, 2]
-        fields.restore(start)
+        model.fields.restore((source.displacement, *start[1:]))
+        contact.set_approaches(source.approaches)
+        before = model.forces()[:, 2]
+        self.solver.prepare()  # farther into the ball, at these penalties, the pressure would be that of no equilibrium
+        model.fields.restore(start)
         contact.set_approaches(approaches)
-        contact.close_gaps(1.0)
-        self.solver.prepare()
+        contact.close_gaps()
         record.augmentation_iterations = self._newton(record)
-        if self._left(before):
+        moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
+        if moved.max() > SPURIOUS:
             raise NotConverged("the equilibrium found has other normal forces than the state that it started from")
         self.source, record.augmented = source, True
-
-    def _left(self, before: np.ndarray) -> bool:
-        """Return whether normal forces (balls,) [N] have become others than they were (collective)."""
-        moved = np.abs(self.model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
-        return bool(moved.max() > SPURIOUS)
 
     def _set_penalties(self) -> None:
         contact = self.model.contact
@@ -200,8 +174,12 @@ class LoadPath:
 
     def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
-        approaches = self.model.contact.approaches
-        scale = max(map(self._expected_force, approaches, self.model.contact.balls))
+        layer, substrate = self.problem.layer, self.problem.substrate
+        pressed = [
+            (a, b) for a, b in zip(self.model.contact.approaches, self.model.contact.balls, strict=True) if a > 0.0
+        ]
+        forces = [alone(layer, substrate, b.shape, b.radius, approach=a).normal_force for a, b in pressed]
+        scale = max(forces, default=0.0)
         done = self.solver.solve(rough * RESIDUAL, scale, record.fraction)
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
@@ -211,12 +189,6 @@ class LoadPath:
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
         return done.iterations
-
-    def _expected_force(self, approach: float, ball: ModelBall) -> float:
-        layer, substrate = self.problem.layer, self.problem.substrate
-        return (
-            alone(layer, substrate, ball.shape, ball.radius, approach=approach).normal_force if approach > 0.0 else 0.0
-        )
 
     def _extrapolated(self, fraction: float, cuts: int) -> State | None:
         """Return the state to start from: extrapolated from the last two, at every other cut-back the last itself."""
@@ -233,15 +205,10 @@ class LoadPath:
         self.model.contact.set_approaches(ahead)
         return State(fraction, values, tuple(ahead)) if math.isfinite(self.model.energy()) else last
 
-    def _remember(self, fraction: float) -> None:
-        state = State(fraction, self.model.fields.copy(), tuple(self.model.contact.approaches))
-        self.history = [*self.history[-1:], state]
-
     def _restore(self) -> None:
         self.model.contact.forget_multipliers()
+        self.model.fields.clear()
         if self.history:
             self.model.fields.restore(self.history[-1].values)
             self.model.contact.set_approaches(np.array(self.history[-1].approaches))
             self._set_penalties()
-        else:
-            self.model.fields.clear()

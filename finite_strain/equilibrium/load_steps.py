@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from linear_bem.problem import LoadKind
 
-LARGEST_STEP = 0.065
+LARGEST_STEP = 0.07
 """Largest increment of the approach over the radius: Newton's method follows it, also from the undeformed layer."""
 ANSWERS = 6
 """Load steps of a comparison along the load."""

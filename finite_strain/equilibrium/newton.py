@@ -112,7 +112,7 @@ class NewtonSolver:
         self._merit = Merit(model, self._x) if model.is_mixed else None
         self.snes.setObjective(self._objective)
         if self._merit is not None:
-            self.snes.setLineSearchPreCheck(self._aim)
+            self.snes.setLineSearchPreCheck(self._merit.aim)
         self.snes.setConvergenceTest(self._converged)
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
@@ -277,10 +277,6 @@ class NewtonSolver:
             if self.border is not None:
                 energy -= float(self._targets @ self.border.approaches(x))
         return energy if math.isfinite(energy) else math.nan
-
-    def _aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        assert self._merit is not None
-        self._merit.aim(x, y)
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         reason = PETSc.SNES.ConvergedReason

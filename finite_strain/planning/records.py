@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +40,9 @@ class ContactState:
         squared = self.normal_force[:, None] ** 2
         return np.divide(self.tangential_force, squared, out=np.zeros_like(self.tangential_force), where=squared > 0.0)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object."""
-        return {f.name: np.asarray(getattr(self, f.name)).tolist() for f in fields(self)}
-
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactState:
-        """Return the state that ``to_dict`` wrote."""
+        """Return the state that `text_of` wrote."""
         arrays = {name: np.array(value, dtype=float) for name, value in data.items() if name != "fraction"}
         return cls(fraction=float(data["fraction"]), **arrays)
 
@@ -60,7 +56,7 @@ class Row:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Row:
-        """Return the row that `dataclasses.asdict` and `ContactState.to_dict` wrote."""
+        """Return the row that `text_of` wrote."""
         small = data["small"]
         return cls(ContactState.from_dict(data["own"]), None if small is None else ContactState.from_dict(small))
 
@@ -103,26 +99,16 @@ class Record:
         """Return what was answered at a load fraction."""
         return next((row for row in self.rows if row.own.fraction == fraction), None)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object."""
-        rows = [
-            {"own": row.own.to_dict(), "small": None if row.small is None else row.small.to_dict()} for row in self.rows
-        ]
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("level", "rows")}
-        return {**plain, "level": asdict(self.level), "rows": rows}
-
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Record:
-        """Return the record that ``to_dict`` wrote."""
-        plain = dict(data)
-        return cls(
-            **plain | {"level": Discretisation(**data["level"]), "rows": [Row.from_dict(r) for r in data["rows"]]}
-        )
+        """Return the record that `text_of` wrote."""
+        parts = {"level": Discretisation(**data["level"]), "rows": [Row.from_dict(row) for row in data["rows"]]}
+        return cls(**{**data, **parts})
 
 
 def text_of(key: str, records: list[Record]) -> str:
     """Return the text of the file that holds every discretisation of a run."""
-    return json.dumps({"key": key, "discretisations": [record.to_dict() for record in records]})
+    return json.dumps({"key": key, "discretisations": list(map(asdict, records))}, default=np.ndarray.tolist)
 
 
 def saved_records(path: Path, key: str) -> list[Record]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from finite_strain.planning.records import Discretisation, Record
@@ -131,9 +131,7 @@ def account(
         "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns},
         "meshes": [
             {
-                "order": record.level.order,
-                "fineness": record.level.fineness,
-                "extent": record.level.extent,
+                **asdict(record.level),
                 "unknowns": record.unknowns,
                 "seconds": record.seconds,
                 "reached": None if record.reached != record.reached else record.reached,

@@ -84,11 +84,7 @@ class RunPlan:
             "seconds": 5.0 + _ITERATIONS * sum(n * t for n, t in zip(steps, iteration, strict=True)),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "load_steps": len(self.goals),
-            "accuracy": {
-                "asked": self.accuracy,
-                "unknowns_at_most": most,
-                "seconds_at_most": self.budget.seconds,
-            },
+            "accuracy": {"asked": self.accuracy, "unknowns_at_most": most, "seconds_at_most": self.budget.seconds},
         }
 
 

@@ -157,7 +157,7 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     back = saved_records(file, "mine")
     assert [each.level for each in back] == [QUADRATIC, CUBIC]
     assert back[0].rows[0].small is None
-    assert [each.to_dict() for each in back[1:]] == [each.to_dict() for each in records[1:]]
+    assert text_of("key", back[1:]) == text_of("key", records[1:])
     row = back[1].at(1.0)
     assert row is not None
     assert isinstance(row.own, ContactState)

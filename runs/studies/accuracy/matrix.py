@@ -38,9 +38,9 @@ KNOBS = {
     "degree of the contact's quadrature beyond twice the order (6)": {
         f"{d}": Turned(constants={"finite_strain.discretisation.discrete_model.CONTACT_DEGREE": d}) for d in (0, 2, 12)
     },
-    "largest load step of the path over the radius (0.065)": {
+    "largest load step of the path over the radius (0.07)": {
         f"{step:g}": Turned(constants={"finite_strain.equilibrium.load_steps.LARGEST_STEP": step})
-        for step in (0.0325, 10.0)
+        for step in (0.035, 10.0)
     },
 }
 """What is turned one at a time from its default, which the knob's name holds."""
