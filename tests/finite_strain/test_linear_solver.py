@@ -115,13 +115,14 @@ def test_a_tangent_that_serves_several_iterations_finds_the_same_equilibrium_as_
 ) -> None:
     form, poisson, _ = CASES[case]
     found = []
-    for near in (0.0, newton.NEAR):
+    for near in (0.0, 1e-2):  # from the usual one on a rough equilibrium has no use for it
         monkeypatch.setattr(newton, "NEAR", near)
         rig = deep_rig(form, poisson, tmp_path, f"near {near}")
         records = list(rig.path.steps(PATH))
-        took = [sum(each) for each in zip(*((r.tangents, r.newton_iterations) for r in records), strict=True)]
-        rig.settle()  # a load step ends in a rough equilibrium
-        found.append((rig.normal_forces()[0], *took))
+        end = rig.settle()  # a load step ends in a rough equilibrium
+        tangents = sum(record.tangents for record in records) + end.tangents
+        iterations = sum(record.newton_iterations for record in records) + end.iterations
+        found.append((rig.normal_forces()[0], tangents, iterations))
         rig.run.close()
     (new, made_always, iterations_always), (kept, made, iterations) = found
     assert made_always == iterations_always > 0

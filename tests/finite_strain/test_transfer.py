@@ -15,6 +15,7 @@ from dolfinx.fem import Function
 from mpi4py import MPI
 
 from finite_strain import compat
+from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.one_discretisation import mesh_box
@@ -26,6 +27,7 @@ from tests.launch import mpirun
 ROUNDOFF = 1e-10
 """Of polynomials of degree zero to two at places that Newton's method finds in skew cells."""
 APPROACHES = np.array([0.1, 0.07])
+PENALTIES = np.array([3.0, 4.0])
 
 
 def fields_on(mesh: Any, order: int) -> Fields:
@@ -58,12 +60,21 @@ def fill(fields: Fields, order: int) -> None:
     fields.pressures[0].x.array[:] = pressure(pressures, order - 1)
 
 
+def taken(fraction: float, fields: Fields) -> Snapshot:
+    """Return a snapshot of the fields whose multipliers come from twice their displacement (collective)."""
+    source = Penalised(2.0 * fields.copy()[0], 0.9 * APPROACHES, PENALTIES)
+    return Snapshot.take(fraction, fields, APPROACHES, source)
+
+
 def mismatch(fields: Fields, snapshot: Snapshot, order: int) -> float:
     """Return the largest difference between what a snapshot says at the fields' nodes and the polynomial there."""
-    nodal, pressures = snapshot.at(fields)
+    (nodal, pressures), source = snapshot.at(fields)
     first, second = fields.points
+    assert np.array_equal(source.approaches, 0.9 * APPROACHES)
+    assert np.array_equal(source.penalties, PENALTIES)
     return max(
         float(np.abs(nodal - polynomial(first, order)).max()),
+        float(np.abs(source.displacement - 2.0 * polynomial(first, order)).max()) / 2.0,
         float(np.abs(pressures - pressure(second, order - 1)).max()),
     )
 
@@ -90,7 +101,7 @@ def test_polynomials_of_the_order_go_from_mesh_to_mesh_unchanged(
     order = min(before, after)
     source, target = fields_on(two[way[0]], before), fields_on(two[way[1]], after)
     fill(source, order)
-    snapshot = Snapshot.take(0.5, source, APPROACHES)
+    snapshot = taken(0.5, source)
     assert mismatch(target, snapshot, order) < ROUNDOFF
 
 
@@ -99,7 +110,7 @@ def test_a_saved_state_comes_back_to_the_last_bit(two: list[Any], tmp_path: Path
     random = np.random.default_rng(1)
     for function in fields.functions:
         function.x.array[:] = random.normal(size=function.x.array.shape)
-    kept, path = Snapshot.take(0.25, fields, APPROACHES), tmp_path / "state.npz"
+    kept, path = taken(0.25, fields), tmp_path / "state.npz"
     kept.save(path)
     assert [file.name for file in tmp_path.iterdir()] == ["state.npz"]
     back = Snapshot.load(path)
@@ -108,8 +119,10 @@ def test_a_saved_state_comes_back_to_the_last_bit(two: list[Any], tmp_path: Path
     assert np.array_equal(back.nodes, kept.nodes)
     assert all(np.array_equal(a, b) for a, b in zip(back.values, kept.values, strict=True))
     # on its own mesh it is what it was, to roundoff of the nodes' places
-    for now, then in zip(back.at(fields), fields.copy(), strict=True):
+    values, source = back.at(fields)
+    for now, then in zip(values, fields.copy(), strict=True):
         assert np.abs(now - then).max() < ROUNDOFF
+    assert np.abs(source.displacement - 2.0 * fields.copy()[0]).max() < 2.0 * ROUNDOFF
 
 
 def test_a_file_that_holds_no_state_is_refused_by_its_name(tmp_path: Path) -> None:
@@ -123,7 +136,7 @@ def test_a_file_that_holds_no_state_is_refused_by_its_name(tmp_path: Path) -> No
 
 def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> None:
     source = fields_on(two[0], 2)
-    snapshot = Snapshot.take(1.0, source, APPROACHES)
+    snapshot = taken(1.0, source)
     wider = mesh_box(
         coarse_plan(pair(0.1, distance=4.0, poisson=0.3)).box(Discretisation(2, 1.0)), tmp_path / "m.msh", MPI.COMM_SELF
     )[0]
@@ -135,7 +148,7 @@ def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> 
 def test_a_state_of_one_rank_is_taken_up_by_two_and_theirs_by_one(two: list[Any], tmp_path: Path) -> None:
     fields = fields_on(two[0], 3)
     fill(fields, 3)
-    Snapshot.take(0.5, fields, APPROACHES).save(tmp_path / "one.npz")
+    taken(0.5, fields).save(tmp_path / "one.npz")
     done = mpirun(2, "-m", "tests.finite_strain.test_transfer", tmp_path)
     assert done.returncode == 0, done.stderr
     assert all(float(word) < ROUNDOFF for word in done.stdout.split())
@@ -149,7 +162,7 @@ def main() -> None:
     coarse, fine = (fields_on(mesh, 3) for mesh in meshes(folder, comm))
     found = comm.gather(mismatch(fine, Snapshot.load(folder / "one.npz"), 3), root=0)
     fill(coarse, 3)
-    state = Snapshot.take(0.5, coarse, APPROACHES)
+    state = taken(0.5, coarse)
     if found is not None:
         state.save(folder / "two.npz")
         print(*found)

@@ -19,7 +19,7 @@ Rows = Sequence[Mapping[str, Any]]
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
-DEPTHS = (0.05, 0.1, 0.2, 0.32, 0.5, 0.6)
+DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
 
