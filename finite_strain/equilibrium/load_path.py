@@ -68,7 +68,7 @@ class LoadPath:
     """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction.
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
-    usual penalties.
+    penalties of states with multipliers.
     """
 
     def __init__(
@@ -170,7 +170,7 @@ class LoadPath:
 
     def _set_penalties(self) -> None:
         contact = self.model.contact
-        contact.set_penalties(self._stiffer * penalties(self.problem, contact.balls, contact.approaches))
+        contact.set_penalties(penalties(self.problem, contact.balls, contact.approaches))
 
     def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
