@@ -10,7 +10,7 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import basix
 import dolfinx
 import dolfinx.fem.petsc
+import dolfinx.jit
 import gmsh
 import numpy as np
 import ufl
@@ -77,6 +78,18 @@ def compile_form(form: Any, comm: MPI.Comm) -> Any:
     with _compiler_cache(comm) as cache:
         options = _jit_options(cache)
         return dolfinx.fem.form(form, jit_params=options) if _OLD else dolfinx.fem.form(form, jit_options=options)
+
+
+def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
+    """Return compiled forms (collective over comm); every rank brings a share of them into the cache first."""
+    if comm.size > 1:
+        with _compiler_cache(comm) as cache:
+            scalar = {"scalar_type": "double" if _OLD else np.float64}
+            for form in forms[comm.rank :: comm.size]:
+                with suppress(Exception):  # what does not compile fails below, on all ranks
+                    dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, _jit_options(cache))
+            comm.barrier()
+    return [compile_form(form, comm) for form in forms]
 
 
 def _jit_options(cache: Path) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import NAME, ContactState, Record, Row, saved_records, text_of
-from finite_strain.planning.refinement import FIRST, account, decide
+from finite_strain.planning.refinement import PATH_FINDER, account, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import NotConverged, ThirdBodyError
 from linear_bem.result import Result, Solved, Step
@@ -71,7 +71,7 @@ class Refinement:
     def run(self) -> Result:
         """Run one discretisation after another (collective)."""
         if not self.records:
-            self.records.append(Record(FIRST[0]))
+            self.records.append(Record(PATH_FINDER))
         answered, why = 0, ""
         while True:
             number = len(self.records) - 1
@@ -80,7 +80,7 @@ class Refinement:
                 self._press(number)
             if record.steps and (not self.records[answered].steps or self._reach(number) >= self._reach(answered)):
                 answered = number
-            if record.stopped and number >= len(FIRST):
+            if record.stopped and number > 1:
                 why = f"{record.level} did not reach full load: {record.stopped}"
                 break
             decision = self.comm.bcast(

@@ -175,24 +175,23 @@ class Contact:
         for slot in self.slots:
             slot.set("chosen", balls)
 
-    def force_form(self, axis: int) -> Any:
-        """Return the form of the chosen balls' in-plane force (axis 0, 1) or normal force (axis 2) [N].
+    def readings(self, stretch: Any) -> list[Any]:
+        """Return the forms of what is read off the chosen balls, for the area ratio of the deformed surface.
 
-        It is the derivative of the potential by the ball's position, with the sign of the force on the ball.
+        In order: force along x, along y and normal [N], its stiffness [N/m], contact area [m^2], int p g [N m] and
+        int p [N] over the undeformed surface. Forces are the derivative of the potential by the ball's position, with
+        the sign of the force on the ball; the stiffness is the second derivative by its approach.
         """
-        total = 0
+        sums: list[Any] = [0] * 7
         for slot in self.slots:
-            variable = (slot.x, slot.y, slot.approach)[axis]
-            sign = 1 if axis == 2 else -1
-            total += sign * slot.fields["chosen"] * ufl.diff(slot.density, variable) * self.measure
-        return total
-
-    def stiffness_form(self) -> Any:
-        """Return the form of the second derivative of the potential by the chosen balls' approaches [N/m]."""
-        return sum(
-            slot.fields["chosen"] * ufl.diff(ufl.diff(slot.density, slot.approach), slot.approach) * self.measure
-            for slot in self.slots
-        )
+            normal = ufl.diff(slot.density, slot.approach)
+            for number, value in enumerate((
+                -ufl.diff(slot.density, slot.x), -ufl.diff(slot.density, slot.y), normal,
+                ufl.diff(normal, slot.approach), ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0),
+                slot.pressure * slot.gap, slot.pressure,
+            )):  # fmt: skip
+                sums[number] += slot.fields["chosen"] * value * self.measure
+        return sums
 
     def configurational_form(self, weight: Any, axis: Any) -> Any:
         """Return the surface terms of the domain integral for the chosen ball's force along ``axis`` (3,) [N].
@@ -206,22 +205,6 @@ class Contact:
             total += -slot.density * ufl.dot(axis, ufl.grad(weight)) * self.measure
             total += -(slot.fields["chosen"] - weight) * slope * self.measure
         return total
-
-    def area_form(self, stretch: Any) -> Any:
-        """Return the form of the chosen balls' contact area [m^2], for the area ratio of the deformed surface."""
-        return sum(
-            slot.fields["chosen"] * ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0) * self.measure
-            for slot in self.slots
-        )
-
-    def mean_gap_forms(self) -> tuple[Any, Any]:
-        """Return the forms of the chosen balls' int p g [N m] and int p [N] over the undeformed surface."""
-        moment, force = 0, 0
-        for slot in self.slots:
-            pressure = slot.fields["chosen"] * slot.pressure
-            moment += pressure * slot.gap * self.measure
-            force += pressure * self.measure
-        return moment, force
 
     def pressure(self) -> Any:
         """Return the contact pressure per undeformed area [Pa], an expression of the cells below the top."""

@@ -7,7 +7,8 @@ stationary too. Nothing here knows how they are driven.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import dolfinx
@@ -29,6 +30,9 @@ from meshes.box import TAGS
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
 CONTACT_DEGREE = 6
 """Degree of the facet rule beyond 2p: the pressure has a kink inside a facet; more changes T by less than 0.1 %."""
+
+_NORMAL, _STIFFNESS, _AREA, _MEAN_GAP = 2, 3, 4, (5, 6)
+"""Where `Contact.readings` has the normal force and what follows it."""
 
 Meshed = tuple[Any, Any, Any]
 """Mesh, cell tags, facet tags."""
@@ -97,34 +101,35 @@ class Model:
 
     def _compile(self) -> None:
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        bulk = self.volume_integral(lambda psi, _: psi)
-        idle = nothing_where_idle(self.bulks, self.mesh, measure)
+        bulk = self.volume_integral(lambda psi, _: psi) + nothing_where_idle(self.bulks, self.mesh, measure)
         u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         fields = self.fields.functions
-        residuals = [ufl.derivative(bulk + idle, f, ufl.TestFunction(f.function_space)) for f in fields]
-        tangents = [[ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for f in fields] for r in residuals]
-        contact = ufl.derivative(self.contact.energy, u, test)
-        self._strain_energy = self.compile(bulk)
-        self._contact_energy = self.compile(self.contact.energy)
-        self._bulk_residual, *self._volume_residuals = (self.compile(r) for r in residuals)
-        self._contact_residual = self.compile(contact)
-        # at small strain the bulk's part never changes and is kept; the contact's is added to it
-        pressed = ufl.derivative(contact, u, trial)
+        self._direction = self.fields.like()
+        along = self._direction.functions
+        self._with_contact = self.unity()
+        potential = bulk + self._with_contact * self.contact.energy
+        # at small strain the bulk's part of the tangent never changes and is kept; the contact's is added to it
         self._keeps_bulk = not (self.is_finite or self.is_mixed)
-        self._contact_tangent = self.compile(pressed) if self._keeps_bulk else None
-        if not self._keeps_bulk:
-            tangents[0][0] += pressed
-        self._tangent = [[self.compile(t) for t in row] for row in tangents]
-        self._border = self.compile(ufl.derivative(self.contact.force_form(2), u, test))
-        self._stiffness = self.compile(self.contact.stiffness_form())
-        self._forces = [self.compile(self.contact.force_form(axis)) for axis in range(3)]
-        self._mean_gap = [self.compile(form) for form in self.contact.mean_gap_forms()]
-        self._area = self.compile(self.contact.area_form(self._stretch()))
+        residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
+        varying = [ufl.derivative(bulk, u, test)] if self._keeps_bulk else residuals
+        tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
+        pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
+        actions = [sum(ufl.derivative(r, f, d) for f, d in zip(fields, along, strict=True)) for r in residuals]
+        readings = self.contact.readings(self._stretch())
+        self._asked = [dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0)) for _ in readings]
+        reading = sum(asked * form for asked, form in zip(self._asked, readings, strict=True))
+        border = ufl.derivative(readings[_NORMAL], u, test)
+        forms = [*tangents, *actions, *residuals, potential, border, reading, *[pressed] * self._keeps_bulk]
+        compiled = iter(compat.compile_forms(forms, self.comm))
+        self._tangent = [[next(compiled) for _ in fields] for _ in fields]
+        self._action, *self._volume_actions = [next(compiled) for _ in fields]
+        self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
+        self._potential, self._border, self._reading, *self._contact_tangent = compiled
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._linear: PETSc.Mat | None = None
-        self._work = compat.ghosted_vector(self._bulk_residual, self.space)
+        self._work = compat.ghosted_vector(self._residual, self.space)
         spaces = [pressure.function_space for pressure in self.fields.pressures]
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
@@ -172,51 +177,64 @@ class Model:
 
     def strain_energy(self) -> float:
         """Return the strain energy [J] of the simulated part (collective)."""
-        return self.total(self._strain_energy)
+        with self._contact_left_out():
+            return self.energy()
 
     def energy(self) -> float:
         """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
-        local = dolfinx.fem.assemble_scalar(self._strain_energy) + dolfinx.fem.assemble_scalar(self._contact_energy)
-        return float(self.comm.allreduce(local, op=MPI.SUM))
+        return self.total(self._potential)
+
+    @contextmanager
+    def _contact_left_out(self) -> Iterator[None]:
+        self._with_contact.value = 0.0
+        yield
+        self._with_contact.value = 1.0
 
     def forces(self) -> np.ndarray:
         """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
 
         Whole balls, but along axes that a symmetry fixes.
         """
-        values = self._per_ball(self._forces)
+        values = self._per_ball(0, 1, _NORMAL)
         for number, ball in enumerate(self.contact.balls):
             values[number, list(ball.fixed_axes)] = 0.0
         return values
 
     def part_forces(self) -> np.ndarray:
         """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
-        return np.asarray(self.forces()[:, 2] / np.array([ball.copies for ball in self.contact.balls]))
+        return np.asarray(self._per_ball(_NORMAL)[:, 0] / np.array([ball.copies for ball in self.contact.balls]))
 
     def contact_areas(self) -> np.ndarray:
         """Return the contact area (balls,) [m^2] of whole balls (collective)."""
-        return self._per_ball([self._area])[:, 0]
+        return self._per_ball(_AREA)[:, 0]
 
     def mean_gaps(self) -> np.ndarray:
         """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
-        moment, force = self._per_ball(self._mean_gap).T
+        moment, force = self._per_ball(*_MEAN_GAP).T
         return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)
 
-    def _per_ball(self, forms: list[Any]) -> np.ndarray:
-        """Return compiled functionals of the chosen ball (balls, forms), for whole balls (collective)."""
-        values = np.zeros((len(self.contact.balls), len(forms)))
+    def _per_ball(self, *readings: int) -> np.ndarray:
+        """Return readings of the contact (balls, readings), for whole balls (collective)."""
+        values = np.zeros((len(self.contact.balls), len(readings)))
         for number, ball in enumerate(self.contact.balls):
             self.contact.choose(np.eye(len(values))[number])
-            values[number] = [ball.copies * dolfinx.fem.assemble_scalar(form) for form in forms]
+            values[number] = [ball.copies * self._read(reading) for reading in readings]
         return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+
+    def _read(self, reading: int) -> float:
+        """Return this rank's part of a reading of the chosen balls."""
+        for number, asked in enumerate(self._asked):
+            asked.value = float(number == reading)
+        return float(dolfinx.fem.assemble_scalar(self._reading))
 
     def bulk_residual(self) -> np.ndarray:
         """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""
-        return self._summed([self._bulk_residual])
+        with self._contact_left_out():
+            return self._summed([self._residual])
 
     def residual(self, b: PETSc.Vec) -> None:
         """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
-        self._store_free(self._summed([self._bulk_residual, self._contact_residual]), b)
+        self._store_free(self._summed([self._residual]), b)
         if self.is_mixed:
             b.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self.volume_residual()
 
@@ -228,7 +246,7 @@ class Model:
         self.contact.choose(balls)
         self._store_free(self._summed([self._border]), b)
         self.contact.choose(balls**2)
-        return self.total(self._stiffness)
+        return float(self.comm.allreduce(self._read(_STIFFNESS), op=MPI.SUM))
 
     def volume_residual(self) -> np.ndarray:
         """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
@@ -282,8 +300,16 @@ class Model:
             if self._linear is None:
                 matrix.assemble()
                 self._linear = matrix.duplicate(copy=True)
-            assemble(matrix, self._contact_tangent, self.bcs)
+            assemble(matrix, self._contact_tangent[0], self.bcs)
         matrix.assemble()
+
+    def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""
+        self._direction.set(x)
+        self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
+        self._store_free(self._summed([self._action]), y)
+        if self.is_mixed:
+            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self._volume_actions)
 
     def _summed(self, forms: list[Any]) -> np.ndarray:
         """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import dolfinx
 import numpy as np
 from petsc4py import PETSc
 
@@ -28,6 +29,11 @@ class Fields:
         ends = np.cumsum([_owned(function.function_space) for function in self.functions])
         self.ranges = [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
         """Where each field lies in this rank's part of a solver's vector."""
+
+    def like(self) -> Fields:
+        """Return new fields, zero, in the same spaces."""
+        displacement, *pressures = [dolfinx.fem.Function(function.function_space) for function in self.functions]
+        return Fields(displacement, pressures)
 
     def set(self, x: PETSc.Vec) -> None:
         """Copy a solver's vector into the functions and refresh their ghosts."""

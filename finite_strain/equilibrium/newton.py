@@ -17,11 +17,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.equilibrium.bordered_system import Border
 from finite_strain.equilibrium.line_search import Merit
 from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
 from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.solver_options import PREFIX
+from finite_strain.equilibrium.tangent_system import TangentSystem
 from linear_bem.errors import InvalidProblem, NotConverged
 
 _OPTIONS = {
@@ -33,13 +33,8 @@ _OPTIONS = {
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
-BORDER_TOLERANCE, BORDER_ITERATIONS = 1e-6, 20
-"""Of the Krylov method for the bordered system, which the solver of the tangent preconditions."""
-NEAR, CHORD = 2e-4, 0.2
-"""Residual norm over the force scale, and over the norm before, below which the last tangent serves another iteration.
-
-Such an iteration costs a residual and a back substitution, a thirtieth of one with a tangent of its own.
-"""
+MOST_LAGGED = 20
+"""Krylov iterations in one system from which on a new tangent is taken for the next."""
 NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 STALL = 1e-3
@@ -90,25 +85,17 @@ class NewtonSolver:
         self.effort = Effort()
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
-        self.border: Border | None = None
-        ksp, operator = self.snes.getKSP(), model.matrix
-        if control.moves.shape[1]:
-            ksp = PETSc.KSP().create(model.comm)
-            ksp.setOptionsPrefix(PREFIX)
-            ksp.setOperators(model.matrix)
-            self.border = Border(model, control.moves, ksp)
-            operator = self.border.matrix
-            outer = self.snes.getKSP()
-            outer.setOptionsPrefix(f"{PREFIX}border_")
-            outer.setType("fgmres")
-            outer.setTolerances(rtol=BORDER_TOLERANCE, max_it=BORDER_ITERATIONS)
-            outer.getPC().setType("python")
-            outer.getPC().setPythonContext(self.border)
+        ksp = PETSc.KSP().create(model.comm)
+        ksp.setOptionsPrefix(PREFIX)
+        ksp.setOperators(model.matrix)
         self.linear = LinearSolver(model, ksp, self.choice)
-        self._x = operator.createVecRight()
+        self.system = TangentSystem(model, control.moves, ksp)
+        self.snes.getKSP().setOptionsPrefix(f"{PREFIX}outer_")
+        self.system.precondition(self.snes.getKSP())
+        self._x = self.system.matrix.createVecRight()
         self._b, self._start = self._x.duplicate(), self._x.duplicate()
         self.snes.setFunction(self._function, self._b)
-        self.snes.setJacobian(self._jacobian, operator)
+        self.snes.setJacobian(self._jacobian, self.system.matrix)
         self._merit = Merit(model, self._x) if model.is_mixed else None
         self.snes.setObjective(self._objective)
         if self._merit is not None:
@@ -117,27 +104,24 @@ class NewtonSolver:
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
         self._set_from_options({})
-        if self.border is not None:
-            self.linear.ksp.setFromOptions()
+        self.linear.ksp.setFromOptions()
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
-        self._norm, self._keeps, self._is_old, self._prepared = math.inf, False, False, False
+        self._keeps = self._is_old = self._prepared = False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
         """Free the solver, with the matrix's factors (collective)."""
         for item in (self.snes, self._x, self._b, self._start):
             item.destroy()
-        for part in (self._merit, self.border, self.linear):
+        for part in (self._merit, self.system, self.linear):
             if part is not None:
                 part.close()
 
     def _take(self, x: PETSc.Vec) -> None:
         """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
         self.model.fields.get(x)
-        if self.border is not None:
-            moves = self.control.moves
-            self.border.store(x, np.linalg.lstsq(moves, self.model.contact.approaches, rcond=None)[0])
+        self.system.store(x, np.linalg.lstsq(self.control.moves, self.model.contact.approaches, rcond=None)[0])
 
     def prepare(self) -> None:
         """Take the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
@@ -156,7 +140,7 @@ class NewtonSolver:
         self._take(self._x)
         self._x.copy(self._start)
         self.effort.residuals = []
-        self._norm, self._keeps = math.inf, self._prepared
+        self._keeps = self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
         exact = self.tolerance
@@ -184,8 +168,8 @@ class NewtonSolver:
     def _set(self, x: PETSc.Vec) -> None:
         """Give the model the state in a vector: its fields and, where they are unknowns, its approaches."""
         self.model.fields.set(x)
-        if self.border is not None:
-            self.model.contact.set_approaches(self.control.moves @ self.border.approaches(x))
+        if self.system.count:
+            self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))
 
     def account(self) -> dict[str, Any]:
         """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
@@ -213,32 +197,26 @@ class NewtonSolver:
     def _iterate(self) -> int:
         """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
         began, assembled = time.perf_counter(), self.effort.seconds_assembly
-        effort = self.effort
+        effort, solves = self.effort, self.system.solves
         try:
             self.snes.solve(None, self._x)
         except PETSc.Error as error:
             blame_options(error)
             raise
         iterations = self.snes.getIterationNumber()
-        effort.linear_iterations += self.snes.getLinearSolveIterations()
         failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
         if failed and not self.choice.direct:
             effort.fallbacks += 1
             factors = self.linear.factors()
-            self._solve_with(factors)
+            factors.setOperators(self.model.matrix)
+            self.system.ksp = factors
             self.snes.solve(None, self._x)
-            self._solve_with(self.linear.ksp)
+            self.system.ksp = self.linear.ksp
             factors.destroy()
             iterations += self.snes.getIterationNumber()
+        effort.linear_iterations += self.system.solves - solves
         effort.seconds_solve += time.perf_counter() - began - (effort.seconds_assembly - assembled)
         return iterations
-
-    def _solve_with(self, ksp: PETSc.KSP) -> None:
-        if self.border is None:
-            self.snes.setKSP(ksp)
-        else:
-            ksp.setOperators(self.model.matrix)
-            self.border.ksp = ksp
 
     @contextmanager
     def _assembling(self) -> Iterator[None]:
@@ -250,16 +228,20 @@ class NewtonSolver:
         with self._assembling():
             self._set(x)
             self.model.residual(b)
-            if self.border is not None:
-                self.border.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
+            if self.system.count:
+                self.system.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        norm, before = snes.getFunctionNorm(), self._norm
-        self._norm = norm
-        near = norm < NEAR * self._force and norm < CHORD * before
-        self._is_old, self._prepared = self._keeps and (near or self._prepared), False
-        if not self._is_old:  # the last tangent did not bring the residual down fast
+        taken = snes.getKSP().getIterationNumber()
+        lags = self.choice.direct and taken < MOST_LAGGED
+        self._is_old = self._keeps and (self._prepared or lags)
+        if not self._is_old:
             self._renew(x)
+        elif not self._prepared:
+            with self._assembling():
+                self._set(x)
+                self.system.linearise(is_old=True)
+        self._prepared = False
 
     def _renew(self, x: PETSc.Vec) -> None:
         with self._assembling():
@@ -267,15 +249,13 @@ class NewtonSolver:
             self.model.tangent()
         self.effort.tangents += 1
         self._keeps = True
-        if self.border is not None:
-            self.border.update()
+        self.system.linearise(is_old=False)
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
         with self._assembling():
             self._set(x)
             energy = self.model.energy() if self._merit is None else self._merit(x)
-            if self.border is not None:
-                energy -= float(self._targets @ self.border.approaches(x))
+            energy -= float(self._targets @ self.system.approaches(x))
         return energy if math.isfinite(energy) else math.nan
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:

@@ -16,7 +16,7 @@ from finite_strain.geometry.simulated_box import box_to_mesh
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.planning.records import Discretisation
-from finite_strain.planning.refinement import FIRST, Budget
+from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem
 from meshes.box import Box
@@ -63,11 +63,16 @@ class RunPlan:
         nodes = _SHARED_NODES * level.order**3 * self.box(level).estimated_hexahedra()
         return nodes * (3.0 + pressures)
 
+    @property
+    def first(self) -> tuple[Discretisation, Discretisation]:
+        """The path finder and the first discretisation that answers."""
+        return PATH_FINDER, answering(self.accuracy, self.budget, self.unknowns)
+
     def describe(self) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units, seconds for two ranks."""
-        unknowns = [self.unknowns(level) for level in FIRST]
+        unknowns = [self.unknowns(level) for level in self.first]
         most = self.budget.most_unknowns
-        box = self.box(FIRST[-1])
+        box = self.box(PATH_FINDER)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
         iteration = [_iteration_seconds(n, solver.direct) for n, solver in zip(unknowns, solvers, strict=True)]
@@ -78,7 +83,7 @@ class RunPlan:
             "linear_solver": solvers[-1].describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(unknowns[-1]),
-            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(FIRST, unknowns, strict=True)]
+            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(self.first, unknowns, strict=True)]
             + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
             "memory_bytes": _bytes(unknowns[-1], solvers[-1].direct),
             "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),
@@ -120,7 +125,7 @@ def plan_run(
         problem, model, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
         tangential_force, budget, tuple(expected), choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
-    least = plan.unknowns(FIRST[-1])
+    least = plan.unknowns(plan.first[-1])
     if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):
         raise UnsupportedProblem(
             f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "

@@ -1,0 +1,130 @@
+"""Newton's linear system: the tangent at the present state, preconditioned by the solver of an earlier one.
+
+At order 3 (4) assembly and factors of a tangent take the time of 40 (90) products and back substitutions. Products are
+therefore taken by the action of the potential's second derivative, and the factors of an earlier state precondition.
+
+A load that prescribes forces makes approaches unknowns. With the tangent K, the residual's derivative B by the unknown
+approaches and their own stiffness C the system is [[K, B], [B^T, C]]. One solve with K for each column of B and one for
+the right-hand side give its solution (block elimination), so a prescribed force costs what a prescribed approach costs
+and one more back substitution.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from finite_strain.discretisation.discrete_model import Model
+
+TOLERANCE = 1e-3
+"""Of the Krylov method, relative: Newton's method then converges as with exact solutions, by no less than this."""
+MOST_ITERATIONS = 40
+"""Of the Krylov method in one system; with the factors of an earlier tangent its result is then taken as it is."""
+
+
+class TangentSystem:
+    """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
+
+    ``moves`` (balls, unknowns) says how unknowns move balls; ``ksp`` solves with the model's matrix. The unknown
+    approaches are the last entries of the last rank's part of a vector. ``solves`` counts the iterations of ``ksp``.
+    """
+
+    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP) -> None:
+        self.model, self.moves, self.ksp = model, moves, ksp
+        self.count, self.solves = moves.shape[1], 0
+        self._is_old, self._failed, self._first = False, False, 0.0
+        matrix = model.matrix
+        self._inner, self._image = matrix.createVecRight(), matrix.createVecRight()
+        self._columns = [matrix.createVecRight() for _ in range(self.count)]
+        self._responses = [matrix.createVecRight() for _ in range(self.count)]
+        self._stiffness = np.zeros((self.count, self.count))
+        self._schur = np.zeros((self.count, self.count))
+        self._own = matrix.getLocalSize()[0]
+        self._last = model.comm.rank == model.comm.size - 1
+        size = self._own + (self.count if self._last else 0)
+        self.matrix = PETSc.Mat().createPython(((size, None), (size, None)), self, comm=model.comm)
+        self.matrix.setUp()
+
+    def precondition(self, outer: PETSc.KSP) -> None:
+        """Have a Krylov method solve this system."""
+        outer.setType("fgmres")
+        outer.setGMRESRestart(MOST_ITERATIONS)
+        outer.setConvergenceTest(self._converged)
+        outer.getPC().setType("python")
+        outer.getPC().setPythonContext(self)
+
+    def close(self) -> None:
+        """Free the vectors and the operator (collective)."""
+        for item in (self.matrix, self._inner, self._image, *self._columns, *self._responses):
+            item.destroy()
+
+    def approaches(self, x: PETSc.Vec) -> np.ndarray:
+        """Return the unknown approaches (unknowns,) [m] in a vector, on every rank (collective)."""
+        if not self.count:
+            return np.zeros(0)
+        return np.asarray(self.model.comm.bcast(np.array(x.array_r[self._own :]), root=self.model.comm.size - 1))
+
+    def store(self, x: PETSc.Vec, values: np.ndarray) -> None:
+        """Put the last entries (unknowns,) into a vector."""
+        if self._last:
+            x.array[self._own :] = values
+
+    def linearise(self, is_old: bool) -> None:
+        """Take the system at the model's present state; ``is_old``: its matrix is of an earlier one (collective).
+
+        Where a trial state has lifted all balls of an unknown off, they come down with the stiffness of before.
+        """
+        self._is_old = is_old
+        for number, column in enumerate(self._columns):
+            self._stiffness[number, number] = self.model.border(self.moves[:, number], column)
+            self._solve(column, self._responses[number])
+        coupled = self._stiffness - self._along(self._responses)
+        lifted = np.flatnonzero(np.diag(coupled) == 0.0)
+        self._stiffness[lifted, lifted] = coupled[lifted, lifted] = np.diag(self._schur)[lifted]
+        self._schur = coupled
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Apply the operator."""
+        d = self.approaches(x)
+        self._inner.array[:] = x.array_r[: self._own]
+        if self._is_old:
+            self.model.action(self._inner, self._image)
+        else:
+            self.model.matrix.mult(self._inner, self._image)
+        self._add(d, self._columns, y)
+        self.store(y, self._along([self._inner])[:, 0] + self._stiffness @ d)
+
+    def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Apply the preconditioner: the inverse, as far as the solver of the model's matrix is exact and at hand."""
+        self._inner.array[:] = x.array_r[: self._own]
+        self._solve(self._inner, self._image)
+        d = np.linalg.solve(self._schur, self.approaches(x) - self._along([self._image])[:, 0])
+        self._add(-d, self._responses, y)
+        self.store(y, d)
+
+    def _solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        self.ksp.solve(b, x)
+        self._failed |= self.ksp.getConvergedReason() < 0
+        self.solves += self.ksp.getIterationNumber()
+
+    def _along(self, vectors: list[PETSc.Vec]) -> np.ndarray:
+        """Return the products of the border's columns with vectors (unknowns, vectors)."""
+        return np.array([[column.dot(v) for v in vectors] for column in self._columns]).reshape(self.count, len(vectors))
+
+    def _add(self, factors: np.ndarray, vectors: list[PETSc.Vec], y: PETSc.Vec) -> None:
+        """Put the image, with multiples of vectors added, into y."""
+        for factor, vector in zip(factors, vectors, strict=True):
+            self._image.axpy(factor, vector)
+        y.array[: self._own] = self._image.array_r
+
+    def _converged(self, ksp: PETSc.KSP, iteration: int, norm: float) -> int:
+        reason = PETSc.KSP.ConvergedReason
+        if iteration == 0:
+            self._first, self._failed = norm, False
+        if self._failed or not np.isfinite(norm):
+            return int(reason.DIVERGED_NANORINF)
+        if norm <= TOLERANCE * self._first:
+            return int(reason.CONVERGED_RTOL)
+        if iteration < MOST_ITERATIONS:
+            return int(reason.CONVERGED_ITERATING)
+        return int(reason.CONVERGED_ITS if self._is_old else reason.DIVERGED_MAX_IT)
