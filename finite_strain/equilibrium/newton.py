@@ -104,7 +104,6 @@ class NewtonSolver:
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
         self._set_from_options({})
-        self.linear.ksp.setFromOptions()
         self.tolerance = self._goal = self._force = 0.0
         self._targets = np.zeros(0)
         self._keeps = self._is_old = self._prepared = False
@@ -190,6 +189,7 @@ class NewtonSolver:
         install(self._options | changed)
         try:
             self.snes.setFromOptions()
+            self.linear.ksp.setFromOptions()
         except PETSc.Error as error:
             blame_options(error)
             raise

@@ -23,7 +23,7 @@ FACTORS = {
     "mat_mumps_icntl_20": "0",
 }
 """LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or past a wrinkle."""
-KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-4", "ksp_max_it": "240"}
+KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-8", "ksp_max_it": "240"}
 """Not conjugate gradients: a deformed layer under contact may have an indefinite tangent."""
 MULTIGRID = {
     "pc_type": "gamg",

@@ -109,7 +109,8 @@ class TangentSystem:
 
     def _along(self, vectors: list[PETSc.Vec]) -> np.ndarray:
         """Return the products of the border's columns with vectors (unknowns, vectors)."""
-        return np.array([[column.dot(v) for v in vectors] for column in self._columns]).reshape(self.count, len(vectors))
+        products = [column.dot(vector) for column in self._columns for vector in vectors]
+        return np.array(products).reshape(self.count, len(vectors))
 
     def _add(self, factors: np.ndarray, vectors: list[PETSc.Vec], y: PETSc.Vec) -> None:
         """Put the image, with multiples of vectors added, into y."""

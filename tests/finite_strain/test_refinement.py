@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 
 from finite_strain.planning.records import ContactState, Discretisation, Record, Row, saved_records, text_of
-from finite_strain.planning.refinement import FIRST, MOST_LEVELS, STEP, STIFFER, WIDER, Budget, account, decide
+from finite_strain.planning.refinement import (
+    FINE,
+    MOST_LEVELS,
+    PATH_FINDER,
+    STEP,
+    STIFFER,
+    WIDER,
+    Budget,
+    account,
+    decide,
+)
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, relatively
 from tests.finite_strain.test_pairs import state
@@ -43,8 +53,14 @@ def chosen(asked: float, records: list[Record], budget: Budget = FREE) -> Discre
 
 
 def test_an_error_estimate_needs_two_discretisations() -> None:
-    assert FIRST[0] == QUADRATIC
-    assert chosen(0.5, [record(QUADRATIC)]) == FIRST[1]
+    assert PATH_FINDER == QUADRATIC
+    assert chosen(0.5, [record(QUADRATIC)]) == CUBIC
+
+
+def test_a_fine_accuracy_goes_to_the_highest_order_at_once_where_the_budget_lets_it() -> None:
+    assert chosen(2.0 * FINE, [record(QUADRATIC)]) == CUBIC
+    assert chosen(FINE, [record(QUADRATIC)]) == QUARTIC
+    assert chosen(FINE, [record(QUADRATIC)], Budget(unknowns=0.99 * size(QUARTIC))) == CUBIC
 
 
 def test_an_accuracy_that_is_met_ends_the_refinement() -> None:
