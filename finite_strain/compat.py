@@ -39,14 +39,8 @@ if np.issubdtype(PETSc.ScalarType, np.complexfloating):
     )
 
 
-class _CompilerChatter(logging.Filter):
-    """Drops the compiler command lines that distutils logs while a form is compiled for the first time."""
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        return record.levelno > logging.INFO
-
-
-logging.getLogger().addFilter(_CompilerChatter())
+# distutils logs the compiler's command lines while a form is compiled for the first time
+logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 
 def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:
@@ -59,8 +53,8 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
             element = ufl.VectorElement(family, cell, degree, dim=shape[0])
         else:
             element = ufl.TensorElement(family, cell, degree, shape=shape)
-        with _compiler_cache(mesh.comm) as cache:  # the old version compiles spaces too
-            return dolfinx.fem.FunctionSpace(mesh, element, jit_params=_jit_options(cache))
+        with _compiler_cache(mesh.comm) as options:  # the old version compiles spaces too
+            return dolfinx.fem.FunctionSpace(mesh, element, **options)
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
 
     element = basix.ufl.element(
@@ -75,29 +69,25 @@ def compile_form(form: Any, comm: MPI.Comm) -> Any:
     The compiler's own lock is a file that a killed run leaves behind, and every later run then waits
     for it in vain; ours is dropped by the kernel with the process that held it.
     """
-    with _compiler_cache(comm) as cache:
-        options = _jit_options(cache)
-        return dolfinx.fem.form(form, jit_params=options) if _OLD else dolfinx.fem.form(form, jit_options=options)
+    with _compiler_cache(comm) as options:
+        return dolfinx.fem.form(form, **options)
 
 
 def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
     """Return compiled forms (collective over comm); every rank brings a share of them into the cache first."""
     if comm.size > 1:
-        with _compiler_cache(comm) as cache:
+        with _compiler_cache(comm) as options:
             scalar = {"scalar_type": "double" if _OLD else np.float64}
             for form in forms[comm.rank :: comm.size]:
                 with suppress(Exception):  # what does not compile fails below, on all ranks
-                    dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, _jit_options(cache))
+                    dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, *options.values())
             comm.barrier()
     return [compile_form(form, comm) for form in forms]
 
 
-def _jit_options(cache: Path) -> dict[str, Any]:
-    return {"timeout": 600, "cache_dir": str(cache)}
-
-
 @contextmanager
-def _compiler_cache(comm: MPI.Comm) -> Iterator[Path]:
+def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
+    """Yield the compiler's options, as a keyword argument, while this run alone writes to the cache (collective)."""
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
     failure = None
     with ExitStack() as stack, warnings.catch_warnings():
@@ -116,7 +106,7 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[Path]:
         failure = comm.bcast(failure, root=0)
         if failure:
             raise OutputUnusable(failure)
-        yield cache
+        yield {"jit_params" if _OLD else "jit_options": {"timeout": 600, "cache_dir": str(cache)}}
 
 
 def vector_of(function: Any) -> PETSc.Vec:
@@ -126,11 +116,8 @@ def vector_of(function: Any) -> PETSc.Vec:
 
 def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
     """Return the compiled expression at reference points (n, 3) of a cell (collective over comm)."""
-    with _compiler_cache(comm) as cache:
-        options = _jit_options(cache)
-        if _OLD:
-            return dolfinx.fem.Expression(value, points, jit_params=options)
-        return dolfinx.fem.Expression(value, points, jit_options=options)
+    with _compiler_cache(comm) as options:
+        return dolfinx.fem.Expression(value, points, **options)
 
 
 def evaluate(expression: Any, mesh: Any, cells: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

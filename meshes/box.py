@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -73,15 +73,12 @@ class Box:
 
     def in_units_of(self, length: float) -> Box:
         """Return the same box with every length divided by ``length`` [m]."""
+        x, y, *places = ((a / length, b / length) for a, b in (self.x, self.y, *(z.position for z in self.zones)))
         zones = tuple(
-            Zone((x / length, y / length), z.contact_radius / length, z.half_width / length, z.smallest)
-            for z in self.zones
-            for x, y in [z.position]
+            Zone(place, zone.contact_radius / length, zone.half_width / length, zone.smallest)
+            for place, zone in zip(places, self.zones, strict=True)
         )
-        x, y = ((side[0] / length, side[1] / length) for side in (self.x, self.y))
-        return replace(
-            self, x=x, y=y, thickness=self.thickness / length, substrate=self.substrate / length, zones=zones
-        )
+        return Box(x, y, self.thickness / length, self.substrate / length, zones, self.fineness)
 
     @property
     def elements(self) -> int:

@@ -91,7 +91,7 @@ class Contact:
         self.mesh, self.balls, self.finite = space.mesh, tuple(balls), finite
         self.angle = angle
         self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
-        self.augmented, self._stiffer = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0)), 1.0
+        self.augmented = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
         self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
         self.slots = self._make_slots()
         near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
@@ -156,7 +156,6 @@ class Contact:
         That state stays an equilibrium until `close_gaps` is called.
         """
         self.earlier.x.array[:] = source.displacement.ravel()
-        self._stiffer = stiffer
         self.set_penalties(stiffer * source.penalties)
         for slot in self.slots:
             slot.set("earlier", source.approaches)
@@ -164,7 +163,7 @@ class Contact:
 
     def close_gaps(self) -> None:
         """Ask for an equilibrium without the penetration that the multipliers come from."""
-        self.augmented.value = 1.0 / self._stiffer
+        self.augmented.value += 1.0
 
     def forget_multipliers(self) -> None:
         """Set the multipliers to zero."""

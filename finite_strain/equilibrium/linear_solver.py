@@ -20,8 +20,6 @@ from finite_strain.equilibrium.solver_options import FACTORS, PREFIX, Choice, ch
 from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem
 
-FALLBACK = f"{PREFIX}fallback_"
-"""Prefix of the options of the factors that stand in where the Krylov method fails."""
 _written: dict[str, str] = {}
 """Options of ours in PETSc's database, which a solver of another form or size replaces; a user's own stay."""
 _open: set[int] = set()
@@ -58,7 +56,6 @@ class LinearSolver:
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
-        self._fallback: set[str] = set()
         _open.add(id(self))
         if choice.direct:
             return
@@ -79,28 +76,23 @@ class LinearSolver:
         _open.discard(id(self))
         if not _open:
             install({})
-        for key in self._fallback:
-            PETSc.Options(FALLBACK).delValue(key)
 
     def factors(self) -> PETSc.KSP:
         """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""
-        database = PETSc.Options(FALLBACK)
-        for key, value in FACTORS.items():
-            if not database.hasName(key):
-                database[key] = value
-                self._fallback.add(key)
         ksp = PETSc.KSP().create(self.model.comm)
-        ksp.setOptionsPrefix(FALLBACK)
-        ksp.setFromOptions()
+        ksp.setType("preonly")
+        ksp.setOperators(self.model.matrix)
+        factors = ksp.getPC()
+        factors.setType(FACTORS["pc_type"])
+        factors.setFactorSolverType(FACTORS["pc_factor_mat_solver_type"])
+        factors.setFactorSetUpSolverType()
+        factors.getFactorMatrix().setMumpsIcntl(14, int(FACTORS["mat_mumps_icntl_14"]))
         return ksp
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""
-        points = self.model.fields.points[0][: self.model.fields.owned[0]]
-        coordinates = PETSc.Vec().create(self.model.comm)
-        coordinates.setSizes((points.size, PETSc.DECIDE), bsize=3)
-        coordinates.setUp()
-        coordinates.array[:] = np.ascontiguousarray(points).ravel()
+        points = np.ascontiguousarray(self.model.fields.points[0][: self.model.fields.owned[0]])
+        coordinates = PETSc.Vec().createWithArray(points.ravel(), bsize=3, comm=self.model.comm)
         motions = PETSc.NullSpace().createRigidBody(coordinates)
         coordinates.destroy()
         return motions

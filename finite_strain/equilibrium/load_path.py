@@ -27,12 +27,15 @@ SHORTEST, GROWTH = 3e-3, 1.5
 """Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
 SPURIOUS = 0.3
 """An augmentation that changes a normal force by more than this part has left the solution branch."""
+SURPLUS = 0.3
+"""The potential grows by no more than the work of the forces arrived at, for forces grow with approaches; by this part
+more of it is allowed. A crumpled surface holds several times as much, and is in equilibrium too."""
 BACK = 1e-12
 
 
 @dataclass(frozen=True)
 class State:
-    """An equilibrium from which others are predicted: fields, approaches (balls,) [m].
+    """An equilibrium from which others are predicted: fields, approaches (balls,) [m], and its potential [J], if known.
 
     Where it has a ``source``, the equilibrium is so near that the multipliers of this state serve there too.
     """
@@ -41,6 +44,7 @@ class State:
     values: Values
     approaches: tuple[float, ...]
     source: Penalised | None = None
+    energy: float = math.nan
 
 
 @dataclass
@@ -109,7 +113,8 @@ class LoadPath:
                             f"the last good state is at {reached:.4g} of the full load"
                         ) from error
                     continue
-                present = State(fraction, self.model.fields.copy(), tuple(self.model.contact.approaches))
+                approaches = tuple(self.model.contact.approaches)
+                present = State(fraction, self.model.fields.copy(), approaches, energy=self.model.energy())
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 yield record
@@ -148,6 +153,10 @@ class LoadPath:
         else:
             self._set_penalties()
             self._newton(record, rough=ROUGH)
+            before = self.history[-1] if self.history else State(0.0, (), (0.0,) * len(contact.balls), energy=0.0)
+            work = float(self.model.part_forces() @ (contact.approaches - np.array(before.approaches)))
+            if self.model.energy() - before.energy > work + SURPLUS * abs(work):
+                raise NotConverged("the equilibrium found holds more energy than was put in: its surface is crumpled")
             self.source = contact.penalised
 
     def _multiply(self, source: Penalised, record: StepRecord) -> None:
@@ -158,7 +167,8 @@ class LoadPath:
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]
-        self.solver.prepare()  # farther into the ball, at these penalties, the pressure would be that of no equilibrium
+        if source is self.source:  # it is where the solve starts, with 1 + STIFFENING times the contact pressure
+            self.solver.prepare()
         model.fields.restore(start)
         contact.set_approaches(approaches)
         contact.close_gaps()

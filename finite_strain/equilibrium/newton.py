@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from linear_bem.errors import InvalidProblem, NotConverged
 
 _OPTIONS = {
     "snes_type": "newtonls",
-    "snes_linesearch_type": "bt",
     "snes_linesearch_order": "2",
     "snes_linesearch_minlambda": "1e-3",
 }
@@ -56,15 +55,15 @@ class Equilibrium:
 class Effort:
     """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
 
-    ``residuals`` are the norms [N] that the last Newton solve passed through; ``fallbacks`` counts the systems that the
-    Krylov method left to factors, and the Newton solves that therefore ended with them.
+    ``residuals`` are the norms [N] that the last Newton solve passed through; ``linear_fallbacks`` counts the systems
+    that the Krylov method left to factors, and the Newton solves that therefore ended with them.
     """
 
     seconds_assembly: float = 0.0
     seconds_solve: float = 0.0
     tangents: int = 0
     linear_iterations: int = 0
-    fallbacks: int = 0
+    linear_fallbacks: int = 0
     residuals: list[float] = field(default_factory=list)
 
 
@@ -104,7 +103,7 @@ class NewtonSolver:
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
         self._set_from_options({})
-        self.tolerance = self._goal = self._force = 0.0
+        self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
         self._keeps = self._is_old = self._prepared = False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
@@ -134,7 +133,7 @@ class NewtonSolver:
         ``tolerance`` bounds the residual norm over a scale of ``force`` [N]. Raises `NotConverged`, with the state as
         it was before, when Newton's method fails.
         """
-        self.tolerance, self._force, self._targets = tolerance * force, force, self.control.targets(fraction)
+        self.tolerance, self._targets = tolerance * force, self.control.targets(fraction)
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
@@ -142,13 +141,12 @@ class NewtonSolver:
         self._keeps = self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
-        exact = self.tolerance
+        exact, failed = self.tolerance, PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
             self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
             self._prepared = False
-            failed = PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
             if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since that tangent
                 self._keeps = False
                 iterations += self._iterate()
@@ -159,8 +157,7 @@ class NewtonSolver:
             stalled = reason == failed and norm < max(near_end, STALL * force)
             if search == "bt" and not (reason > 0 or stalled):
                 break
-        self._start.copy(self._x)
-        self._set(self._x)
+        self._set(self._start)
         name = next((key for key, value in vars(PETSc.SNES.ConvergedReason).items() if value == reason), str(reason))
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
@@ -172,18 +169,10 @@ class NewtonSolver:
 
     def account(self) -> dict[str, Any]:
         """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
-        done, self.effort = self.effort, Effort()
-        both = np.array([done.seconds_assembly, done.seconds_solve])
-        self.model.comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MAX)
-        return {
-            "linear_solver": self.choice.method,
-            "tangents": done.tangents,
-            "linear_iterations": done.linear_iterations,
-            "linear_fallbacks": done.fallbacks,
-            "residuals": done.residuals,
-            "seconds_assembly": float(both[0]),
-            "seconds_solve": float(both[1]),
-        }
+        done, self.effort = asdict(self.effort), Effort()
+        for name in ("seconds_assembly", "seconds_solve"):
+            done[name] = self.model.comm.allreduce(done[name], op=MPI.MAX)
+        return {"linear_solver": self.choice.method, **done}
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
         install(self._options | changed)
@@ -206,9 +195,8 @@ class NewtonSolver:
         iterations = self.snes.getIterationNumber()
         failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
         if failed and not self.choice.direct:
-            effort.fallbacks += 1
+            effort.linear_fallbacks += 1
             factors = self.linear.factors()
-            factors.setOperators(self.model.matrix)
             self.system.ksp = factors
             self.snes.solve(None, self._x)
             self.system.ksp = self.linear.ksp

@@ -71,14 +71,6 @@ class Reduction:
         x, y = (sign * v for sign, v in zip(self.images[ball].signs, turned, strict=True))
         return x, y
 
-    def neighbours(self) -> list[list[tuple[float, float]]]:
-        """Return for each model ball the positions of all other balls of the scene, in the model's frame."""
-        everyone = [
-            tuple(s * c for s, c in zip(image.signs, self.balls[image.model_ball].position, strict=True))
-            for image in self.images
-        ]
-        return [[p for p in everyone if math.dist(p, ball.position) > _SAME * ball.radius] for ball in self.balls]  # type: ignore[misc]
-
 
 def reduce_scene(problem: Problem) -> Reduction:
     """Find the frame with the most mirror planes, and the balls that remain in the cut scene."""
@@ -87,18 +79,17 @@ def reduce_scene(problem: Problem) -> Reduction:
     angles = [0.0]
     for a, b in combinations(positions[: min(len(positions), 12)], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
-    best: tuple[float, float, np.ndarray, tuple[int, ...], np.ndarray] | None = None
-    for angle in angles:
+
+    def framed(angle: float) -> tuple[float, float, np.ndarray, tuple[int, ...], np.ndarray]:
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         local = positions @ turn.T
         centre = 0.5 * (local.min(axis=0) + local.max(axis=0))
         local = local - centre
         planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, local, axis, angle))
         score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
-        if best is None or score > best[0]:
-            best = (score, angle, turn.T @ centre, planes, local)
-    assert best is not None  # the angle 0 always counts
-    _, angle, origin, planes, local = best
+        return score, angle, turn.T @ centre, planes, local
+
+    _, angle, origin, planes, local = max(map(framed, angles), key=lambda frame: frame[0])
     return _cut(problem, angle, origin, planes, local)
 
 
@@ -106,17 +97,15 @@ def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, a
     if not all(_is_even(ball, axis, angle) for ball in problem.balls):
         return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
-    for ball, value, position in zip(problem.balls, values, local, strict=True):
-        image = position.copy()
-        image[axis] *= -1.0
-        partners = [
-            other
-            for other, v, p in zip(problem.balls, values, local, strict=True)
-            if np.max(np.abs(p - image)) <= _SAME * size and v == value and other.radius == ball.radius
-        ]
-        if not any(other.shape == ball.shape for other in partners):
-            return False
-    return True
+    others = list(zip(problem.balls, values, local, strict=True))
+    return all(
+        any(
+            np.max(np.abs(p - position * np.where(np.arange(2) == axis, -1.0, 1.0))) <= _SAME * size
+            and (v, other.radius, other.shape) == (value, ball.radius, ball.shape)
+            for other, v, p in others
+        )
+        for ball, value, position in others
+    )
 
 
 def _is_even(ball: Ball, axis: int, angle: float) -> bool:

@@ -56,13 +56,9 @@ class FieldWriter:
 
     def forget_after(self, number: int) -> None:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
-
-        def remove() -> None:
-            for path in self.folder.glob("step_*.*"):
-                if path.stem > stem(number):
-                    path.unlink()
-
-        on_root(self.model.comm, remove)
+        last = stem(number)
+        beyond = (path for path in self.folder.glob("step_*.*") if path.stem > last)
+        on_root(self.model.comm, lambda: list(map(Path.unlink, beyond)))
 
     def write(self, number: int, fraction: float) -> float:
         """Write step ``number`` (1, 2, ...) if it is asked for, and the index anew; return the seconds taken."""
@@ -70,11 +66,8 @@ class FieldWriter:
         if self.choice.wants(number, fraction):
             arrays = self._mesh_arrays()
             arrays |= {f"node_fields/{name}": values for name, values in self._node_fields().items()}
-
-            def describe(file: h5py.File) -> None:
-                self._describe(file, number, fraction)
-
-            write_gathered(self.model.comm, self.folder / f"{stem(number)}.h5", arrays, describe)
+            path = self.folder / f"{stem(number)}.h5"
+            write_gathered(self.model.comm, path, arrays, lambda file: self._describe(file, number, fraction))
             on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
         return time.monotonic() - began
 

@@ -34,7 +34,6 @@ def newton_step(rig: Rig, residual: PETSc.Vec, step: PETSc.Vec) -> None:
     """Solve with the tangent at the present state."""
     rig.model.tangent()
     factors = rig.solver.linear.factors()
-    factors.setOperators(rig.model.matrix)
     factors.solve(residual, step)
     factors.destroy()
 
