@@ -58,10 +58,8 @@ class ModelRun:
         self.solver.close()
         self.model.close()
 
-    def predicted_by(self, snapshot: Snapshot | None) -> State | None:
+    def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""
-        if snapshot is None:
-            return None
         values, source = snapshot.at(self.model.fields)
         return State(snapshot.fraction, values, tuple(snapshot.approaches), source)
 

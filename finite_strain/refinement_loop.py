@@ -210,8 +210,7 @@ class Refinement:
             if each is None:
                 continue
             met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
-            states = [each.predicted_by(Snapshot.load(self._file(number, model, fraction))) for fraction in met]
-            each.path.resume([state for state in states if state is not None])
+            each.path.resume([each.predicted_by(Snapshot.load(self._file(number, model, f))) for f in met])
 
     def _judge(self, record: Record) -> None:
         """Note how far T is known at the last step: the largest error of a ball's T over the scale, and its terms."""
@@ -242,11 +241,8 @@ class Refinement:
         said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
         notes = list(form_notes(plan.problem))
         if near_zero and record.scale > 0.0:
-            known = ", ".join(
-                f"{100 * ball.tangential_force_error / size:.2g} %" if size > 0.0 else "zero"
-                for ball in steps[-1].balls
-                for size in [math.hypot(*ball.tangential_force)]
-            )
+            sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in steps[-1].balls]
+            known = ", ".join(f"{100 * error / size:.2g} %" if size > 0.0 else "zero" for size, error in sizes)
             notes.append(
                 f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
                 f"of the balls' own T the error is {known}"
@@ -287,7 +283,7 @@ class Refinement:
         """Return where the run passed its budget: the first discretisations are run whatever they cost."""
         budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
         notes = []
-        if budget.unknowns is not None and record.unknowns > budget.unknowns:
+        if record.unknowns > (budget.unknowns or math.inf):
             notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
         if budget.seconds is not None and spent > budget.seconds:
             notes.append(f"the discretisations took {spent:.0f} s, more than the budget of {budget.seconds:g} s")

@@ -70,14 +70,9 @@ class Snapshot:
         violation = np.full(len(points), np.inf)
         low, high = self.nodes.min(axis=1), self.nodes.max(axis=1)
         slack = BULGE * (high - low)
-        order = np.argsort(points[:, 0], kind="stable")
-        sorted_x = points[order, 0]
         for cell, nodes in enumerate(self.nodes):
-            begin, end = np.searchsorted(sorted_x, [low[cell, 0] - slack[cell, 0], high[cell, 0] + slack[cell, 0]])
-            near = order[begin:end]
-            box = np.all((points[near] >= low[cell] - slack[cell]) & (points[near] <= high[cell] + slack[cell]), axis=1)
-            near = near[box]
-            near = near[violation[near] > INSIDE]
+            box = np.all((points >= low[cell] - slack[cell]) & (points <= high[cell] + slack[cell]), axis=1)
+            near = np.flatnonzero(box & (violation > INSIDE))
             if not len(near):
                 continue
             place = _inverted(nodes, points[near])

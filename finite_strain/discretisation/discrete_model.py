@@ -19,7 +19,7 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Contact
-from finite_strain.discretisation.regions import Bulk, elastic_constants, make_bulks, nothing_where_idle
+from finite_strain.discretisation.regions import Bulk, constant, elastic_constants, make_bulks, nothing_where_idle
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
 from finite_strain.mechanics.kinematics import Finite, Kinematics
@@ -106,7 +106,7 @@ class Model:
         fields = self.fields.functions
         self._direction = self.fields.like()
         along = self._direction.functions
-        self._with_contact = self.unity()
+        self._with_contact = constant(self.mesh, 1.0)
         potential = bulk + self._with_contact * self.contact.energy
         # at small strain the bulk's part of the tangent never changes and is kept; the contact's is added to it
         self._keeps_bulk = not (self.is_finite or self.is_mixed)
@@ -116,7 +116,7 @@ class Model:
         pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
         actions = [sum(ufl.derivative(r, f, d) for f, d in zip(fields, along, strict=True)) for r in residuals]
         readings = self.contact.readings(self._stretch())
-        self._asked = [dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0)) for _ in readings]
+        self._asked = [constant(self.mesh, 0.0) for _ in readings]
         reading = sum(asked * form for asked, form in zip(self._asked, readings, strict=True))
         border = ufl.derivative(readings[_NORMAL], u, test)
         forms = [*tangents, *actions, *residuals, potential, border, reading, *[pressed] * self._keeps_bulk]
@@ -137,14 +137,10 @@ class Model:
         """Return the compiled form (collective)."""
         return compat.compile_form(form, self.comm)
 
-    def unity(self) -> Any:
-        """Return one, as a constant of the mesh."""
-        return dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(1.0))
-
     def _stretch(self) -> Any:
         """Return the ratio of deformed to undeformed area of the top; 1 at small strain."""
         if not self.is_finite:
-            return self.unity()
+            return constant(self.mesh, 1.0)
         F = ufl.Identity(3) + ufl.grad(self.displacement)
         normal = ufl.cross(F[:, 0], F[:, 1])
         return ufl.sqrt(ufl.dot(normal, normal))

@@ -32,9 +32,8 @@ class Bulk:
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
     """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions."""
     bulks = []
-    for name, solid in (("layer", problem.layer), ("substrate", problem.substrate)):
-        if solid is None:
-            continue
+    regions = {"layer": problem.layer, "substrate": problem.substrate}
+    for name, solid in ((name, solid) for name, solid in regions.items() if solid is not None):
         pressure = idle = None
         if is_mixed(problem, name):  # on a space of its own, by which its constraints are told from another's
             pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")

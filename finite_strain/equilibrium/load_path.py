@@ -93,9 +93,9 @@ class LoadPath:
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
-            step = goal - (self.history[-1].fraction if self.history else 0.0)
-            while not self.history or abs(self.history[-1].fraction - goal) > BACK * abs(goal):
-                reached = self.history[-1].fraction if self.history else 0.0
+            step = goal - self._last.fraction
+            while not self.history or abs(self._last.fraction - goal) > BACK * abs(goal):
+                reached = self._last.fraction
                 fraction = goal if abs(goal - reached) <= abs(step) * (1.0 + BACK) else reached + step
                 self._observe(fraction, cuts)
                 record = StepRecord(fraction, cuts=cuts)
@@ -118,6 +118,11 @@ class LoadPath:
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 yield record
+
+    @property
+    def _last(self) -> State:
+        """The state that the path has reached, at first the undeformed one."""
+        return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
 
     def resume(self, history: Sequence[State]) -> None:
         """Go on from the last states of an earlier run."""
@@ -153,9 +158,8 @@ class LoadPath:
         else:
             self._set_penalties()
             self._newton(record, rough=ROUGH)
-            before = self.history[-1] if self.history else State(0.0, (), (0.0,) * len(contact.balls), energy=0.0)
-            work = float(self.model.part_forces() @ (contact.approaches - np.array(before.approaches)))
-            if self.model.energy() - before.energy > work + SURPLUS * abs(work):
+            work = float(self.model.part_forces() @ (contact.approaches - np.array(self._last.approaches)))
+            if self.model.energy() - self._last.energy > work + SURPLUS * abs(work):
                 raise NotConverged("the equilibrium found holds more energy than was put in: its surface is crumpled")
             self.source = contact.penalised
 

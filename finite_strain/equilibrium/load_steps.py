@@ -20,13 +20,11 @@ def load_fractions(kind: LoadKind, deepest: float, goals: Sequence[float] = (1.0
     Q ~ D^(3/2) between the two. Between two goals steps of the approach are equal.
     """
     power = _power(kind)
-    fractions: list[float] = []
-    before = 0.0
+    fractions, before = list[float](), 0.0
     for goal in goals:
         after = goal ** (1.0 / power)
         parts = max(math.ceil(deepest * (after - before) / LARGEST_STEP - 1e-9), 1)
-        fractions += [(before + (after - before) * n / parts) ** power for n in range(1, parts)]
-        fractions.append(goal)
+        fractions += [*((before + (after - before) * n / parts) ** power for n in range(1, parts)), goal]
         before = after
     return tuple(fractions)
 

@@ -25,11 +25,12 @@ MOST_ITERATIONS = 40
 class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
-    ``moves`` (balls, unknowns) says how unknowns move balls; ``ksp`` solves with the model's matrix. The unknown
-    approaches are the last entries of the last rank's part of a vector. ``solves`` counts the iterations of ``ksp``.
+    ``moves`` (balls, unknowns) says how unknowns move balls; ``ksp`` solves with the model's matrix, and ``outer`` with
+    this system. The unknown approaches are the last entries of the last rank's part of a vector. ``solves`` counts the
+    iterations of ``ksp``.
     """
 
-    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP) -> None:
+    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
         self.model, self.moves, self.ksp = model, moves, ksp
         self.count, self.solves = moves.shape[1], 0
         self._is_old, self._failed, self._first = False, False, 0.0
@@ -44,9 +45,6 @@ class TangentSystem:
         size = self._own + (self.count if self._last else 0)
         self.matrix = PETSc.Mat().createPython(((size, None), (size, None)), self, comm=model.comm)
         self.matrix.setUp()
-
-    def precondition(self, outer: PETSc.KSP) -> None:
-        """Have a Krylov method solve this system."""
         outer.setType("fgmres")
         outer.setGMRESRestart(MOST_ITERATIONS)
         outer.setConvergenceTest(self._converged)

@@ -72,11 +72,11 @@ def expected_indentation(problem: Problem) -> list[Expected]:
     if kind == "total_force":
         values = tuple(values[0] / problem.size for _ in problem.balls)
     name = "approach" if kind == "approach" else "normal_force"
-    answer = []
-    for ball, value in zip(problem.balls, values, strict=True):
+
+    def of(ball: Ball, value: float) -> Expected:
         if value <= 0.0:
-            answer.append((0.0, 0.0, 0.0))
-            continue
+            return 0.0, 0.0, 0.0
         state = alone(problem.layer, problem.substrate, known_shape(ball), ball.radius, **{name: value})
-        answer.append((state.approach, state.normal_force, state.contact_radius))
-    return answer
+        return state.approach, state.normal_force, state.contact_radius
+
+    return list(map(of, problem.balls, values))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from itertools import combinations
@@ -60,16 +61,14 @@ class Reduction:
 
     def to_scene(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
         """Return an in-plane vector of the scene's ball from that of its model ball."""
-        x, y = (s * v for s, v in zip(self.images[ball].signs, vector, strict=True))
-        c, s = math.cos(self.angle), math.sin(self.angle)
-        return (c * x - s * y, s * x + c * y)
+        turned = complex(*np.multiply(self.images[ball].signs, vector)) * cmath.rect(1.0, self.angle)
+        return turned.real, turned.imag
 
     def to_model(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
         """Return an in-plane vector of the model's ball from that of the scene's."""
-        c, s = math.cos(self.angle), math.sin(self.angle)
-        turned = (c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1])
-        x, y = (sign * v for sign, v in zip(self.images[ball].signs, turned, strict=True))
-        return x, y
+        turned = complex(*vector) * cmath.rect(1.0, -self.angle)
+        signs = self.images[ball].signs
+        return signs[0] * turned.real, signs[1] * turned.imag
 
 
 def reduce_scene(problem: Problem) -> Reduction:

@@ -39,13 +39,9 @@ class Budget:
     unknowns: float | None = None
 
     def __post_init__(self) -> None:
-        faults = [
-            f"accuracy.{name}: must be greater than 0, got {value:g}"
-            for name, value in (("seconds", self.seconds), ("unknowns", self.unknowns))
-            if value is not None and not value > 0.0
-        ]
-        if faults:
-            raise InvalidProblem(*faults)
+        wrong = {name: value for name, value in vars(self).items() if value is not None and not value > 0.0}
+        if wrong:
+            raise InvalidProblem(*(f"accuracy.{name}: must be greater than 0, got {wrong[name]:g}" for name in wrong))
 
     @property
     def most_unknowns(self) -> float:

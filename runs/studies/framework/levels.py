@@ -23,7 +23,7 @@ from runs.studies.framework.case import Case
 
 if TYPE_CHECKING:
     from finite_strain.discretisation.checkpoint import Snapshot
-    from finite_strain.equilibrium.load_path import StepRecord
+    from finite_strain.equilibrium.load_path import State, StepRecord
     from finite_strain.one_discretisation import ModelRun
     from finite_strain.planning.records import Discretisation, Record
     from finite_strain.planning.run_plan import RunPlan
@@ -122,7 +122,12 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
 
 def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[StepRecord]:
     """Yield each equilibrium with its multipliers, predicted from the level before; it is remembered for the next."""
-    for done in run.path.steps(list(fractions), lambda fraction: run.predicted_by(seen.get((model, fraction)))):
+
+    def predicted(fraction: float) -> State | None:
+        known = seen.get((model, fraction))
+        return None if known is None else run.predicted_by(known)
+
+    for done in run.path.steps(list(fractions), predicted):
         run.path.augment(done)
         seen[model, done.fraction] = run.snapshot(done.fraction)
         yield done
