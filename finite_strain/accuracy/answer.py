@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain
+from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.planning.records import Record, Row
@@ -18,6 +19,7 @@ from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Step
 from linear_bem.solver import solve
 
+UNSURE = ("transfer", "force_transfer")
 LINEAR_ACCURACY = 0.03
 """Accuracy asked of linear_bem over that asked of the run."""
 LEAST, MOST = 1.5, 3.0
@@ -71,6 +73,9 @@ class Answers:
         now, before = self._paired(fine, truth), self._paired(coarse, truth)
         older = None if last is None else self._paired(last, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
+        if self.plan.is_paired:
+            unsure = [transfer(getattr(now, n), getattr(before, n), self.fine.level, self.coarse.level) for n in UNSURE]
+            now = replace(now, **dict(zip(UNSURE, unsure, strict=True)))
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor = np.maximum(size, self._scale(now.normal_force))
         squared, pull = now.normal_force**2, now.tangential_force

@@ -62,6 +62,16 @@ def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | No
     return q / (1.0 - q)
 
 
+def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: Discretisation) -> np.ndarray:
+    """Return what of the pair's correction may not carry over (balls,), from the two discretisations' own.
+
+    A correction oscillates with the place of the contact's edge in its element and may be small by chance; it is taken
+    as no less than what the slowest order leaves of the coarser one's.
+    """
+    ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
+    return np.maximum(now, ratio**-SLOWEST * before) if ratio > 1.0 else now
+
+
 def discretisation(
     now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: list[np.ndarray], size: np.ndarray
 ) -> np.ndarray:
