@@ -47,12 +47,8 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
     """Return a Lagrange space of the degree on hexahedra with the value shape."""
     if _OLD:
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
-        if shape == ():
-            element = ufl.FiniteElement(family, cell, degree)
-        elif len(shape) == 1:
-            element = ufl.VectorElement(family, cell, degree, dim=shape[0])
-        else:
-            element = ufl.TensorElement(family, cell, degree, shape=shape)
+        scalar = ufl.FiniteElement(family, cell, degree)
+        element = ufl.VectorElement(scalar, dim=shape[0]) if shape else scalar
         with _compiler_cache(mesh.comm) as options:  # the old version compiles spaces too
             return dolfinx.fem.FunctionSpace(mesh, element, **options)
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
@@ -204,12 +200,11 @@ def free_dropped_objects(comm: MPI.Comm) -> None:
 
 def create_block_matrix(forms: list[list[Any]]) -> PETSc.Mat:
     """Return a matrix for the compiled forms of several fields: each rank's rows of the first field come first."""
-    petsc = dolfinx.fem.petsc
-    return petsc.create_matrix_block(forms) if VERSION < (0, 10) else petsc.create_matrix(forms)
+    name = "create_matrix_block" if VERSION < (0, 10) else "create_matrix"
+    return getattr(dolfinx.fem.petsc, name)(forms)
 
 
 def assemble_block_matrix(matrix: PETSc.Mat, forms: list[list[Any]], bcs: list[Any]) -> None:
     """Add the forms of several fields to the matrix, with the identity in constrained rows; it stays open for more."""
-    petsc = dolfinx.fem.petsc
-    assemble = petsc.assemble_matrix_block if VERSION < (0, 10) else petsc.assemble_matrix
-    assemble(matrix, forms, bcs)
+    name = "assemble_matrix_block" if VERSION < (0, 10) else "assemble_matrix"
+    getattr(dolfinx.fem.petsc, name)(matrix, forms, bcs)

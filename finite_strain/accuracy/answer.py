@@ -74,8 +74,9 @@ class Answers:
         older = None if last is None else self._paired(last, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         if self.plan.is_paired:
-            unsure = [transfer(getattr(now, n), getattr(before, n), self.fine.level, self.coarse.level) for n in UNSURE]
-            now = replace(now, **dict(zip(UNSURE, unsure, strict=True)))
+            levels = self.fine.level, self.coarse.level
+            unsure = {name: transfer(getattr(now, name), getattr(before, name), *levels) for name in UNSURE}
+            now = replace(now, **unsure)
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor = np.maximum(size, self._scale(now.normal_force))
         squared, pull = now.normal_force**2, now.tangential_force
@@ -124,7 +125,7 @@ class Answers:
             "step": len(earlier) + 1,
             **details,
             "linear_failure": said if isinstance(said, str) else "",
-            "error_terms": {name: self._per_ball(doubt * getattr(terms, name)) for name in terms.names()},
+            "error_terms": {name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
             "pair_weight": self._per_ball(weight),
             "imbalance": imbalance,
             "normal_force_error": self._per_ball(none if self.forces_given else through.total),

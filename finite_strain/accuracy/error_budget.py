@@ -10,7 +10,7 @@ The terms are independent in origin; the error of T is the root of the sum of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,12 +37,7 @@ class Terms:
     @property
     def total(self) -> np.ndarray:
         """The root of the sum of squares."""
-        return np.asarray(np.sqrt(sum(getattr(self, f.name) ** 2 for f in fields(self))))
-
-    @staticmethod
-    def names() -> list[str]:
-        """Return the names of the terms."""
-        return [f.name for f in fields(Terms)]
+        return np.asarray(np.sqrt(sum(term**2 for term in vars(self).values())))
 
 
 def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:

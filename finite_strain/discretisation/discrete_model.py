@@ -133,10 +133,6 @@ class Model:
         spaces = [pressure.function_space for pressure in self.fields.pressures]
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
-    def compile(self, form: Any) -> Any:
-        """Return the compiled form (collective)."""
-        return compat.compile_form(form, self.comm)
-
     def _stretch(self) -> Any:
         """Return the ratio of deformed to undeformed area of the top; 1 at small strain."""
         if not self.is_finite:
@@ -167,10 +163,6 @@ class Model:
         """Nodal displacements (nodes, 3) [m] of this rank, ghosts included; a view."""
         return self.displacement.x.array.reshape(-1, 3)
 
-    def total(self, form: Any) -> float:
-        """Return a compiled functional summed over ranks (collective)."""
-        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(form), op=MPI.SUM))
-
     def strain_energy(self) -> float:
         """Return the strain energy [J] of the simulated part (collective)."""
         with self._contact_left_out():
@@ -178,7 +170,7 @@ class Model:
 
     def energy(self) -> float:
         """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
-        return self.total(self._potential)
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._potential), op=MPI.SUM))
 
     @contextmanager
     def _contact_left_out(self) -> Iterator[None]:
@@ -258,7 +250,7 @@ class Model:
             if bulk.pressure is not None:
                 test = ufl.TestFunction(bulk.pressure.function_space)
                 measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-                forms.append(self.compile(test * measure(bulk.tag)))
+                forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
                 unit = bulk.solid.shear_modulus / self._length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
         volumes = self._by_pressure(forms)

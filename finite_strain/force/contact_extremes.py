@@ -30,7 +30,8 @@ class Extremes:
         self._is_top = is_top[compat.cell_dofs(model.space)[self._cells]]
         self._values = compat.compile_expression(model.contact.penetration(), lattice.points, model.comm)
         hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
-        self._forms = [model.compile(f * hat * measure) for f in (model.contact_pressure_expression, 1)]
+        forms = [f * hat * measure for f in (model.contact_pressure_expression, 1)]
+        self._forms = compat.compile_forms(forms, model.comm)
         self._work = compat.ghosted_vector(self._forms[0], model.linear_space)
         points = model.linear_space.tabulate_dof_coordinates()[: model.linear_space.dofmap.index_map.size_local]
         axes = np.array([ball.position for ball in model.contact.balls])

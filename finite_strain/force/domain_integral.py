@@ -14,6 +14,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from meshes.box import Box
 
@@ -35,8 +36,8 @@ class ForceMeter:
             eshelby_row = psi * self._axis - ufl.dot(stress.T, ufl.dot(gradient, self._axis))
             return -ufl.inner(eshelby_row, slope)
 
-        self._volume = model.compile(model.volume_integral(density))
-        self._surface = model.compile(model.contact.configurational_form(self._weight, self._axis))
+        forms = [model.volume_integral(density), model.contact.configurational_form(self._weight, self._axis)]
+        self._volume, self._surface = compat.compile_forms(forms, model.comm)
         self._points = model.linear_space.tabulate_dof_coordinates()
 
     def domain(self, contact_radii: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from finite_strain.accuracy.answer import Answers
-from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain
+from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
 from finite_strain.planning.records import Discretisation, Record
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
@@ -21,7 +21,7 @@ FINER = Discretisation(3, 1.5)
 def test_terms_add_up_as_independent_ones_do() -> None:
     terms = Terms(*(np.array([value, 0.0]) for value in (3.0, 4.0, 12.0, 0.0)))
     assert terms.total == relatively([13.0, 0.0], ROUNDOFF) or terms.total == pytest.approx([13.0, 0.0])
-    assert Terms.names() == ["discretisation", "enforcement", "transfer", "solver"]
+    assert list(vars(terms)) == ["discretisation", "enforcement", "transfer", "solver"]
 
 
 QUARTIC = Discretisation(4, 1.0)
@@ -53,6 +53,12 @@ def test_an_observed_ratio_of_changes_counts_between_the_slowest_and_the_fastest
     assert gain(FINER, CUBIC, observed) == relatively([left(1.5, SLOWEST)] * 5, ROUNDOFF)
     # nor has another domain or penalty on the same mesh
     assert gain(CUBIC, CUBIC, observed) == 1.0
+
+
+def test_a_correction_that_is_small_by_chance_counts_as_what_the_slowest_order_leaves_of_the_coarser_one() -> None:
+    now, before = np.array([0.001, 0.03]), np.array([0.08, 0.08])
+    assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-SLOWEST, 0.03], ROUNDOFF)
+    assert transfer(now, before, CUBIC, CUBIC) == relatively(now, ROUNDOFF)  # another domain: nothing is left of before
 
 
 def test_a_chance_agreement_at_one_step_is_not_an_error_of_nothing() -> None:
