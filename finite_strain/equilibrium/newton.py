@@ -34,6 +34,11 @@ NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
 MOST_LAGGED = 20
 """Krylov iterations in one system from which on a new tangent is taken for the next."""
+LOOSE, TIGHT, BELOW = 3e-2, 1e-3, 0.1
+"""Norm of a system's residual over Newton's, at first and near the end; over the norm at which Newton's method stops.
+
+[Eisenstat Walker 1996, choice 2, doi 10.1137/0917003]
+"""
 NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 STALL = 1e-3
@@ -55,8 +60,7 @@ class Equilibrium:
 class Effort:
     """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
 
-    ``residuals`` are the norms [N] that the last Newton solve passed through; ``linear_fallbacks`` counts the systems
-    that the Krylov method left to factors, and the Newton solves that therefore ended with them.
+    ``residuals`` are those of the last Newton solve [N]; ``linear_fallbacks`` counts solves that factors had to end.
     """
 
     seconds_assembly: float = 0.0
@@ -104,7 +108,7 @@ class NewtonSolver:
         self._set_from_options({})
         self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
-        self._keeps = self._is_old = self._prepared = False
+        self._norm, self._keeps, self._is_old, self._prepared = 0.0, False, False, False
         self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
 
     def close(self) -> None:
@@ -137,7 +141,7 @@ class NewtonSolver:
         self._take(self._x)
         self._x.copy(self._start)
         self.effort.residuals = []
-        self._keeps = self._prepared
+        self._norm, self._keeps = 1e-300, self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
         exact, failed = self.tolerance, PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
@@ -219,7 +223,9 @@ class NewtonSolver:
                 self.system.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        taken = snes.getKSP().getIterationNumber()
+        taken, norm = snes.getKSP().getIterationNumber(), snes.getFunctionNorm()
+        share = min(max(min(norm / self._norm, 1.0) ** 2, TIGHT), LOOSE)
+        self.system.wanted, self._norm = max(share * norm, BELOW * self.tolerance), norm
         lags = self.choice.direct and taken < MOST_LAGGED
         self._is_old = self._keeps and (self._prepared or lags)
         if not self._is_old:

@@ -4,9 +4,8 @@ At order 3 (4) assembly and factors of a tangent take the time of 40 (90) produc
 therefore taken by the action of the potential's second derivative, and the factors of an earlier state precondition.
 
 A load that prescribes forces makes approaches unknowns. With the tangent K, the residual's derivative B by the unknown
-approaches and their own stiffness C the system is [[K, B], [B^T, C]]. One solve with K for each column of B and one for
-the right-hand side give its solution (block elimination), so a prescribed force costs what a prescribed approach costs
-and one more back substitution.
+approaches and their own stiffness C the system is [[K, B], [B^T, C]], preconditioned by block elimination: one solve
+with K for each column of B, and one for the right-hand side.
 """
 
 from __future__ import annotations
@@ -16,8 +15,6 @@ from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
 
-TOLERANCE = 1e-3
-"""Of the Krylov method, relative: Newton's method then converges as with exact solutions, by no less than this."""
 MOST_ITERATIONS = 40
 """Of the Krylov method in one system; with the factors of an earlier tangent its result is then taken as it is."""
 
@@ -26,14 +23,14 @@ class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
     ``moves`` (balls, unknowns) says how unknowns move balls; ``ksp`` solves with the model's matrix, and ``outer`` with
-    this system. The unknown approaches are the last entries of the last rank's part of a vector. ``solves`` counts the
-    iterations of ``ksp``.
+    this system, to the residual norm ``wanted`` [N]. The unknown approaches are the last entries of the last rank's part.
+    ``solves`` counts the iterations of ``ksp``.
     """
 
     def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
         self.model, self.moves, self.ksp = model, moves, ksp
         self.count, self.solves = moves.shape[1], 0
-        self._is_old, self._failed, self._first = False, False, 0.0
+        self.wanted, self._is_old, self._failed = 0.0, False, False
         matrix = model.matrix
         self._inner, self._image = matrix.createVecRight(), matrix.createVecRight()
         self._columns = [matrix.createVecRight() for _ in range(self.count)]
@@ -107,8 +104,7 @@ class TangentSystem:
 
     def _along(self, vectors: list[PETSc.Vec]) -> np.ndarray:
         """Return the products of the border's columns with vectors (unknowns, vectors)."""
-        products = [column.dot(vector) for column in self._columns for vector in vectors]
-        return np.array(products).reshape(self.count, len(vectors))
+        return np.array([c.dot(v) for c in self._columns for v in vectors]).reshape(self.count, len(vectors))
 
     def _add(self, factors: np.ndarray, vectors: list[PETSc.Vec], y: PETSc.Vec) -> None:
         """Put the image, with multiples of vectors added, into y."""
@@ -118,11 +114,10 @@ class TangentSystem:
 
     def _converged(self, ksp: PETSc.KSP, iteration: int, norm: float) -> int:
         reason = PETSc.KSP.ConvergedReason
-        if iteration == 0:
-            self._first, self._failed = norm, False
+        self._failed &= iteration > 0
         if self._failed or not np.isfinite(norm):
             return int(reason.DIVERGED_NANORINF)
-        if norm <= TOLERANCE * self._first:
+        if norm <= self.wanted:
             return int(reason.CONVERGED_RTOL)
         if iteration < MOST_ITERATIONS:
             return int(reason.CONVERGED_ITERATING)

@@ -52,8 +52,8 @@ class Budget:
 def answering(asked: float, budget: Budget, unknowns: Callable[[Discretisation], float]) -> Discretisation:
     """Return the first discretisation that answers, for an accuracy asked for; ``unknowns`` estimates its size."""
     highest = replace(PATH_FINDER, order=HIGHEST)
-    fits = unknowns(highest) <= budget.most_unknowns
-    return highest if asked <= FINE and fits else replace(PATH_FINDER, order=HIGHEST - 1)
+    fine = asked <= FINE and unknowns(highest) <= budget.most_unknowns
+    return highest if fine else replace(PATH_FINDER, order=HIGHEST - 1)
 
 
 @dataclass(frozen=True)
