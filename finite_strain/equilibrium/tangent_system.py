@@ -22,8 +22,8 @@ MOST_ITERATIONS = 40
 class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
-    ``moves`` (balls, unknowns) says how unknowns, the last entries of the last rank's vectors, move balls; ``ksp`` solves
-    with the model's matrix, its iterations ``solves``, and ``outer`` with this system, to a residual norm ``wanted`` [N].
+    ``moves`` (balls, unknowns) says how unknowns, the last entries of the last rank's vectors, move balls. ``ksp``
+    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``.
     """
 
     def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
