@@ -56,6 +56,14 @@ def test_finite_strain_strengthens_the_force_at_depth_and_not_under_light_load(d
     assert abs(ratios[0] - 1.0) < 0.04 + errors[0]
 
 
+def test_a_crumpled_surface_is_no_step_of_the_path(tmp_path: Path) -> None:
+    rig = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path)
+    # in one step Newton's method finds an equilibrium of a surface folded under the pole, of six times the forces' work
+    list(rig.path.steps([0.3 ** (2.0 / 3.0)]))
+    work = float(rig.model.part_forces() @ rig.model.contact.approaches)
+    assert rig.model.energy() == pytest.approx(0.4 * work, rel=0.1)  # as Hertz's contact holds
+
+
 def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> None:
     assert [step.record["fraction"] for step in deep.steps] == list(STEPS)
     for step in deep.steps:
