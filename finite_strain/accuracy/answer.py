@@ -75,8 +75,7 @@ class Answers:
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         if self.plan.is_paired:
             levels = self.fine.level, self.coarse.level
-            unsure = {name: transfer(getattr(now, name), getattr(before, name), *levels) for name in UNSURE}
-            now = replace(now, **unsure)
+            now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor = np.maximum(size, self._scale(now.normal_force))
         squared, pull = now.normal_force**2, now.tangential_force

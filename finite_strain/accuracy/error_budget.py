@@ -61,10 +61,11 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
     """Return what of the pair's correction may not carry over (balls,), from the two discretisations' own.
 
     A correction oscillates with the place of the contact's edge in its element and may be small by chance; it is taken
-    as no less than what the slowest order leaves of the coarser one's.
+    as no less than what convergence leaves of the coarser one's, the fastest where the order of the elements rises.
     """
     ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
-    return np.maximum(now, ratio**-SLOWEST * before) if ratio > 1.0 else now
+    left = ratio ** -(FASTEST if fine.order > coarse.order else SLOWEST)
+    return np.maximum(now, left * before) if ratio > 1.0 else now
 
 
 def discretisation(

@@ -55,9 +55,10 @@ def test_an_observed_ratio_of_changes_counts_between_the_slowest_and_the_fastest
     assert gain(CUBIC, CUBIC, observed) == 1.0
 
 
-def test_a_correction_that_is_small_by_chance_counts_as_what_the_slowest_order_leaves_of_the_coarser_one() -> None:
+def test_a_correction_that_is_small_by_chance_counts_as_what_convergence_leaves_of_the_coarser_one() -> None:
     now, before = np.array([0.001, 0.03]), np.array([0.08, 0.08])
-    assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-SLOWEST, 0.03], ROUNDOFF)
+    assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-FASTEST, 0.03], ROUNDOFF)
+    assert transfer(now, before, FINER, CUBIC) == relatively([0.08 * 1.5**-SLOWEST, 0.03], ROUNDOFF)
     assert transfer(now, before, CUBIC, CUBIC) == relatively(now, ROUNDOFF)  # another domain: nothing is left of before
 
 
