@@ -81,9 +81,9 @@ def test_a_step_that_is_cut_back_ends_in_the_same_equilibrium(breaking: dict[str
     assert [step.record["fraction"] for step in cut.steps] == list(STEPS)
     for ours, theirs in zip(cut.steps, usual.steps, strict=True):
         a, b = ours.balls[0], theirs.balls[0]
-        # solver
+        # the multipliers are those of a path's equilibrium, which is rough
         assert a.tangential_force[0] == relatively(b.tangential_force[0], 1e-4)
-        assert a.normal_force == relatively(b.normal_force, 1e-7)
+        assert a.normal_force == relatively(b.normal_force, 1e-6)
 
 
 def test_a_pair_that_finds_no_equilibrium_is_done_without_and_said(breaking: dict[str, Any], usual: Any) -> None:
