@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 PREFIX = "thirdbody_"
-DIRECT_UP_TO = 150_000
+DIRECT_UP_TO = 200_000
 """Unknowns up to which factors are taken; ``-thirdbody_direct_up_to N`` sets another number."""
 FACTORISATIONS = ("lu", "cholesky")
 

@@ -44,7 +44,7 @@ def plan(
     if problem.load.kind != "approach":
         raise UnsupportedProblem(f"{model}: load.{problem.load.kind}: the stand-in knows load.approach")
     return {
-        "forms": {"layer": "mixed"}, "linear_solver": "cholesky (mumps): up to 150000 unknowns",
+        "forms": {"layer": "mixed"}, "linear_solver": "cholesky (mumps): up to 200000 unknowns",
         "symmetries": ["mirror plane x = 0"], "unknowns": 1234, "meshes": ["order 3, fineness 1: about 1234 unknowns"],
         "memory_bytes": 5e8, "memory_bytes_at_most": 6e8, "seconds": 65.0,
         "domain": {"x": [0.0, 4.0], "y": [0.0, 4.0], "layer": 1.0, "substrate": 0.0},
