@@ -73,6 +73,7 @@ class Answers:
         now, before = self._paired(fine, truth), self._paired(coarse, truth)
         older = None if last is None else self._paired(last, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
+        adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
         if self.plan.is_paired:
             levels = self.fine.level, self.coarse.level
             now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
@@ -110,7 +111,7 @@ class Answers:
             terms = Terms(
                 change("T", lambda answer: answer.tangential_force, floor),
                 2.0 * MOST * size * share,
-                np.hypot(at_force.transfer, 2.0 * size * now.force_transfer),
+                adds(at_force.transfer, 2.0 * size * now.force_transfer),
                 solver,
             )
         area, peak = fine.own.contact_area, fine.own.peak_pressure

@@ -60,8 +60,8 @@ def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | No
 def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: Discretisation) -> np.ndarray:
     """Return what of the pair's correction may not carry over (balls,), from the two discretisations' own.
 
-    A correction oscillates with the place of the contact's edge in its element and may be small by chance; it is taken
-    as no less than what convergence leaves of the coarser one's, the fastest where the order of the elements rises.
+    A correction oscillates with the contact's edge in its element and may be small by chance: it counts as no less than
+    what convergence leaves of the coarser one's, the fastest where the order of the elements rises.
     """
     ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
     left = ratio ** -(FASTEST if fine.order > coarse.order else SLOWEST)

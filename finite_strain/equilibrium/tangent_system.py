@@ -28,8 +28,7 @@ class TangentSystem:
 
     def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
         self.model, self.moves, self.ksp = model, moves, ksp
-        self.count, self.solves = moves.shape[1], 0
-        self.wanted, self._is_old, self._failed = 0.0, False, False
+        self.count, self.solves, self.wanted, self._is_old, self._failed = moves.shape[1], 0, 0.0, False, False
         matrix = model.matrix
         self._inner, self._image = matrix.createVecRight(), matrix.createVecRight()
         self._columns = [matrix.createVecRight() for _ in range(self.count)]
