@@ -96,14 +96,14 @@ def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, a
     if not all(_is_even(ball, axis, angle) for ball in problem.balls):
         return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
-    others = list(zip(problem.balls, values, local, strict=True))
+    others, mirrored = list(zip(problem.balls, values, local, strict=True)), local * (1.0 - 2.0 * np.eye(2)[axis])
     return all(
         any(
-            np.max(np.abs(p - position * np.where(np.arange(2) == axis, -1.0, 1.0))) <= _SAME * size
+            np.max(np.abs(p - image)) <= _SAME * size
             and (v, other.radius, other.shape) == (value, ball.radius, ball.shape)
             for other, v, p in others
         )
-        for ball, value, position in others
+        for (ball, value, _), image in zip(others, mirrored, strict=True)
     )
 
 
