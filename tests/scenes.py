@@ -6,7 +6,7 @@ from tests.launch import ROOT
 
 
 def thin_pair(accuracy: str = "") -> str:
-    """Return the shipped thin pair, with the lines ``accuracy`` as its table `[accuracy]`, or without one."""
+    """Return the shipped thin pair at the usual load steps, with the lines ``accuracy`` as `[accuracy]`, or without."""
     text = (ROOT / "runs" / "scenes" / "paper_thin_pair.toml").read_text(encoding="utf-8")
-    kept = text.partition("[accuracy]")[0]
+    kept = "".join(line for line in text.partition("[accuracy]")[0].splitlines(True) if not line.startswith("steps"))
     return f"{kept}[accuracy]\n{accuracy}\n" if accuracy else kept

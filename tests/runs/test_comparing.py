@@ -17,6 +17,7 @@ from linear_bem import solve
 from runs.scene.scene_file import read_scene
 from tests.launch import ROOT, environment, mpirun
 from tests.runs.test_command_line import strict
+from tests.scenes import thin_pair
 
 SCENE = ROOT / "runs" / "scenes" / "paper_thin_pair.toml"
 RANKS = [1, pytest.param(2, marks=pytest.mark.mpi)]
@@ -185,8 +186,7 @@ def test_two_ranks_write_and_say_what_one_rank_does(tmp_path: Path, compared: tu
 
 def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
-    text = SCENE.read_text(encoding="utf-8")
-    scene.write_text(text.replace("[load]", '[load]\nsteps = ["0.5 mm", "1 mm", "1.5 mm"]'), encoding="utf-8")
+    scene.write_text(thin_pair().replace("[load]", '[load]\nsteps = ["0.5 mm", "1 mm", "1.5 mm"]'), encoding="utf-8")
     args = ("solve", scene, "--out", tmp_path / "out", "--model", "small_strain")
     done = mpirun(1, "-m", "tests.runs.elements", *args, timeout=120.0)
     assert done.returncode == 0, done.stderr
@@ -209,7 +209,7 @@ def test_plan_names_the_models_of_a_comparison() -> None:
 
 def test_a_load_that_the_elements_lack_is_refused_before_long_work(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
-    text = SCENE.read_text(encoding="utf-8").replace("approach = 0.32", "force = 0.1")
+    text = thin_pair().replace("approach = 0.32", "force = 0.1")
     scene.write_text(text, encoding="utf-8")
     done = mpirun(1, "-m", "tests.runs.elements", "compare", scene, "--out", tmp_path / "out", timeout=60.0)
     assert done.returncode == 2

@@ -50,13 +50,15 @@ def test_a_real_comparison_survives_interruption_and_tends_to_the_linear_model(s
     said = stop_after_first_step(scene, out)
     assert "the same command continues" in said or not launcher_forwards_last_words()
     assert "Traceback" not in said
-    finished = strict((out / "result.json").read_text(encoding="utf-8"))["finite"]["steps"]
+    interrupted = strict((out / "result.json").read_text(encoding="utf-8"))["finite"]
+    finished = interrupted["steps"]
+    assert not interrupted["solved"]["converged"]
     done = mpirun(1, "-m", "runs.cli", "compare", scene, "--out", out, "--json", timeout=280.0)
     assert done.returncode == 0, done.stderr
     assert "step 1 " not in done.stderr
     document = strict(done.stdout)
     steps = document["finite"]["steps"]
-    assert len(steps) > len(finished)
+    assert len(steps) >= len(finished)  # the signal may arrive when the last step is on disk
     assert [s["balls"][0]["normal_force"] for s in steps[: len(finished)]] == [
         s["balls"][0]["normal_force"] for s in finished
     ]
