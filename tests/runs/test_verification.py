@@ -196,7 +196,7 @@ def test_a_stop_that_says_why_is_no_claim_and_neither_is_what_has_not_run(tmp_pa
     assert [row["verdict"] for row in hard.rows(both)] == ["not converged", None]
     silent = Found((stopped,), {stopped.name: {"state": "not converged", "reason": "", "steps": []}})
     assert [row["verdict"] for row in hard.rows(silent)] == ["WRONG"]
-    text = present(both, tmp_path, quick=False)
+    text = present(both, tmp_path)
     assert "0 right, 0 WRONG, 0 refused by name, 1 not converged, 1 without a claim" in text
     assert "load step to 0.9" in text
     assert (tmp_path / "hard.csv").exists()

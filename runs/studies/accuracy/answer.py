@@ -22,7 +22,7 @@ ON_ONE = "finite-strain-0.02"
 """The case on one rank that the one on all ranks is held against."""
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write accuracy.csv and pareto.svg; return tables and advice as Markdown."""
     rows = measured(found)
     if rows:

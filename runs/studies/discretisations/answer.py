@@ -14,7 +14,7 @@ from runs.studies.framework.tables import markdown, save_csv
 BY_ITSELF, PAIRED, BAR = "T off by itself [%]", "T off, paired [%]", "its error bar [%]"
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write discretisations.csv; return the table as Markdown."""
     rows = [row for case in found.cases for row in _rows(case, found)]
     save_csv(folder / "discretisations.csv", rows)

@@ -25,7 +25,8 @@ class Case:
     ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
     whole load path); ``stop_after`` interrupts the run after that many load
     steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
-    has one rank solve it where several are there.
+    has one rank solve it where several are there; ``same_as`` names a study and its case that is the same: an answer
+    in its folder, beside this study's, is taken.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Case:
     stop_after: int | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     alone: bool = False
+    same_as: tuple[str, str] | None = None
 
     @property
     def parallel(self) -> bool:

@@ -23,7 +23,7 @@ DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write tables and figures; return the answer as Markdown."""
     rows = factors(found, folder)
     named = {case.name: case for case in found.cases}

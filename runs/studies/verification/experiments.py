@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from runs.display.numbers import Scale, attraction
+from runs.display.numbers import Scale
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
-from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
-from runs.studies.verification.part import Part, cases_of, pair, worded
+from runs.studies.framework.pair import pair
+from runs.studies.framework.records import Found, pull
+from runs.studies.stability.judging import energy_balance, took, verdict
+from runs.studies.verification.part import Part, worded
 
 NAME = "experiments"
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -52,7 +53,7 @@ def _case(name: str, words: str, problem: Any, accuracy: float = ACCURACY) -> Ca
 
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per scene: how far it came, what it took, and its answer."""
-    return [_row(found, case) for case in cases_of(found, NAME)]
+    return [_row(found, case) for case in found.of_part(NAME)]
 
 
 def _row(found: Found, case: Case) -> dict[str, Any]:
@@ -62,17 +63,13 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
     row["verdict"] = worded(found, case, ended)
     if steps:
         scale, ball = Scale.of(case.problem), steps[-1]["balls"][0]
-        size = attraction(steps[-1]["balls"], 0, ball["tangential_force"])
+        size, error = pull(steps[-1]["balls"])
         row |= {
             "D": ball["approach"] / scale.radius,
             "Q": ball["normal_force"] / scale.force,
-            "T": (size / scale.force, ball["tangential_force_error"] / scale.force),
+            "T": (size / scale.force, error / scale.force),
             "T/Q": size / ball["normal_force"],
-            "steps": len(steps),
-            "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps),
-            "iterations": sum(step["record"].get("iterations", 0) for step in steps),
-            "J": smallest(steps, "smallest_volume_ratio"),
-            "penetration": largest(steps, "penetration") / scale.radius,
+            **took(found, case),
             "balance": energy_balance(steps),
             "unknowns": record.get("solved", {}).get("unknowns"),
             "cpu": record.get("cpu_seconds", 0.0) / 60.0,

@@ -20,8 +20,9 @@ from linear_bem.closed_forms import (
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
+from runs.studies.framework.pair import as_seen_by
 from runs.studies.framework.records import Found
-from runs.studies.verification.part import COARSE, Part, as_seen_by, cases_of, claimed
+from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "one-ball"
 DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
@@ -76,7 +77,7 @@ def _case(name: str, problem: Problem, model: str, accuracy: float, kind: str) -
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case, load step shown, and reference."""
     table: list[dict[str, Any]] = []
-    for case in cases_of(found, NAME):
+    for case in found.of_part(NAME):
         steps = found.steps(case.name)
         for step in shown(steps):
             for reference in references(case, step["balls"][0]["approach"]):

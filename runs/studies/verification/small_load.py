@@ -10,11 +10,11 @@ import numpy as np
 
 from linear_bem.problem import Load
 from runs.comparison.linear_states import LinearStates
-from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.pair import PAPER_LOAD, THIN, as_seen_by, pair
+from runs.studies.framework.records import Found, pull
 from runs.studies.verification.one_ball import extrapolation_weights
-from runs.studies.verification.part import PAPER_LOAD, THIN, Part, as_seen_by, cases_of, claimed, pair
+from runs.studies.verification.part import Part, claimed
 
 NAME = "small-load"
 THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
@@ -56,7 +56,7 @@ def _case(model: str, problem: Any, h: float, distance: float, quick: bool, step
 
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case that is done."""
-    return [_row(case, found.steps(case.name)) for case in cases_of(found, NAME) if found.state(case.name) == DONE]
+    return [_row(case, found.steps(case.name)) for case in found.done(NAME)]
 
 
 def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         weights = extrapolation_weights(depths[[0, -1]] ** 0.5)
         value, bar = float(weights @ ratios[[0, -1]]), float(max(bars[0], bars[-1]))
     ball = linear[-1]["balls"][0]
-    size = attraction(linear[-1]["balls"], 0, ball["tangential_force"])
+    size, _ = pull(linear[-1]["balls"])
     scale = scale_of_force(case.problem, np.full(2, ball["normal_force"]))
     share = abs(size) / max(abs(size), scale)
     return {
@@ -87,10 +87,9 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, float]:
     """Return T over the linear T at the same force, and its bar."""
-    ball, other = step["balls"][0], linear["balls"][0]
-    size = attraction(linear["balls"], 0, other["tangential_force"])
-    error = step["record"]["tangential_force_error_at_force"][0] + other["tangential_force_error"]
-    return attraction(step["balls"], 0, ball["tangential_force"]) / size, error / abs(size)
+    size, other = pull(linear["balls"])
+    error = step["record"]["tangential_force_error_at_force"][0] + other
+    return pull(step["balls"])[0] / size, error / abs(size)
 
 
 PART = Part(
