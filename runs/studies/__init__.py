@@ -22,7 +22,7 @@ STUDIES = {
     "verification": "the finite-strain model against closed forms, published results and itself",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
-"""Name and question of every study; ``runs.studies.NAME.STUDY`` answers it."""
+"""Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 SHARED_OUT = ON_ALL_RANKS - {"scaling"}
@@ -69,4 +69,4 @@ def run_study(name: str, options: Options) -> None:
     if name in ON_ALL_RANKS or ranks.is_root():
         from runs.studies.framework.study import run  # noqa: PLC0415  (the list above must load nothing)
 
-        run(importlib.import_module(f"runs.studies.{name}").STUDY, options)
+        run(importlib.import_module(f"runs.studies.{name}.answer").STUDY, options)

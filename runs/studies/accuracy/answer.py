@@ -9,8 +9,9 @@ from typing import Any
 
 from runs.display.numbers import duration
 from runs.studies.accuracy.front import LADDER, OWN, TRUE
-from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
+from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
@@ -204,3 +205,6 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
 
 def _relied_on(row: Mapping[str, Any], column: str) -> float:
     return max(row[column], row["estimate"] or math.inf, row[f"{column}, known to"] or math.inf)
+
+
+STUDY = study_of_cases("accuracy", cases, present, ("pareto.svg", "pareto.png"))

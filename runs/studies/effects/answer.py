@@ -11,45 +11,32 @@ from pathlib import Path
 from typing import Any
 
 from runs.process import signals
-from runs.process.files import replacing
-from runs.session.progress import tell
-from runs.session.run_folder import RunFolder
 from runs.studies import Options
 from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
-from runs.studies.framework.publishing import publish
+from runs.studies.framework.study import Study, command, write
 from runs.studies.framework.tables import markdown, save_csv
 
 REPEATS = 3
 """Runs of each scene in the full version: the shortest tells its cost."""
+KEPT = "effects.json"
+"""File of the study's folder with one row per effect."""
 
 
-def answer(options: Options) -> None:
-    """Measure, write and print; nothing is taken from an earlier run."""
-    identity = {"command": "study", "study": "effects", "quick": options.quick}
-    name = "study-effects" + ("-quick" if options.quick else "")
-    folder = RunFolder(options.out or Path("out") / name, identity, "", fresh=options.fresh)
-    rows = load(folder.path) if options.tables else measure(effects(), quick=options.quick)
-    save_csv(folder.path / "effects.csv", rows)
-    with replacing(folder.path / "effects.json") as draft:
-        draft.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    text = "\n".join(report(rows, quick=options.quick)) + "\n"
-    with replacing(folder.path / "effects.md") as draft:
-        draft.write_text(text, encoding="utf-8")
-    print(text, end="")
-    if options.publish:
-        tell(f"published in {publish('effects', text, [])}")
-    folder.finish()
-    folder.close()
+def compute(folder: Path, options: Options) -> None:
+    """Measure all; nothing is taken from an earlier run."""
+    write(folder / KEPT, json.dumps(measure(effects(), quick=options.quick), indent=1))
 
 
-def load(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows that an earlier run measured; none where there are none."""
+def page(folder: Path, quick: bool) -> str:
+    """Write effects.csv; return the answer as Markdown."""
     try:
-        return list(json.loads((folder / "effects.json").read_text(encoding="utf-8")))
+        rows = json.loads((folder / KEPT).read_text(encoding="utf-8"))
     except FileNotFoundError:
-        return []
+        rows = []
+    save_csv(folder / "effects.csv", rows)
+    return "\n".join(report(rows, quick=quick))
 
 
 def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
@@ -168,7 +155,6 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         }
         for row in rows
     ]
-    command = f"thirdbody study effects{' --quick' if quick else ''}"
     lines = ["# What an effect costs, and that a scene without it pays nothing", ""]
     if not rows:
         return [*lines, "Nothing has been measured yet."]
@@ -177,7 +163,8 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         + (f" Not so: {', '.join(paying)}." if paying else "")
         + (f" No code of their own, only other numbers, have: {', '.join(bare)}." if bare else ""),
         "",
-        f"Made by `{command}`, thirdbody {importlib.metadata.version('thirdbody')}. {_of_seconds(rows, quick=quick)}",
+        f"Made by `{command('effects', quick)}`, thirdbody {importlib.metadata.version('thirdbody')}. "
+        f"{_of_seconds(rows, quick=quick)}",
         "", "## The price of having it", "", *markdown(rows, price),
         "", "## What it alone brings in", "", *markdown(own),
         "", "## Proof: the scene without it, run where its modules cannot be imported nor its functions called", "",
@@ -203,3 +190,6 @@ def _listed(names: str) -> str:
     return (
         ", ".join(f"`{word}`" for word in words[:8]) + (f" and {len(words) - 8} more" if len(words) > 8 else "") or "-"
     )
+
+
+STUDY = Study("effects", compute, page, text="effects.md")

@@ -88,6 +88,11 @@ CASES = (
 )
 
 
+def chosen(quick: bool) -> list[Case]:
+    """Return the cases of the quick or the full version."""
+    return [case for case in CASES if case.essential or not quick]
+
+
 def finite(case: Case, scene: Scene) -> Scene:
     """Return ``scene`` with the effect of finite strain, at the accuracy of the scene that makes its table."""
     written = read_scene(SCENES / f"experiment_{case.finite}.toml")
@@ -107,16 +112,25 @@ def has_table(case: Case, scene: Scene) -> bool:
     return table.missing == 0
 
 
+def runs_of(case: Case, quick: bool) -> list[tuple[str, Scene]]:
+    """Return the models that a case is evolved by, each with its scene; finite strain where its table is complete."""
+    scene = case.read(quick)
+    found = [("linear_bem", scene)]
+    if case.finite is not None and has_table(case, scene):
+        found.append(("finite_strain", finite(case, scene)))
+    return found
+
+
 def evolve(
-    case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool, pictures: bool, compute: bool = True
-) -> dict[str, Any] | None:
+    case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool = False, pictures: bool = False,
+    compute: bool = True,
+) -> dict[str, Any] | None:  # fmt: skip
     """Return the finished document of one run; one that is there is not computed again.
 
     None where it is not there and ``compute`` is false.
     """
-    chosen = finite(case, scene) if model == "finite_strain" else scene
     stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
-    evolution = Evolution(chosen, model, Options(False, folder / stem, fresh))
+    evolution = Evolution(scene, model, Options(False, folder / stem, fresh))
     kept = evolution.open()
     try:
         document = kept.finished()

@@ -16,6 +16,7 @@ from runs.evolution.providers import table_of
 from runs.models import MODELS, standing
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES, Case
+from runs.studies.framework.tables import markdown
 
 Documents = Mapping[str, Mapping[str, Any]]
 
@@ -109,39 +110,31 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
     """Return T/Q over distance in both models as lines of Markdown."""
     if not found:
         return []
-    lines = [
+    rows = []
+    for one in found:
+        turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
+        row: dict[str, Any] = {"balls": _kind(one), "D/R": f"{one.approach / one.radius:.3g}"}
+        row["h/R"] = f"{one.thickness / one.radius:.3g}"
+        for place, small, finite, error, strength in zip(
+            PLACES, one.small, one.finite, one.error, one.strength, strict=True
+        ):
+            cell = f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
+            # a ratio to what vanishes nearby tells nothing
+            if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
+                cell += f" ({strength:.2f})"
+            row[f"L = {place:g} L0"] = cell
+        row["no force at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        rows.append(row)
+    return [
         "**Forces side by side.** T/Q of two balls (> 0: attraction) under the experiment's approach D, small strain / "
         "finite strain, and in brackets how T itself changes (finite over small, at equal approach):",
         "",
-        "| balls | D/R | h/R | " + " | ".join(f"L = {place:g} L0" for place in PLACES) + " | no force at L [mm] |",
-        "|---|---|---|" + "---|" * (len(PLACES) + 1),
-    ]
-    for one in found:
-        turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
-        cells = [
-            f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
-            # a ratio to what vanishes nearby tells nothing
-            + (
-                ""
-                if any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns)
-                else f" ({strength:.2f})"
-            )
-            for place, small, finite, error, strength in zip(
-                PLACES, one.small, one.finite, one.error, one.strength, strict=True
-            )
-        ]
-        rests = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
-        lines.append(
-            f"| {_kind(one)} | {one.approach / one.radius:.3g} | {one.thickness / one.radius:.3g} | "
-            f"{' | '.join(cells)} | {rests} |"
-        )
-    lines += [
+        *markdown(rows, {key: key for key in rows[0]}, aligned=False),
         "",
         "L0: touching distance; no force: T changes sign there, looked for up to 3.7 L0, where the finite-strain "
         "tables end; ±: the elements' own estimate.",
         "",
     ]
-    return lines
 
 
 def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
@@ -181,19 +174,17 @@ def run_table(small: Documents, finite: Documents) -> list[str]:
     both = [name for name in small if name in finite]
     if not both:
         return []
-    lines = [
-        "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:",
-        "",
-        "| run | cycles to one group (median) | contacts at the end (all members) | largest distance at the end [mm] |",
-        "|---|---|---|---|",
+    shown = {
+        "cycles to one group (median)": _grouped,
+        "contacts at the end (all members)": _contacts,
+        "largest distance at the end [mm]": lambda document: f"{1e3 * _widest(document):.1f}",
+    }
+    rows = [
+        {"run": name, **{head: f"{write(small[name])} / {write(finite[name])}" for head, write in shown.items()}}
+        for name in both
     ]
-    for name in both:
-        cells = [
-            [_grouped(document), _contacts(document), f"{1e3 * _widest(document):.1f}"]
-            for document in (small[name], finite[name])
-        ]
-        lines.append(f"| {name} | " + " | ".join(f"{a} / {b}" for a, b in zip(*cells, strict=True)) + " |")
-    return [*lines, ""]
+    words = "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:"
+    return [words, "", *markdown(rows, aligned=False), ""]
 
 
 def _grouped(document: Mapping[str, Any]) -> str:

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
+from runs.studies.framework.records import ENDED, Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.stability.bars import path_bars, told
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
+from runs.studies.stability.matrix import cases
 
 BARS = (
     "T of small_strain at every load step, held against linear_bem at the same approach (or force), which knows it at "
@@ -63,3 +65,6 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
         "CPU seconds": record.get("cpu_seconds"),
         "why": why,
     }
+
+
+STUDY = study_of_cases("stability", cases, present, answers=ENDED)

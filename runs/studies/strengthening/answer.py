@@ -9,10 +9,11 @@ from typing import Any
 from runs.display.numbers import number, with_error
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
-from runs.studies.strengthening.matrix import SIDES
+from runs.studies.strengthening.matrix import SIDES, cases
 from runs.studies.strengthening.ratios import factors
 
 Rows = Sequence[Mapping[str, Any]]
@@ -63,8 +64,8 @@ def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     lines = [
         '"For the case of finite deformations, the effect should be stronger" [1]: at equal force and full load T is'
     ]
-    for kind, cases in verdicts.items():
-        lines.append(f"- **{kind}** in {len(cases)} case(s)" + (f": {'; '.join(cases)}." if cases else "."))
+    for kind, told in verdicts.items():
+        lines.append(f"- **{kind}** in {len(told)} case(s)" + (f": {'; '.join(told)}." if told else "."))
     stronger_from = []
     for h, side in SIDES.items():
         path = [row for row in rows.get(f"headline-{side}-L2-nu0.48", []) if row["S_Q"] is not None]
@@ -208,3 +209,7 @@ def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit
 def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
     path = rows.get(f"headline-{side}-L2-nu0.48", [])
     return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
+
+
+PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters") for kind in ("svg", "png")]
+STUDY = study_of_cases("strengthening", cases, present, PICTURES)

@@ -8,6 +8,7 @@ from typing import Any
 
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import ENDED, Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.verification import (
     bars,
@@ -68,3 +69,6 @@ def _counts(rows: Sequence[Row]) -> dict[str, int]:
     return {word: verdicts.count(word) for word in (RIGHT, WRONG, REFUSED, STOPPED)} | {
         "without a claim": verdicts.count(None)
     }
+
+
+STUDY = study_of_cases("verification", cases, present, ("verification.svg", "verification.png"), ENDED)
