@@ -16,15 +16,15 @@ from runs.process.json_values import to_json
 from runs.studies.framework.study import read_json, write
 from runs.studies.framework.tables import save_csv
 
-Columns = dict[str, Sequence[float] | np.ndarray]
+Columns = Mapping[str, Sequence[float] | np.ndarray]
 
 
 @dataclass(frozen=True)
 class Findings:
     """What a part computed: curves as named tables of equal columns, and the numbers of its features."""
 
-    tables: dict[str, Columns]
-    numbers: dict[str, Any]
+    tables: Mapping[str, Columns]
+    numbers: Mapping[str, Any]
     seconds: float = 0.0
     """Processor time [s] that it took."""
 

@@ -64,7 +64,7 @@ def _solve(code: str, approach: float, size: str, file: Path) -> str:
     env = os.environ | {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     for python in [sys.executable, *filter(None, os.environ.get("PEERS_PYTHON", "").split(":"))]:
         if subprocess.run([python, "-c", f"import {package}"], check=False, capture_output=True).returncode == 0:
-            command = [python, "-m", f"runs.studies.peers.{code}_pair", str(approach), size]
+            command = [python, "-m", "runs.studies.peers.scene", code, str(approach), size]
             done = subprocess.run(command, cwd=root, env=env, check=False, capture_output=True, text=True)
             if done.returncode:
                 return f"{file.stem}: failed: {done.stderr.strip().splitlines()[-1]}"
