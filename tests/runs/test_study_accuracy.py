@@ -13,8 +13,8 @@ import finite_strain
 import linear_bem
 from finite_strain.equilibrium.load_steps import load_fractions
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
-from runs.studies.accuracy.front import OWN, TRUE, front
-from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, Turned, cases
+from runs.studies.accuracy.matrix import KNOBS, OWN, REFERENCES, TRUE, USUAL_CASE, Turned, cases
+from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase
 from runs.studies.framework.pair import pair

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import duration
-from runs.studies.accuracy.front import LADDER, OWN, TRUE
-from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE, cases
+from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, LADDER, OWN, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
@@ -68,8 +67,7 @@ def measured(found: Found) -> list[dict[str, Any]]:
                 "case": case.name,
                 "model": case.model,
                 "force": force,
-                "knob": case.labels["knob"],
-                "value": case.labels["value"],
+                **case.labels,
                 OWN: None if case.name == REFERENCES[case.model] else _relative(force, own),
                 TRUE: None if case.name == REFERENCES["finite_strain"] else _relative(force, truth),
                 f"{OWN}, known to": known[case.model],
@@ -114,8 +112,9 @@ def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         for row in rows
         if row["knob"] in KNOBS
     ]
+    known = "not known" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
     text = (
-        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {_percent(usual[OWN])}; "
+        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {known}; "
         f"the default is in brackets. By default: {usual['iterations']} Newton iterations."
     )
     ranks = next((row for row in rows if row["knob"] == ALL_RANKS), None)
@@ -145,10 +144,6 @@ def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         f"off by more than their own estimate; the largest error is {max(shares)[0]:.2g} of it ({max(shares)[1]}).",
         "",
     ]
-
-
-def _percent(value: float | None) -> str:
-    return "not known" if value is None else f"{100.0 * value:.2g} %"
 
 
 def _force(found: Found, name: str) -> float | None:

@@ -20,6 +20,10 @@ FINEST = 1e-3
 """The finest accuracy asked of the finite elements but the reference's."""
 REFERENCE_ACCURACY, REFERENCE_UNKNOWNS = 5e-4, 200e3
 ALL_RANKS = "all ranks"
+OWN, TRUE = "error within the model", "error against finite strain"
+"""Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
+LADDER = ("model", "accuracy asked")
+"""Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
 
 
 @dataclass(frozen=True)

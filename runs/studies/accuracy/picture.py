@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
-from runs.studies.accuracy.front import LADDER, OWN, TRUE, front
+from runs.studies.accuracy.matrix import LADDER, OWN, TRUE
 
 STYLES = {
     "point_load": (PURPLE, "D"),
@@ -46,6 +46,22 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
         words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
         axes[0].legend(fontsize=8, loc="lower right", title=words, title_fontsize=8, alignment="left")
         save_figure(figure, folder, "pareto")
+
+
+def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
+    """Return the rows that no other beats in both error and seconds, cheapest first.
+
+    Errors count no smaller than what their reference is known to.
+    """
+
+    def error(row: Mapping[str, Any]) -> float:
+        return float(max(row[column], row[f"{column}, known to"] or 0.0))
+
+    best: list[Mapping[str, Any]] = []
+    for row in sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], error(r))):
+        if not best or error(row) < error(best[-1]):
+            best.append(row)
+    return best
 
 
 def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tuple[str, str, str]) -> None:

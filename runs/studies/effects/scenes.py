@@ -32,11 +32,6 @@ class Effect:
     with_: Mapping[str, Mapping[str, object]]
     command: str = "solve"
 
-    @property
-    def elements(self) -> bool:
-        """Whether the scene without the effect is already one of finite elements."""
-        return "finite_strain" in self.without
-
 
 def effects() -> list[Effect]:
     """Return all effects, those of the linear model first."""

@@ -9,16 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runs.evolution import equilibria
 from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.models import MODELS, standing
 from runs.studies.experiments import cases
-from runs.studies.experiments.cases import CASES, Case
+from runs.studies.experiments.cases import CASES
+from runs.studies.experiments.points import Documents
 from runs.studies.framework.tables import markdown
 
-Documents = Mapping[str, Mapping[str, Any]]
+Array = NDArray[np.float64]
 
 KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls")
 """One case for every kind of ball and layer."""
@@ -33,21 +35,19 @@ NEAR = 0.1
 class Comparison:
     """A pair of balls in both models at `PLACES`: T/Q, error of T/Q, T and Q finite over small, distances of rest [m].
 
-    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to ``reach`` [m], where
-    the finite-strain table ends.
+    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to where the finite-strain
+    table ends.
     """
 
-    case: Case
     radius: float
     thickness: float
     approach: float
-    small: tuple[float, ...]
-    finite: tuple[float, ...]
-    error: tuple[float, ...]
-    strength: tuple[float, ...]
-    load: tuple[float, ...]
-    rests: tuple[list[tuple[float, str]], list[tuple[float, str]]]
-    reach: float
+    small: Array
+    finite: Array
+    error: Array
+    strength: Array
+    load: Array
+    rests: Sequence[Sequence[tuple[float, str]]]
 
 
 def comparisons() -> list[Comparison]:
@@ -64,11 +64,11 @@ def comparisons() -> list[Comparison]:
             MODELS["finite_strain"], asked.problem, asked.tangential_force, cases.TABLES, budget=asked.budget
         )
         if small.missing == 0:
-            found.append(_compared(case, small, finite))
+            found.append(_compared(small, finite))
     return found
 
 
-def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
+def _compared(small: PairTable, finite: PairTable) -> Comparison:
     touch = small.touch
     pairs = [_pair(table) for table in (small, finite)]
     states = [[forces(_apart(place * touch)) for place in PLACES] for forces in pairs]
@@ -79,21 +79,19 @@ def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
     error = np.array([rows[d] for d in near]) / load[1]
     rests = [equilibria.of_pair(forces, touch, max(rows)) for forces in pairs]
     return Comparison(
-        case=case,
         radius=small.ball.radius,
         thickness=small.problem.layer.thickness,
         approach=small.approach,
-        small=tuple((pull[0] / load[0]).tolist()),
-        finite=tuple((pull[1] / load[1]).tolist()),
-        error=tuple(error.tolist()),
-        strength=tuple((pull[1] / pull[0]).tolist()),
-        load=tuple((load[1] / load[0]).tolist()),
-        rests=(rests[0], rests[1]),
-        reach=max(rows),
+        small=pull[0] / load[0],
+        finite=pull[1] / load[1],
+        error=error,
+        strength=pull[1] / pull[0],
+        load=load[1] / load[0],
+        rests=rests,
     )
 
 
-def _apart(distance: float) -> np.ndarray:
+def _apart(distance: float) -> Array:
     return np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])
 
 

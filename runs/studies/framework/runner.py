@@ -144,10 +144,10 @@ class _Attempt:
             workspace = self.comm.bcast(workspace, root=0)
         goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
         while True:
-            progress = Progress(
+            observer = _Stopper(
                 Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
             )
-            observer = _Stopper(progress, self.stop_after)
+            observer.left = self.stop_after
             try:
                 run = Run(case.accuracy, self.comm, workspace, observer, budget=case.budget, steps=case.steps)
                 return case.solve(run)
@@ -190,18 +190,14 @@ class _Attempt:
         return True
 
 
-class _Stopper:
-    """An observer that hands everything on, and interrupts the run after a number of load steps."""
+class _Stopper(Progress):
+    """Interrupts the run after a number of load steps."""
 
-    def __init__(self, inner: Progress, stop_after: int | None) -> None:
-        self.inner, self.left = inner, stop_after
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.inner, name)
+    left: int | None = None
 
     def step_done(self, step: Step, fields: Any) -> None:
-        """Hand the step on; raise after the last one wanted."""
-        self.inner.step_done(step, fields)
+        """Take the step; raise after the last one wanted."""
+        super().step_done(step, fields)
         if self.left is not None:
             self.left -= 1
             if self.left == 0:
