@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from runs.process import signals
 from runs.studies import Options
 from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
@@ -53,36 +52,27 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
         full = list(pool.map(lambda e: _best(e.with_, e.command, repeats), chosen))
         pairs = [(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
         own = [own_modules(*pair) + own_functions(*pair) for pair in pairs]
-        blocked: dict[tuple[str, tuple[str, ...]], None] = {}
-        for effect, names in zip(chosen, own, strict=True):
-            without = bare[toml(effect.without)]
-            every = sorted({name for other in own for name in other} - without.modules - without.functions)
-            blocked[toml(effect.without), tuple(every if quick else names)] = None
-        proofs = dict(zip(blocked, pool.map(lambda k: _without(texts[k[0]], k[1]), blocked), strict=True))
-    rows = []
-    for effect, names, with_ in zip(chosen, own, full, strict=True):
-        key = toml(effect.without)
-        proof = next(p for (text, absent), p in proofs.items() if text == key and set(names) <= set(absent))
-        rows.append(_row(effect, bare[key], with_, names, proof))
-    return rows
+        absent = [
+            tuple(sorted({n for other in own for n in other} - without.modules - without.functions) if quick else names)
+            for (without, _), names in zip(pairs, own, strict=True)
+        ]
+        wanted = [(toml(effect.without), names) for effect, names in zip(chosen, absent, strict=True)]
+        once = list(dict.fromkeys(wanted))
+        proofs = dict(zip(once, pool.map(lambda k: measuring.run(texts[k[0]], "solve", k[1]), once), strict=True))
+    return [
+        _row(effect, *pair, names, proofs[key])
+        for effect, pair, names, key in zip(chosen, pairs, own, wanted, strict=True)
+    ]
 
 
 def _best(scene: Any, command: str, repeats: int) -> Account:
-    signals.check()
-    watched, runs = measuring.run(scene, command, watched=True), []
-    for _ in range(repeats):
-        signals.check()
-        runs.append(measuring.run(scene, command))
+    watched = measuring.run(scene, command, watched=True)
+    runs = [measuring.run(scene, command) for _ in range(repeats)]
     if not runs:
         return watched
     best = min(runs, key=lambda account: account.cpu_seconds)
     spread = max(account.cpu_seconds for account in runs) / best.cpu_seconds - 1.0
     return dataclasses.replace(best, functions=watched.functions, spread=spread)
-
-
-def _without(scene: Any, names: Sequence[str]) -> Account:
-    signals.check()
-    return measuring.run(scene, "solve", names)
 
 
 def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str], proof: Account) -> dict[str, Any]:
@@ -108,7 +98,9 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "modules of its own": " ".join(name for name in names if ":" not in name),
         "functions of its own elsewhere": " ".join(name for name in names if ":" in name),
         "libraries of its own": " ".join(sorted(with_.libraries - without.libraries)),
-        "result entries of its own": _entries(without, with_),
+        "result entries of its own": " ".join(
+            sorted(name for name in with_.columns - without.columns if not name.startswith("scene"))
+        ),
         "seconds without": without.cpu_seconds,
         "seconds with": with_.cpu_seconds,
         "spread of seconds": max(without.spread, with_.spread),
@@ -117,11 +109,6 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "difference of T with its code absent": difference,
         "pays nothing without": pays_nothing,
     }
-
-
-def _entries(without: Account, with_: Account) -> str:
-    """Return the names of entries that only the result with the effect has, outside its scene."""
-    return " ".join(sorted(n for n in with_.columns - without.columns if not n.startswith("scene")))
 
 
 def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
@@ -135,15 +122,12 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         "expressions of its own": "expressions",
         "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
     }  # fmt: skip
+    brought = {
+        "modules": "modules of its own", "functions in other modules": "functions of its own elsewhere",
+        "libraries": "libraries of its own", "result": "result entries of its own",
+    }  # fmt: skip
     own = [
-        {
-            "effect": row["effect"],
-            "modules": _listed(row["modules of its own"]),
-            "functions in other modules": _listed(row["functions of its own elsewhere"]),
-            "libraries": _listed(row["libraries of its own"]),
-            "result": _listed(row["result entries of its own"]),
-        }
-        for row in rows
+        {"effect": row["effect"], **{head: _listed(row[key]) for head, key in brought.items()}} for row in rows
     ]
     proof = [
         {
