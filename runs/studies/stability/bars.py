@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from runs.studies.framework.case import LINEAR, SMALL
 from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.agreement import share_of_error
-from runs.studies.stability.matrix import LINEAR, SMALL
 
 WELL_KNOWN = 0.1
 """Part of an error bar to which the linear answer must be known, to judge the bar."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import FINITE, LINEAR, POINT, SMALL, Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import as_seen_by, pair
 
@@ -26,7 +26,6 @@ GRADED = {"meshes.box.GROWTH": 2.4, "meshes.box.FILLER_GROWTH": 1.2}
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
 """Where two cases are compared: at full load, in the limit of no load, or where the other passes the same Q."""
-FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
 
 
 @dataclass(frozen=True)

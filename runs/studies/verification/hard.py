@@ -9,11 +9,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import FINITE, LINEAR, SMALL, Case
 from runs.studies.framework.pair import pair
 from runs.studies.framework.records import Found
 from runs.studies.stability.judging import energy_balance, took, verdict
-from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, Check, Hard, case_of, hard_cases
+from runs.studies.stability.matrix import Check, Hard, case_of, hard_cases
 from runs.studies.verification.part import COARSE, Part, worded
 
 NAME = "hard"
@@ -31,17 +31,13 @@ def chosen() -> list[Hard]:
     """Return every hard case of this study."""
     linear = "linear_bem, another model of the same problem"
     known = {hard.name: hard for hard in hard_cases()}
-    found = [known[name] for name in TAKEN]
-    small = [hard for hard in found if hard.checks.get(SMALL)]
-    found = [
-        dataclasses.replace(
-            hard,
-            models=tuple(m for m in hard.models if m in (FINITE, SMALL, LINEAR) and (m == FINITE or hard in small)),
-        )
-        for hard in found
-    ]
+
+    def asked(hard: Hard) -> tuple[str, ...]:
+        """Return the models of a case taken: small strain where linear_bem checks it."""
+        return tuple(m for m in hard.models if m == FINITE or (m in (SMALL, LINEAR) and SMALL in hard.checks))
+
     return [
-        *found,
+        *(dataclasses.replace(known[name], models=asked(known[name])) for name in TAKEN),
         Hard(
             "thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, 0.2), (LINEAR, SMALL, FINITE),
             {SMALL: Check(linear, "hard-thin-layer-linear-bem")},
