@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -62,14 +63,8 @@ def _form(form: str) -> dict[str, Mapping[str, object]]:
 
 
 def toml(scene: Mapping[str, Mapping[str, object]]) -> str:
-    """Return a scene file's text."""
+    """Return a scene file's text; JSON's strings, numbers and lists are TOML's."""
     lines = []
     for name, table in scene.items():
-        lines += [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items()), ""]
+        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in table.items()), ""]
     return "\n".join(lines)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return f'"{value}"' if isinstance(value, str) else str(value)
