@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 
 import linear_bem
 from runs.process.json_values import to_json
+from runs.studies.framework.case import code_of
 from runs.studies.framework.study import read_json, write
 from runs.studies.framework.tables import save_csv
 
@@ -43,7 +42,7 @@ class Part:
 def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
     """Return what an earlier run of the same code has found."""
     document = read_json(folder / f"{part.stem}.json")
-    if document is None or document.get("identity") != {"quick": quick, "code": fingerprint()}:
+    if document is None or document.get("identity") != _identity(quick):
         return None
     return Findings(document["tables"], document["numbers"], document["seconds"])
 
@@ -53,17 +52,10 @@ def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float)
     for name, columns in found.tables.items():
         rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
         save_csv(folder / f"{part.stem}_{name}.csv", [dict(zip(columns, row, strict=True)) for row in rows])
-    identity = {"quick": quick, "code": fingerprint()}
-    document = {"identity": identity, "seconds": seconds, "numbers": found.numbers, "tables": found.tables}
+    document = {"identity": _identity(quick), "seconds": seconds, "numbers": found.numbers, "tables": found.tables}
     write(folder / f"{part.stem}.json", to_json(document))
 
 
-@cache
-def fingerprint() -> str:
-    """Return a digest of the code and scenes that the numbers come from: other code computes them anew."""
-    digest = hashlib.sha256()
-    for root in (Path(linear_bem.__file__).parent, Path(__file__).parent):
-        for file in sorted(root.rglob("*")):
-            if file.suffix in (".py", ".toml"):
-                digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+def _identity(quick: bool) -> dict[str, Any]:
+    """Return the version, with a digest of the code and scenes that the numbers come from."""
+    return {"quick": quick, "code": code_of(Path(linear_bem.__file__).parent, Path(__file__).parent)[:16]}

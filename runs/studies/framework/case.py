@@ -87,12 +87,18 @@ def _element_format() -> str:
     return f"elements {FORMAT}"
 
 
-@cache
 def _linear_code() -> str:
-    """Return a digest of the linear model's code as this process found it."""
     import linear_bem  # noqa: PLC0415
 
+    return code_of(Path(linear_bem.__file__).parent)
+
+
+@cache
+def code_of(*folders: Path) -> str:
+    """Return a digest of the code and scenes in folders as this process found them."""
     digest = hashlib.sha256()
-    for file in sorted(Path(linear_bem.__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
+    for folder in folders:
+        for file in sorted(folder.rglob("*")):
+            if file.suffix in (".py", ".toml"):
+                digest.update(file.read_bytes())
     return digest.hexdigest()
