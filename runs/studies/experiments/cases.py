@@ -12,6 +12,7 @@ import numpy as np
 
 from runs.evolution.evolving import TABLES, Evolution, rows
 from runs.evolution.forces import at
+from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.evolution.showing import draw
 from runs.models import MODELS, standing
@@ -48,12 +49,12 @@ class Case:
         scene = read_scene(SCENES / f"experiment_{self.scene}.toml")
         sliding = scene.reciprocation
         assert sliding is not None
-        if quick and sliding.ensemble > QUICK_ENSEMBLE:
-            sliding = sliding.model_copy(update={"ensemble": QUICK_ENSEMBLE})
+        changed: dict[str, Any] = {"ensemble": min(sliding.ensemble, QUICK_ENSEMBLE)} if quick else {}
         if self.perturbation is not None:
-            sliding = sliding.model_copy(update={"perturbation": self.perturbation})
+            changed["perturbation"] = self.perturbation
         if self.direct:
-            sliding = sliding.model_copy(update={"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE})
+            changed |= {"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE}
+        sliding = sliding.model_copy(update=changed)
         problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
@@ -105,11 +106,16 @@ def finite(case: Case, scene: Scene) -> Scene:
     )
 
 
+def table(model: str, scene: Scene) -> PairTable:
+    """Return a model's table of pairs for a scene, as far as it is there; nothing is computed."""
+    asked = standing(scene)
+    budget = asked.budget if model == "finite_strain" else None
+    return table_of(MODELS[model], asked.problem, asked.tangential_force, TABLES, budget=budget)
+
+
 def has_table(case: Case, scene: Scene) -> bool:
     """Return whether the finite-strain table of ``scene`` is complete."""
-    asked = standing(finite(case, scene))
-    table = table_of(MODELS["finite_strain"], asked.problem, asked.tangential_force, TABLES, budget=asked.budget)
-    return table.missing == 0
+    return table("finite_strain", finite(case, scene)).missing == 0
 
 
 def runs_of(case: Case, quick: bool) -> list[tuple[str, Scene]]:

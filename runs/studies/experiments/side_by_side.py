@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from runs.evolution import equilibria
 from runs.evolution.pair_table import PairTable
-from runs.evolution.providers import table_of
-from runs.models import MODELS, standing
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES
 from runs.studies.experiments.points import Documents
@@ -55,15 +53,8 @@ def comparisons() -> list[Comparison]:
     found = []
     for case in (case for case in CASES if case.name in KINDS):
         scene = case.read(quick=True)
-        if not cases.has_table(case, scene):
-            continue
-        linear = standing(scene)
-        small = table_of(MODELS["linear_bem"], linear.problem, linear.tangential_force, cases.TABLES)
-        asked = standing(cases.finite(case, scene))
-        finite = table_of(
-            MODELS["finite_strain"], asked.problem, asked.tangential_force, cases.TABLES, budget=asked.budget
-        )
-        if small.missing == 0:
+        small, finite = cases.table("linear_bem", scene), cases.table("finite_strain", cases.finite(case, scene))
+        if small.missing == finite.missing == 0:
             found.append(_compared(small, finite))
     return found
 
