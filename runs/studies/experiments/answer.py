@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,14 @@ from runs.studies.framework.tables import markdown, save_csv
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}
+
+
+class Judged(NamedTuple):
+    """A point with what the runs of each model show of it; None where runs are missing."""
+
+    point: Point
+    small: Finding | None
+    large: Finding | None
 
 
 def compute(folder: Path, options: Options) -> None:
@@ -66,9 +74,10 @@ def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Se
 
     ``pairs``: what moves two balls in both models.
     """
-    judged = {model: [findings(point, found[model]) for point in POINTS] for model in MODELS}
+    judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
+    turned = [one.point.title for one in judged if one.small and one.large and one.small.verdict != one.large.verdict]
     rows = []
-    for point, small, large in zip(POINTS, *judged.values(), strict=True):
+    for point, small, large in judged:
         numbers = [small.numbers if small else ""]
         if large is not None:
             numbers.append(f"finite strain: {large.numbers}")
@@ -78,9 +87,9 @@ def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Se
         cells = (f.verdict if f is not None else "no table yet" for f in (small, large))
         words = (point.title, *cells, ". ".join(n for n in numbers if n))
         rows.append(dict(zip(("the source reports", *MODELS.values(), "numbers, and why"), words, strict=True)))
-    lines = [_sentence(judged), "", *markdown(rows, aligned=False), ""]
+    lines = [_sentence(judged, turned), "", *markdown(rows, aligned=False), ""]
     if pairs:
-        lines += [side_by_side.sentence(pairs, _turned(judged)), "", *side_by_side.force_table(pairs)]
+        lines += [side_by_side.sentence(pairs, turned), "", *side_by_side.force_table(pairs)]
     lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**How well this is known.**", ""]
     lines += _errors(found)
     if missing:
@@ -98,28 +107,18 @@ def _by_command(missing: Mapping[str, str]) -> dict[str, list[str]]:
     return out
 
 
-def _sentence(judged: Mapping[str, list[Finding | None]]) -> str:
-    small = [f for f in judged["linear_bem"] if f is not None]
-    counts = {verdict: sum(f.verdict == verdict for f in small) for verdict in (YES, NO, OPEN)}
+def _sentence(judged: Sequence[Judged], turned: Sequence[str]) -> str:
+    small = [one.small.verdict for one in judged if one.small is not None]
+    counts = {verdict: small.count(verdict) for verdict in (YES, NO, OPEN)}
     text = (
         f"Of {len(small)} reports, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
         f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
     )
-    both = sum(s is not None and f is not None for s, f in zip(*judged.values(), strict=True))
+    both = sum(one.small is not None and one.large is not None for one in judged)
     if both:
-        other = _turned(judged)
-        changed = f"changes the verdict on: {'; '.join(other)}" if other else "changes no verdict"
+        changed = f"changes the verdict on: {'; '.join(turned)}" if turned else "changes no verdict"
         text += f" Finite strain {changed} (of {both} that its tables cover)."
     return text
-
-
-def _turned(judged: Mapping[str, list[Finding | None]]) -> list[str]:
-    """Return the reports that finite strain judges otherwise."""
-    return [
-        point.title
-        for point, s, f in zip(POINTS, judged["linear_bem"], judged["finite_strain"], strict=True)
-        if s is not None and f is not None and s.verdict != f.verdict
-    ]
 
 
 def _errors(found: Mapping[str, Documents]) -> list[str]:

@@ -78,11 +78,10 @@ def judged(found: Found, case: Case) -> tuple[str, str]:
     But for a ball that only rests: nothing holds it against its neighbour, so its T is no more than its error.
     """
     ended, why = verdict(found, case.name, case.labels)
-    if ended != "WRONG" or why != LARGER_THAN_T or case.problem.load.kind != "approach":
-        return ended, why
-    if min(case.problem.load.values) > 0.0:
-        return ended, why
-    return "right", "T is zero within its error"
+    rests = case.problem.load.kind == "approach" and min(case.problem.load.values) <= 0.0
+    if rests and (ended, why) == ("WRONG", LARGER_THAN_T):
+        return "right", "T is zero within its error"
+    return ended, why
 
 
 def _row(found: Found, case: Case) -> dict[str, Any]:
