@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from runs.process import signals
-from runs.process.json_values import to_json
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
@@ -51,7 +51,7 @@ def compute(folder: Path, options: Options) -> None:
         f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, something else ran too, and "
         f"ratios tell more than seconds. Codes: {', '.join(_versions())}."
     )
-    write(folder / KEPT, to_json({"words": words, "tables": tables}))
+    write(folder / KEPT, json.dumps({"words": words, "tables": tables}, indent=1))
 
 
 def page(folder: Path, quick: bool) -> str:
