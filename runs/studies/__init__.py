@@ -59,7 +59,7 @@ def read_shard(text: str) -> tuple[int, int]:
 
 
 def run_study(name: str, options: Options) -> None:
-    """Run the study ``name``; raises `InvalidProblem` for a name that is none, and for options that it lacks."""
+    """Run the study ``name``; raises `InvalidProblem` for an unknown name and for options that the study lacks."""
     if name not in STUDIES:
         raise InvalidProblem(f'study: there is no study "{name}"; known: {listing()}')
     if name not in SHARED_OUT and options.shard != (1, 1):

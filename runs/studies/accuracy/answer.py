@@ -169,7 +169,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
     """Return the cheapest way to every wanted error, of the knobs that a user turns.
 
     A case counts where its error, its own estimate and what the reference itself is known to all lie below: an error
-    that is small by chance, or smaller than can be seen, is none to rely on.
+    that is small by chance, or below what the reference can resolve, does not count.
     """
     answer = []
     usual = [row for row in rows if row["knob"] in LADDER and row[column] is not None]

@@ -18,11 +18,11 @@ STYLES = {
 }
 TITLES = {OWN: "against a better solution of the same model", TRUE: "against the finite-strain answer"}
 LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
-"""Shorter times, which the clock of a process tells no better, and smaller errors are drawn here."""
+"""Shorter times, which a process's clock does not resolve, and smaller errors are drawn here."""
 
 
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write pareto.svg and .png; fronts end where a smaller error could not be told from the reference's own."""
+    """Write pareto.svg and .png; fronts end at the reference's own error."""
     with look():
         figure, axes = panels(5.6, 5.6, height=4.6)
         for axis, column in zip(axes, (OWN, TRUE), strict=True):

@@ -18,7 +18,7 @@ from runs.studies.framework.study import Study, command, write
 from runs.studies.framework.tables import markdown, save_csv
 
 REPEATS = 3
-"""Runs of each scene in the full version: the shortest tells its cost."""
+"""Runs of each scene in the full version: its cost is that of the shortest."""
 KEPT = "effects.json"
 """File of the study's folder with one row per effect."""
 

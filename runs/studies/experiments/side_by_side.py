@@ -26,7 +26,7 @@ PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
 """Distances over the touching one; a finite-strain table has a run at each."""
 
 NEAR = 0.1
-"""Part of the distance at which T changes sign within which no ratio of T is told."""
+"""Part of the distance at which T changes sign within which no ratio of T is given."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
             PLACES, one.small, one.finite, one.error, one.strength, strict=True
         ):
             cell = f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
-            # a ratio to what vanishes nearby tells nothing
+            # a ratio to what vanishes nearby means nothing
             if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
                 cell += f" ({strength:.2f})"
             row[f"L = {place:g} L0"] = cell

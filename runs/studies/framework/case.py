@@ -22,14 +22,13 @@ FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "p
 
 @dataclass(frozen=True)
 class Case:
-    """What is solved once: ``name`` is unlike any other's in the study and names its file.
+    """What is solved once: ``name`` is unique in the study and names the case's file.
 
     ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
     ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
-    whole load path); ``stop_after`` interrupts the run after that many load
-    steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
-    has one rank solve it where several are there; ``same_as`` names a study and its case that is the same: an answer
-    in its folder, beside this study's, is taken.
+    whole load path); ``stop_after`` interrupts the run after that many load steps and resumes it from disk; ``budget``
+    bounds a refinement ("unknowns", "seconds"); ``alone`` has one rank solve it where several are there; ``same_as``
+    names a study and its case that is the same: an answer in that study's folder, beside this study's, is taken.
     """
 
     name: str
@@ -54,7 +53,7 @@ class Case:
         return MODELS[self.model].solve(self.problem, run)
 
     def key(self) -> str:
-        """Return a digest that changes whenever a saved answer to this case is one no more."""
+        """Return a digest that changes whenever a saved answer no longer answers this case."""
         varied = sorted(self.constants.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())

@@ -1,4 +1,4 @@
-"""What a study's folder holds: one JSON file per case, written as the case goes on, valid as long as its key."""
+"""What a study's folder holds: one JSON file per case, written while the case runs and valid as long as its key."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Found:
         return [case for case in self.cases if case.labels["part"] == part]
 
     def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
-        """Return one sentence for every case whose state is none of ``answers``."""
+        """Return one sentence for every case whose state is not among ``answers``."""
         sentences = []
         for case in self.cases:
             state = self.state(case.name)

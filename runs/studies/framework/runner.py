@@ -1,7 +1,7 @@
 """How a study of many cases is run: shared out, resumed after a kill, one failing case recorded and passed over.
 
 Every rank runs this. Cases of finite elements are solved by all ranks together, others by rank 0; each record is
-written as its case goes on, and tables and figures are made from whatever is there.
+written while its case runs, and tables and figures are made from whatever is there.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "getfem": ("getfem", SIZES[:2]),
     "calculix": ("numpy", ("C3D20Rx1", "C3D20x1")),
 }
-"""Scripts, the package that tells whether a Python can run one, and the sizes it is given."""
+"""Scripts, the package that a Python needs to run one, and the sizes it is given."""
 REFERENCE = {0.1: (0.0771335, 9.6459e-5), 0.32: (0.600895, 5.1238e-3)}
 """Q and T by the approach from NGSolve with elements of orders 4 and 5; T is known to 2e-4 to 5e-4."""
 

@@ -44,7 +44,7 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
 
 
 def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> tuple[float, float] | None:
-    """Return by which part T differs from another theory's in the limit of no load, and what their bars grant.
+    """Return by which part T differs from another theory's in the limit of no load, and by which it may.
 
     Departures shrink like the square root of the approach: the ratio at the first common step, and at the last one up
     to `FAR_ENOUGH` times as deep, go along a straight line over it. Bars are the larger ones of the two steps.

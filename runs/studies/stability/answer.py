@@ -9,7 +9,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
-from runs.studies.stability.bars import path_bars, told
+from runs.studies.stability.bars import path_bars, sentence
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
 
@@ -33,7 +33,7 @@ def present(found: Found, folder: Path) -> str:
     return "\n".join(
         [
             "# Hard cases: a right answer or a named refusal", "",
-            f"**Of {len(rows)} cases times models: {counts}.** {told(bars)}", "",
+            f"**Of {len(rows)} cases times models: {counts}.** {sentence(bars)}", "",
             "## What it took", "", *markdown(rows, numbers), "",
             "## What each case is, and why it is right", "",
             *markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"}), "",

@@ -40,7 +40,7 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
     return rows
 
 
-def told(rows: Sequence[Mapping[str, Any]]) -> str:
+def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return in a sentence how many bars hold at full load and how many on the way; nothing where none are known."""
     ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
     if not ends:

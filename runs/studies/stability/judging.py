@@ -196,6 +196,6 @@ def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> fl
     """Return the part of the load that was reached; a stop on the first mesh says it in words alone."""
     if steps:
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
-    told = re.search(r"last good state is at (\S+) of the full load", reason)
-    return float(told[1]) if state == NOT_CONVERGED and told else 0.0
+    named = re.search(r"last good state is at (\S+) of the full load", reason)
+    return float(named[1]) if state == NOT_CONVERGED and named else 0.0
 

@@ -64,8 +64,8 @@ def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     lines = [
         '"For the case of finite deformations, the effect should be stronger" [1]: at equal force and full load T is'
     ]
-    for kind, told in verdicts.items():
-        lines.append(f"- **{kind}** in {len(told)} case(s)" + (f": {'; '.join(told)}." if told else "."))
+    for kind, words in verdicts.items():
+        lines.append(f"- **{kind}** in {len(words)} case(s)" + (f": {'; '.join(words)}." if words else "."))
     stronger_from = []
     for h, side in SIDES.items():
         path = [row for row in headline(rows, side) if row["S_Q"] is not None]
