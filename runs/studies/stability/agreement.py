@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.matrix import NO_LOAD, SAME_FORCE
 
@@ -44,10 +46,12 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
 
 
 def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> tuple[float, float] | None:
-    """Return by which part T differs from another theory's in the limit of no load, and by which it may.
+    """Return by which part T differs from another theory's in the limit of no load, and the tolerance of that.
 
-    Departures shrink like the square root of the approach: the ratio at the first common step, and at the last one up
-    to `FAR_ENOUGH` times as deep, go along a straight line over it. Bars are the larger ones of the two steps.
+    The ratio of the two, over the root of the approach, is continued to zero along a parabola through the first common
+    step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is what the error bars of these
+    steps make of it, and the difference from the straight line through the first and the last: what the continuation
+    leaves open.
     """
     pairs = [
         (one, two)
@@ -61,15 +65,21 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
         both = [(one["balls"][ball], two["balls"][ball]) for one, two in pairs]
         if any(b["tangential_force_error"] is None for b in both[0]):
             return None
-        deep = FAR_ENOUGH * both[0][0]["approach"]
-        (root, ratio), *_, (far, there) = [
-            (math.sqrt(one["approach"]), _ratio(one, two)) for one, two in both[:1] + both if one["approach"] <= deep
-        ]
-        limit = ratio if far == root else (ratio * far - there * root) / (far - root)
-        worst = max(worst, abs(limit - 1.0))
-        bars = [sum(share_of_error(b) for b in two) for two in both if two[0]["approach"] <= deep]
-        allowed = max(allowed, bars[0], bars[-1])
+        near = [two for two in both if two[0]["approach"] <= FAR_ENOUGH * both[0][0]["approach"]]
+        roots = np.array([math.sqrt(one["approach"]) for one, _ in near])
+        ratios = np.array([_ratio(one, two) for one, two in near])
+        bars = np.array([sum(share_of_error(b) for b in two) for two in near])
+        (line, _), (parabola, spread) = (_at_zero(roots, ratios, bars, points) for points in (2, 3))
+        worst = max(worst, abs(parabola - 1.0))
+        allowed = max(allowed, spread + abs(parabola - line))
     return worst, allowed
+
+
+def _at_zero(x: np.ndarray, y: np.ndarray, errors: np.ndarray, points: int) -> tuple[float, float]:
+    """Return what y tends to at x = 0 along the polynomial through first and last and those between, and its error."""
+    chosen = np.unique(np.linspace(0, len(x) - 1, points).astype(int))
+    weights = np.linalg.solve(np.vander(x[chosen], increasing=True).T, np.eye(len(chosen))[0])
+    return float(weights @ y[chosen]), float(np.abs(weights) @ errors[chosen])
 
 
 def share_of_error(ball: Mapping[str, Any]) -> float:

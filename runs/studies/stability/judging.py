@@ -23,7 +23,7 @@ RESIDUAL = 1e-3
 """Largest recomputed residual of a linear answer, over the approach, the peak pressure or the load."""
 SLOPE_ON_GRIDS = 1e-3
 """Part of T by which the slope integral is off on a grid of 256 cells a ball: the check's noise, not the answer's."""
-NOT_CONVERGED = "not converged"
+NOT_CONVERGED, NOT_RESOLVED = "not converged", "T not resolved"
 ROUNDOFF = 1e-14
 """Part of the normal force that two routes to a T of zero may differ by."""
 
@@ -96,6 +96,7 @@ class Checks:
     faults: list[str] = field(default_factory=list)
     passed: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    resolved: bool = True
 
     def judge(self, holds: bool, text: str) -> None:
         """Note one check."""
@@ -103,7 +104,10 @@ class Checks:
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
-    """Return how a case ended, in a word, and why: right, named refusal, not checked, WRONG, or its state."""
+    """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
+
+    T is not resolved where its error bar, which holds, is larger than T.
+    """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # what a case leaves on its way is cleared once it ends
     reason = (record.get("reason") or "").split("; its finished steps are kept in ")[0]
@@ -120,6 +124,8 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         return ("WRONG", "; ".join([*checks.faults, reason])) if checks.faults else (state, reason)
     if checks.faults:
         return "WRONG", "; ".join(checks.faults)
+    if not checks.resolved:
+        return NOT_RESOLVED, "; ".join(["the error of T is larger than T", *checks.passed, *checks.notes])
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
 
 
@@ -149,8 +155,7 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
     _judge_routes(checks, balls, solved.get("unknowns", 0))
     _judge_third_law(checks, balls)
     error, size = max((_error(ball) for ball in balls), default=0.0), max((_size(ball) for ball in balls), default=0.0)
-    if size > 0.0 and error > size:
-        checks.faults.append("the error of T is larger than T")
+    checks.resolved = not (size > 0.0 and error > size)
     residuals = solved.get("certificate", {})
     if "force_balance" not in residuals and residuals:  # recomputed by linear_bem from the pressures it returns
         largest = max(residuals.values())

@@ -78,7 +78,7 @@ def hard_cases() -> list[Hard]:
     def checks(name: str) -> dict[str, Check]:
         return {
             SMALL: Check("linear_bem, another model of the same problem", f"{name}-linear-bem"),
-            FINITE: Check("the limit of no load: small_strain", f"{name}-small-strain", at=NO_LOAD),
+            FINITE: Check("the limit of no load: linear_bem", f"{name}-linear-bem", at=NO_LOAD),
         }
 
     def three(name: str, words: str, problem: Problem, check: Check | None = None, **more: Any) -> Hard:
