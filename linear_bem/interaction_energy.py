@@ -1,8 +1,8 @@
-r"""The third route to T: minus the derivative of the elastic energy by a ball's place, at fixed approaches.
+r"""A third formula for T: minus the derivative of the elastic energy by a ball's position, at fixed approaches.
 
-U = 1/2 int p w dA is all the energy there is; at fixed approaches the normal forces do no work, so an
+The elastic energy is U = 1/2 int p w dA. At fixed approaches the normal forces do no work, so an
 in-plane displacement of ball i changes U by -T_i. Each component takes four more solutions (a
-fourth-order difference); the route shares no formula with the other two.
+fourth-order difference); it shares no formula with the mutual force and the slope integral.
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from linear_bem.problem import Load, Problem
+from linear_bem.profiles import height
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution, solve_contact
-
-Array = NDArray[np.float64]
 
 
 class _Passable(Problem):
@@ -32,9 +30,9 @@ def elastic_energy(solution: Solution) -> float:
     if isinstance(contacts, SmoothContacts):
         total = 0.0
         for i, n in zip(contacts.touching, contacts.smooth.nodes, strict=True):
-            # inside the contact the surface is the ball
-            w = contacts.approaches[i] - contacts.heights(i, n.x, n.y)
-            total += 0.5 * float((n.weights * n.pressure) @ w) / contacts.kernel.singular
+            # inside the contact the surface follows the ball
+            w = contacts.approaches[i] - height(solution.problem.balls[i])(n.x, n.y)
+            total += 0.5 * float(n.loads @ w) / contacts.kernel.singular
         return total
     state = contacts.state
     return sum(
@@ -47,7 +45,7 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
     ``step`` [m] of the difference: by default 1 % of the distance to the nearest neighbour. Touching balls may be
-    moved into each other: the layer knows their contacts only.
+    moved into each other, because only their contacts with the layer are modelled.
     """
     problem = solution.problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)

@@ -13,17 +13,16 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import j0
 
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.layer.kernel import far_rule, near_rule
 from linear_bem.problem import Elastic
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution
-
-Array = NDArray[np.float64]
 
 
 def _fields(solid: Elastic, sign: float, power: int, z: Array) -> Array:
@@ -142,7 +141,7 @@ def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
     x, y, load = [], [], []
     if isinstance(contacts, SmoothContacts):
         for n in contacts.smooth.nodes:
-            fine = int(np.clip(4.0 * np.sqrt(n.zone.jacobian) / depth, 1.0, 130.0))
+            fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
             xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
             u, v = n.zone.points(xi, eta)
             x.append(u)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
@@ -17,8 +18,6 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.smooth.initial_guess import Start
-
-Array = NDArray[np.float64]
 
 COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""
@@ -48,7 +47,7 @@ class GridContacts:
         """Conjugate-gradient steps on the last grid."""
         return self.state.iterations
 
-    def _cells(self) -> Iterator[tuple[int, Patch, Array, NDArray[np.bool_]]]:
+    def _cells(self) -> Iterator[tuple[int, Patch, Array, Mask]]:
         """Yield ball, patch, pressure [Pa] and the mask of the ball's contact."""
         for patch, p, owner in zip(self.patches.patches, self.state.pressures, self.state.owners, strict=True):
             for ball in patch.members:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Elastic, Layer
-
-Array = NDArray[np.float64]
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -64,7 +62,7 @@ class _Level:
         raise NotConverged("solve_height_field: the contact kept growing out of the box that was solved")
 
 
-def _box(needed: NDArray[np.bool_]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _box(needed: Mask) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return the corners of the marked cells' bounding box, a tenth wider."""
     low, high = [], []
     for axis, n in enumerate(needed.shape):

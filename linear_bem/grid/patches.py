@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from linear_bem.arrays import Array
 from linear_bem.grid.rectangle_load import graded_rule, love_cells, love_rectangle
 from linear_bem.layer.kernel import LayeredKernel
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -13,13 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
 from linear_bem.grid.patches import Patches
-
-Array = NDArray[np.float64]
-
 
 PATIENCE = 60
 """Steps without progress after which steps are shortened."""
@@ -33,7 +30,7 @@ class GridState:
 
     pressures: list[Array]
     displacements: list[Array]
-    owners: list[NDArray[np.intp]]
+    owners: list[Indices]
     approaches: Array
     iterations: int
     gap: float
@@ -49,7 +46,7 @@ class _Joined:
         self.ends = np.cumsum([a * b for a, b in self.shapes])
         self.heights = heights
         self.members = [np.array(p.members) for p in patches.patches]
-        self._known: tuple[Array, Array, NDArray[np.intp]] | None = None
+        self._known: tuple[Array, Array, Indices] | None = None
         self.area = np.concatenate(
             [np.full(a * b, p.cell**2) for (a, b), p in zip(self.shapes, patches.patches, strict=True)]
         )
@@ -58,7 +55,7 @@ class _Joined:
     def split(self, v: Array) -> list[Array]:
         return [part.reshape(s) for part, s in zip(np.split(v, self.ends[:-1]), self.shapes, strict=True)]
 
-    def split_owner(self, v: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    def split_owner(self, v: Indices) -> list[Indices]:
         return [part.reshape(s) for part, s in zip(np.split(v, self.ends[:-1]), self.shapes, strict=True)]
 
     def apply(self, v: Array) -> Array:
@@ -69,7 +66,7 @@ class _Joined:
             [p.precondition(r).ravel() for p, r in zip(self.patches.patches, self.split(v), strict=True)]
         )
 
-    def envelope(self, approaches: Array) -> tuple[Array, NDArray[np.intp]]:
+    def envelope(self, approaches: Array) -> tuple[Array, Indices]:
         """Return the lowest indenter's depth D - f [m] at each cell, and which ball that is.
 
         Kept while the approaches are; where all move together only the depth changes.
@@ -191,8 +188,8 @@ def solve_bounded(
 def _rest_on_contact(
     approaches: Array,
     misfit: Array,
-    contact: NDArray[np.bool_],
-    kind: NDArray[np.intp],
+    contact: Mask,
+    kind: Indices,
     groups: list[tuple[list[int], float]],
     joined: _Joined,
 ) -> None:
@@ -204,9 +201,7 @@ def _rest_on_contact(
         approaches[members] += np.average(misfit[mine], weights=None if joined.equal else joined.area[mine])
 
 
-def _descent(
-    joined: _Joined, residual: Array, contact: NDArray[np.bool_], kind: NDArray[np.intp], groups: int
-) -> tuple[Array, float]:
+def _descent(joined: _Joined, residual: Array, contact: Mask, kind: Indices, groups: int) -> tuple[Array, float]:
     """Return a direction of descent that keeps the groups' forces, and its product with the residual.
 
     Forces are <1_g, p> in the product weighted by area, in which influence K and preconditioner M are symmetric.
@@ -233,12 +228,12 @@ def _descent(
     return z, float(residual @ (z * joined.area))
 
 
-def _subtract_means(z: Array, masks: list[NDArray[np.bool_]], area: Array) -> None:
+def _subtract_means(z: Array, masks: list[Mask], area: Array) -> None:
     for mine in masks:
         z[mine] -= np.sum((z * area)[mine]) / np.sum(area[mine])
 
 
-def _scaled(p: Array, kind: NDArray[np.intp], wanted: Array, area: Array) -> Array:
+def _scaled(p: Array, kind: Indices, wanted: Array, area: Array) -> Array:
     """Return pressures whose group forces are exactly the prescribed ones (the same array where they already are)."""
     factor = np.ones(len(wanted) + 1)
     for g, force in enumerate(wanted):

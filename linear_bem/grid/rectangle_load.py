@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.arrays import Array
+from linear_bem.layer.kernel import LayeredKernel, panels
 from linear_bem.problem import Elastic, Layer
-from linear_bem.smooth.zone import gauss
-
-Array = NDArray[np.float64]
 
 
 def love_rectangle(x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> Array:
@@ -48,10 +46,7 @@ def graded_rule(low: float, high: float, finest: float, order: int = 6) -> tuple
     while e < max(-low, high):
         edges |= {c for c in (e, -e) if low < c < high}
         e *= 2.0
-    cuts: Array = np.array(sorted(edges))
-    x, w = gauss(order)
-    half = 0.5 * np.diff(cuts)[:, None]
-    return np.ravel(cuts[:-1, None] + half * (1.0 + x)), np.ravel(half * w)
+    return panels(np.array(sorted(edges)), order)
 
 
 def uniform_square_displacement(

@@ -18,11 +18,9 @@ doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.problem import Elastic
-
-Array = NDArray[np.float64]
 
 
 class LayerResponse:

@@ -57,8 +57,8 @@ def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
     solution = solve_contact(thin, 1e-8)
     assert isinstance(solution.contacts, GridContacts)
-    assert "asked to 1e-08" in solution.notes[0]
-    assert "asked to 1e-08" in solution.result().solved.notes[0]
+    assert "requested to 1e-08" in solution.notes[0]
+    assert "requested to 1e-08" in solution.result().solved.notes[0]
 
 
 def test_where_one_grid_is_all_that_fits_the_routes_judge(monkeypatch):

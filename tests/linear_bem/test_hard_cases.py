@@ -25,8 +25,8 @@ from linear_bem.closed_forms import (
     sneddon_sphere,
 )
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.lifted_balls import rest
 from linear_bem.problem import FiniteStrain
-from linear_bem.resting_balls import rest_height
 from linear_bem.smooth.contacts import SmoothContacts
 
 
@@ -220,7 +220,7 @@ def beside_a_deep_ball(overlap):
     balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, substrate, deep = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 0.0768
     lifted = solve_contact(Problem(layer, balls, Load("approach", (deep, -0.5)), substrate), 1e-6)
-    height = rest_height(lifted.contacts, 1)
+    height = rest(lifted.contacts, 1)[0]
     return Problem(layer, balls, Load("approach", (deep, height + overlap)), substrate)
 
 
