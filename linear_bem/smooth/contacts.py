@@ -167,4 +167,6 @@ def _peak(n: Nodes) -> float:
     def lowered(at: Array) -> float:
         return -float(n.zone.squared_pressure(at[:1], at[1:])[0]) / square
 
-    return float(np.sqrt(square * max(1.0, -minimize(lowered, [n.xi[best], n.eta[best]]).fun)))
+    near = [(at - 0.3, at + 0.3) for at in (n.xi[best], n.eta[best])]
+    found = minimize(lowered, np.mean(near, axis=1), bounds=near, options={"ftol": 1e-15, "gtol": 1e-11})
+    return float(np.sqrt(square * max(1.0, -found.fun)))
