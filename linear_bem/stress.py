@@ -1,10 +1,10 @@
-r"""The vertical stress sigma_z inside the layer, on request.
+r"""The vertical stress sigma_z inside the layer, computed from a solution.
 
 Under p cos(k x) the layer's stress is -p cos(k x) S(k h, z/h). S follows from Love's strain function
 with its four exponentials in the layer and two in the substrate, fixed by the six conditions of the boundary-value
 problem (pressure and no shear at the surface; continuity, or no displacement, at the bond). In real space
-Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) carries the singular part; what the bond adds, S less
-(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by the rules of `linear_bem.layer.kernel`.
+Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) is the singular part. The part due to the bond, S minus
+(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by `linear_bem.layer.kernel.hankel`.
 Fields from Love's function: [Timoshenko and Goodier 1970, Theory of Elasticity, section 133].
 """
 
@@ -15,11 +15,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.special import j0
 
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
-from linear_bem.layer.kernel import far_rule, near_rule
+from linear_bem.layer.kernel import even_spline, hankel
 from linear_bem.problem import Elastic
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution
@@ -45,7 +44,7 @@ def stress_response(layer: Elastic, substrate: Elastic | None, t: Array, depth: 
     t = np.atleast_1d(np.asarray(t, dtype=float))
     kinds = [(-1.0, 0), (-1.0, 1), (1.0, 0), (1.0, 1)]
     count = 6 if substrate is not None else 4
-    # stresses of order 1, displacements times the layer's modulus, growing exponentials measured from the bond
+    # scaled to order 1: displacements by the layer's modulus, growing exponentials by their value at the bond
     unit = np.array([1.0, 1.0, layer.shear_modulus, layer.shear_modulus])[:, None]
     matrix = np.zeros((len(t), count, count))
     inside = np.zeros((len(t), count))
@@ -68,7 +67,7 @@ def stress_response(layer: Elastic, substrate: Elastic | None, t: Array, depth: 
 
 @lru_cache(maxsize=16)
 def _bond_kernel(layer: Elastic, substrate: Elastic | None, depth: float) -> tuple[BSpline, float]:
-    """Return the spline of what the bond adds to h^2 times Boussinesq's kernel, over asinh(r/h), and its range."""
+    """Return the bond's part of h^2 times the stress kernel as a spline over asinh(r/h), and its range."""
     log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
     t = np.exp(log_t)
     boussinesq = (1.0 + depth * t) * np.exp(-depth * t)
@@ -78,17 +77,8 @@ def _bond_kernel(layer: Elastic, substrate: Elastic | None, depth: float) -> tup
         return np.where(t < 60.0, added(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
 
     y = np.arange(0.0, np.arcsinh(300.0), 0.03)
-    rho = np.sinh(y)
-    u, omega = far_rule()
-    nodes, weights = near_rule()
-    values = np.empty(len(rho))
-    for i, r in enumerate(rho):
-        if r <= 1.0:
-            values[i] = np.sum(weights * j0(r * nodes) * extra(nodes) * nodes)
-        else:
-            values[i] = np.sum(omega * extra(u / r) * u) / r**2
-    mirrored = np.concatenate([values[10:0:-1], values]), np.concatenate([-y[10:0:-1], y])
-    return make_interp_spline(mirrored[1], mirrored[0] / (2.0 * np.pi), k=5), float(y[-1])
+    values = hankel(lambda t: extra(t) * t, np.sinh(y)) / (2.0 * np.pi)
+    return even_spline(y, values, 10), float(y[-1])
 
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
@@ -96,8 +86,8 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
 
     0 <= depth <= layer thickness; at depth 0 it is minus the contact pressure. Points nearer to the surface than a
     tenth of the contact radius take proportionally more quadrature nodes. Error below 1e-6 of the peak pressure for
-    depth > 0.03 contact radii. On grids cells have one pressure each: depths between 0 and one cell raise
-    `InvalidProblem`, and at one cell the error is 1 to 3 % of the peak pressure.
+    depth > 0.03 contact radii. On grids the pressure is constant per cell: the error is 1 to 3 % of the peak pressure
+    at a depth of one cell, and smaller depths except 0 raise `InvalidProblem`.
     """
     layer, substrate = solution.problem.layer, solution.problem.substrate
     if not 0.0 <= depth <= layer.thickness:
@@ -109,7 +99,7 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
     if depth < coarsest:
         raise InvalidProblem(
             f"vertical_stress: depth must be 0 or at least one cell of the pressure, {coarsest:g} m,"
-            f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force for smaller cells"
+            f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force, which makes smaller cells"
         )
     px, py, load = _loads(solution, depth)
     bond = None
@@ -136,7 +126,7 @@ def _coarsest_cell(solution: Solution) -> float:
 
 
 def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
-    """Return points [m] and point loads [N] that resolve the pressure on the scale of the depth."""
+    """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of the depth."""
     contacts = solution.contacts
     x, y, load = [], [], []
     if isinstance(contacts, SmoothContacts):
@@ -150,7 +140,7 @@ def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
     else:
         for patch, p in zip(contacts.patches.patches, contacts.state.pressures, strict=True):
             loaded = p > 0.0
-            # four Gauss points a cell where the plane is near, its middle where it is not
+            # four Gauss points per cell for planes near the surface, else its centre
             off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
             places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
             for right, up in places:

@@ -15,10 +15,11 @@ whose error falls faster than any power of its width. Below rho = 1 the rule is 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from scipy.special import erfc, j0
 
 from linear_bem.arrays import Array
@@ -63,39 +64,41 @@ def near_rule() -> tuple[Array, Array]:
     return panels(edges, 12)
 
 
-def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
-    """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
+def hankel(f: Callable[[Array], Array], rho: Array) -> Array:
+    """Return int_0^inf f(t) J0(rho t) dt for f smooth in log t that is negligible beyond t = 48."""
     rho = np.atleast_1d(np.asarray(rho, dtype=float))
     out = np.empty(rho.shape)
     near = rho <= _NEAR
     t, w = near_rule()
-    out[near] = j0(np.outer(rho[near], t)) @ (w * (response(t) - 1.0))
+    out[near] = j0(np.outer(rho[near], t)) @ (w * f(t))
     u, omega = far_rule()
     for block in np.array_split(np.flatnonzero(~near), max(1, int(np.sum(~near)) // 256)):
-        out[block] = ((response(u / rho[block, None]) - 1.0) @ omega) / rho[block]
+        out[block] = (f(u / rho[block, None]) @ omega) / rho[block]
     return out
 
 
+def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
+    """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
+    return hankel(lambda t: response(t) - 1.0, rho)
+
+
+def even_spline(y: Array, values: Array, mirrored: int) -> BSpline:
+    """Return the quintic spline through values at y = 0, ..., continued evenly by some points at y < 0."""
+    both = np.concatenate([values[mirrored:0:-1], values])
+    return make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
+
+
 class _Table:
-    """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y, constant far out."""
+    """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y; its limit G(0) - 1 beyond the table."""
 
     def __init__(self, response: LayerResponse) -> None:
         self.far = response.at_zero - 1.0
         y_end = float(np.arcsinh(1e4 / response.smallest_scale))
-        count = int(np.ceil(y_end / _SPACING)) + 1
-        y = _SPACING * np.arange(count)
-        rho = np.sinh(y)
-        values = smooth_kernel(response, rho) * np.cosh(y)
+        y = _SPACING * np.arange(int(np.ceil(y_end / _SPACING)) + 1)
+        values = smooth_kernel(response, np.sinh(y)) * np.cosh(y)
         self.end = float(y[-1])
-        mirrored = 12
-        both = np.concatenate([values[mirrored:0:-1], values])
-        spline = make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
-        # Taylor coefficients on the uniform grid: Horner's rule then needs no search for the interval
-        factorial = (1.0, 1.0, 2.0, 6.0, 24.0, 120.0)
-        taylor = [spline.derivative(m)(y[:-1]) * _SPACING**m / factorial[m] for m in range(6)]
-        self.coefficients = np.array(taylor).T.copy()
-        tail = values[-1]
-        self.remainder = tail - self.far
+        self.spline = PPoly.from_spline(even_spline(y, values, 12))
+        self.remainder = values[-1] - self.far
         # near the axis s is a power series in rho^2, singular at rho^2 = -4: a polynomial is five times faster
         z = np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)
         near = smooth_kernel(response, _EVEN * np.sqrt(0.5 * (1.0 + z)))
@@ -108,24 +111,16 @@ class _Table:
             z = rho * rho * (2.0 / _EVEN**2) - 1.0
             return _power_series(self.even, z), rho * _power_series(self.even_slope, z) if slope else np.zeros_like(rho)
         y = np.arcsinh(rho)
-        place = np.minimum(y, self.end) / _SPACING
-        index = np.minimum(place.astype(np.intp), len(self.coefficients) - 1)
-        x = place - index
-        c = self.coefficients[index]
-        root = np.sqrt(1.0 + rho * rho)
-        value = ((((c[..., 5] * x + c[..., 4]) * x + c[..., 3]) * x + c[..., 2]) * x + c[..., 1]) * x + c[..., 0]
         beyond = y > self.end
-        s = value / root
-        if np.any(beyond):  # where the remainder falls like 1/rho^2
-            s = np.where(beyond, (self.far + self.remainder * (np.sinh(self.end) / root) ** 2) / root, s)
+        y = np.minimum(y, self.end)
+        root = np.sqrt(1.0 + rho * rho)
+        value = self.spline(y)
+        fall = self.remainder * (np.sinh(self.end) / root) ** 2
+        s = np.where(beyond, self.far + fall, value) / root
         if not slope:
             return s, np.zeros_like(s)
-        rise = (((5 * c[..., 5] * x + 4 * c[..., 4]) * x + 3 * c[..., 3]) * x + 2 * c[..., 2]) * x + c[..., 1]
-        ds = (rise / _SPACING - value * rho / root) / root**2
-        if np.any(beyond):
-            fall = -(self.far + 3.0 * self.remainder * (np.sinh(self.end) / root) ** 2) * rho / root**3
-            ds = np.where(beyond, fall, ds)
-        return s, ds
+        inside = (self.spline(y, 1) - value * rho / root) / root**2
+        return s, np.where(beyond, -(self.far + 3.0 * fall) * rho / root**3, inside)
 
 
 def _power_series(coefficients: Array, z: Array) -> Array:
