@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.layer.kernel import LayeredKernel
@@ -17,10 +15,10 @@ from linear_bem.profiles import height
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.newton import SmoothSolution
-from linear_bem.smooth.tangential_forces import half_space_pulls
 from linear_bem.smooth.zone import Zone
 
-Contacts = TypeVar("Contacts", SmoothContacts, GridContacts)
+Contacts = SmoothContacts | GridContacts
+Same = TypeVar("Same", SmoothContacts, GridContacts)
 
 
 class Touched(NotConverged):
@@ -37,7 +35,7 @@ class Touched(NotConverged):
         return Start(touching, [known[i] for i in touching], guess.approaches)
 
 
-def rest(contacts: SmoothContacts | GridContacts, ball: int) -> tuple[float, tuple[float, float]]:
+def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
     """Return the approach [m] at which an unloaded ball just touches the deformed surface, and where [m]."""
     f = height(contacts.problem.balls[ball])
     centre, reach = np.array(contacts.problem.balls[ball].position), 0.1 * contacts.problem.balls[ball].radius
@@ -52,7 +50,7 @@ def rest(contacts: SmoothContacts | GridContacts, ball: int) -> tuple[float, tup
     return value, (float(centre[0]), float(centre[1]))
 
 
-def rested(contacts: Contacts) -> Contacts:
+def rested(contacts: Same) -> Same:
     """Return the contacts with every ball of zero prescribed force at the height where it just touches."""
     load = contacts.problem.load
     resting = [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
@@ -63,7 +61,7 @@ def rested(contacts: Contacts) -> Contacts:
     return replace(contacts, approaches=approaches)
 
 
-def _overlapping(contacts: SmoothContacts | GridContacts) -> dict[int, tuple[float, tuple[float, float]]]:
+def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float]]]:
     """Return how far [m] balls without force are below the height where they just touch the surface, and where [m]."""
     if contacts.problem.load.kind == "force":
         return {}
@@ -90,17 +88,7 @@ def smooth_state(
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
     contacts = rested(SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, precision))
-    overlapping = _overlapping(contacts)
-    if overlapping:
-        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in overlapping.items()})
+    found = overlapping(contacts)
+    if found:
+        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in found.items()})
     return contacts
-
-
-def missed_pulls(contacts: GridContacts) -> Array:
-    """Return the T [N] on every ball from contacts smaller than a grid cell, which a grid misses, by Hertz's forces."""
-    problem, forces = contacts.problem, contacts.normal_forces.copy()
-    seen = half_space_pulls(contacts.kernel, problem.positions, forces)
-    for i, (depth, _) in _overlapping(contacts).items():
-        radius = problem.balls[i].radius
-        forces[i] = 4.0 / 3.0 * math.sqrt(radius * depth**3) / (math.pi * contacts.kernel.singular)
-    return np.asarray(half_space_pulls(contacts.kernel, problem.positions, forces) - seen)

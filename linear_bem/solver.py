@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass
 
@@ -10,17 +9,26 @@ import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
+from linear_bem.error_estimate import (
+    change,
+    error_of_one,
+    large_strain_note,
+    least_error,
+    missed_pulls,
+    pulls,
+    reference_force,
+    route_difference,
+    small_force_note,
+)
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Sphere
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.lifted_balls import Touched, missed_pulls, rested, smooth_state
+from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.small_strain_range import beyond
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
-from linear_bem.smooth.tangential_forces import half_space_pulls
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
@@ -46,7 +54,7 @@ class Solution:
     """
 
     problem: Problem
-    contacts: SmoothContacts | GridContacts
+    contacts: Contacts
     tangential_force_error: Array
     seconds: float
     notes: tuple[str, ...] = ()
@@ -120,20 +128,14 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     contacts, error, notes = _refined(problem, kernel, tangential_force)
-    notes = notes or _cancelled(contacts, error, tangential_force)
+    notes = (*(notes or small_force_note(contacts, error, tangential_force)), *large_strain_note(contacts))
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
-    return Solution(
-        problem,
-        contacts,
-        error,
-        time.perf_counter() - begun,
-        (*notes, *beyond(problem, contacts.approaches, contacts.contact_areas)),
-    )
+    return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
 
 
-Answer = tuple[SmoothContacts | GridContacts, Array, tuple[str, ...]]
+Answer = tuple[Contacts, Array, tuple[str, ...]]
 """Contacts, error of T [N] per ball, notes."""
 
 
@@ -154,9 +156,9 @@ def _enough(wanted: float) -> float:
 
 @dataclass(frozen=True)
 class _Refined:
-    """Contacts, error of T [N] per ball, that error over `_size`, and the relative change of all other results."""
+    """Contacts, error of T [N] per ball, that error over `reference_force`, and the relative change of other results."""
 
-    contacts: SmoothContacts | GridContacts
+    contacts: Contacts
     error: Array
     reached: float
     settled: float
@@ -191,16 +193,16 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
             continue  # a deep sphere's pressure may be too far from any parabola for Newton's method
         certified = max(after.certificate.values()) < CERTIFIED
         if before is None:
-            error = _routes_error(after)
-            reached = max(float(np.max(error)) / _size(after), 3.0 * after.smooth.residual)
+            error = error_of_one(after)
+            reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)
             if certified and wanted >= ROUTES_SUFFICE and reached <= wanted:
                 return after, error, ()
         else:
-            error, settled = _change(before, after)
-            error = np.maximum(error, _routes(after))
+            error, settled = change(before, after)
+            error = np.maximum(error, route_difference(after))
             if after.smooth.residual > (precision if many else 0.0):
-                error = error + 3.0 * after.smooth.residual * _pulls(after)
-            found = _Refined(after, error, float(np.max(error)) / _size(after), settled)
+                error = error + 3.0 * after.smooth.residual * pulls(after)
+            found = _Refined(after, error, float(np.max(error)) / reference_force(after), settled)
             if certified and (best is None or found.excess(wanted) < best.excess(wanted)):
                 best = found
             if certified and found.excess(wanted) <= 1.0:
@@ -229,32 +231,19 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         if last is None:
             last = _Refined(contacts, np.full(problem.size, np.inf), np.inf, np.inf)
             continue
-        error, settled = _change(last.contacts, contacts)
+        error, settled = change(last.contacts, contacts)
         error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
-        last = _Refined(contacts, error, float(np.max(error)) / _size(contacts), settled)
+        last = _Refined(contacts, error, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
             return rested(contacts), error + missed_pulls(contacts), ()
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     error, note = last.error, last.note(f"finest grid that {fits}", wanted)
     if not np.all(np.isfinite(error)):
-        error = np.maximum(_routes(last.contacts), _floor(last.contacts))
-        reached = float(np.max(error)) / _size(last.contacts)
+        error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
+        reached = float(np.max(error)) / reference_force(last.contacts)
         note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
     return rested(last.contacts), error + missed_pulls(last.contacts), (note,)
-
-
-def _cancelled(contacts: SmoothContacts | GridContacts, error: Array, wanted: float) -> tuple[str, ...]:
-    """Return a note where T is so small that its error relative to itself exceeds the requested one."""
-    largest, known = float(np.max(np.abs(contacts.mutual_force))), float(np.max(error))
-    transmitted = float(np.max(_pulls(contacts)))
-    if transmitted == 0.0 or known <= wanted * largest:
-        return ()
-    share = known / largest if largest > 0.0 else math.inf
-    return (
-        f"T is close to zero: it is known to {known:.1e} N, which is {share:.0e} of the largest T ({wanted:.0e} was "
-        f"requested) and {known / transmitted:.0e} of what a half-space would transmit",
-    )
 
 
 def _steep(problem: Problem, guess: Start) -> bool:
@@ -266,55 +255,3 @@ def _steep(problem: Problem, guess: Start) -> bool:
 def _wide(kernel: LayeredKernel, guess: Start) -> bool:
     """Return whether a contact is so wide against the layer that a grid costs less than the necessary degrees."""
     return max(z.radius for z in guess.zones) > WIDE * kernel.thickness
-
-
-def _pulls(contacts: SmoothContacts | GridContacts, softest: float = 0.0, fading: float = math.inf) -> Array:
-    return half_space_pulls(contacts.kernel, contacts.problem.positions, contacts.normal_forces, softest, fading)
-
-
-def _size(contacts: SmoothContacts | GridContacts) -> float:
-    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of T on a half-space.
-
-    It is infinite for one ball, which has no T: there the accuracy of forces and approaches decides.
-    """
-    if contacts.problem.size == 1:
-        return math.inf
-    largest = float(np.max(np.abs(contacts.mutual_force)))
-    return max(largest, 1e-4 * float(np.max(_pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
-
-
-def _floor(contacts: SmoothContacts | GridContacts) -> Array:
-    """Return the error of T [N] on every ball from the kernel's table and the solver's tolerance."""
-    thickness, contrast = contacts.kernel.thickness, 1.0 + contacts.kernel.far_ratio
-    softest = thickness if np.isfinite(thickness) else 0.0
-    # the table's error fades where the layer's 1/r and the substrate's cancel
-    return np.asarray(1e-9 * contrast * _pulls(contacts, softest, 100.0 * contrast * thickness))
-
-
-def _routes_error(contacts: SmoothContacts) -> Array:
-    """Return an estimate of T's error [N] from one solution: by the difference of its routes, and by its residual."""
-    residual = contacts.certificate["gap_in_contact"] * _pulls(contacts)
-    return np.maximum(np.maximum(3.0 * _routes(contacts), residual), _floor(contacts))
-
-
-def _routes(contacts: SmoothContacts | GridContacts) -> Array:
-    """Return the difference [N] of T on every ball by the mutual formula and by the slope integral."""
-    return np.asarray(np.max(np.abs(contacts.mutual_force - contacts.slope_force), axis=1))
-
-
-def _change(before: SmoothContacts | GridContacts, after: SmoothContacts | GridContacts) -> tuple[Array, float]:
-    """Return the change of every T [N] and the largest relative change of loads and approaches.
-
-    On polynomials a tenth of the changes of area and peak pressure counts too; on grids these are too noisy.
-    """
-    error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), _floor(after))
-    loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
-    touching = after.normal_forces > 0.0
-    moved = np.abs(after.approaches - before.approaches)[touching]
-    approaches = float(np.max(moved) / np.max(np.abs(after.approaches[touching])))
-    settled = max(loads, approaches)
-    if isinstance(after, SmoothContacts) and isinstance(before, SmoothContacts):
-        pairs = (before.contact_areas, after.contact_areas), (before.peak_pressures, after.peak_pressures)
-        for old, new in pairs:
-            settled = max(settled, 0.1 * float(np.max(np.abs(new - old)[touching] / new[touching])))
-    return error, settled
