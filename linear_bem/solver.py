@@ -156,7 +156,7 @@ def _enough(wanted: float) -> float:
 
 @dataclass(frozen=True)
 class _Refined:
-    """Contacts, error of T [N] per ball, that error over `reference_force`, and the relative change of other results."""
+    """Contacts, error of T [N] per ball, that error over `reference_force`, and the relative change of the rest."""
 
     contacts: Contacts
     error: Array
