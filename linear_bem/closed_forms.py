@@ -84,7 +84,7 @@ def long_force(approach: float, radius: float, layer: Elastic, thickness: float)
 
     [Long, Hall, Wu and Hui 2011, Biophys. J. 101, 643, doi 10.1016/j.bpj.2011.06.049]: a fit for
     0.3 <= R/h <= 12.7, D/h <= min(0.6, R/h); warns outside. Within 1 % of an independent axisymmetric
-    finite-element solution at R/h = 0.5 and 1, D <= 0.5 R. E* with nu = 1/2 is used whatever the layer's nu.
+    finite-element solution at R/h = 0.5 and 1, D <= 0.5 R. E* is that of nu = 1/2 for every layer.
     """
     slender = radius / thickness
     if not (0.3 <= slender <= 12.7 and approach / thickness <= min(0.6, slender) * (1.0 + 1e-12)):

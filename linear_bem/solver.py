@@ -35,10 +35,10 @@ CERTIFIED = 1e-3
 WORTH_KEEPING = 5.0
 """Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
 ROUTES_SUFFICE = 1e-3
-"""Accuracy from which on three times the difference of the two formulas for T is the error, without refinement."""
+"""Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
 STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
-"""Contact radius over the sphere's, contact radius over the layer's thickness, number of balls: where a contact exceeds
-one of the first two, up to so many balls are solved on a grid at once if `ROUTES_SUFFICE` or less is requested."""
+"""Contact radius over the sphere's, contact radius over the layer's thickness, number of balls. Up to that number,
+balls with a contact above one of the two radii are solved on grids directly, for accuracies from `ROUTES_SUFFICE` on."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)

@@ -1,4 +1,4 @@
-"""Contacts on grids: which balls share a patch, refinement by doubling, and the answer with its fields."""
+"""Contacts on grids: division of the balls into patches, refinement by doubling, forces and fields."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@ The complementary energy of a contact is least at the true pressure. With p = p0
 whose Hankel transform is closed, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
 c = 1/(2 R (alpha + 2)) and
 
-    kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx;
+    kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx.
 
-it is stationary where D = c a^2 (1 - 4/m), m = d ln kappa/d ln a, q = (D - c a^2)/kappa. alpha = 1/2 is the
+It is stationary where D = c a^2 (1 - 4/m), m = d ln kappa/d ln a, q = (D - c a^2)/kappa. alpha = 1/2 is the
 pressure of Hertz's contact, 1 of a compressible and 2 of an incompressible thin layer, so every limit is exact;
 between them the alpha of least energy is used.
 """

@@ -56,7 +56,7 @@ class ContactSequence:
     (difference of the two formulas for T, square of the drift from where the equations were linearised, a tenth of the
     gap) or its gap over approach exceeds the accuracy. Where that does not suffice, the scene is solved cold: by
     polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`. So is a scene with another layer,
-    substrate, radius, shape or kind of load. Raises what `linear_bem.solve_contact` raises.
+    substrate, radius, shape or kind of load. Raises the errors of `linear_bem.solve_contact`.
     """
 
     def __init__(self, accuracy: float = 1e-2) -> None:

@@ -1,4 +1,4 @@
-"""A solved contact: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
+"""Solved smooth contacts: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
 
 from __future__ import annotations
 
