@@ -1,7 +1,7 @@
 r"""Approach, force and contact radius of one ball on a layer: a Ritz estimate that needs no contact solve.
 
 The complementary energy of a contact is least at the true pressure. With p = p0 (1 - r^2/a^2)^alpha,
-whose Hankel transform is closed, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
+whose Hankel transform is known, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
 c = 1/(2 R (alpha + 2)) and
 
     kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx.
