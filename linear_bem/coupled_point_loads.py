@@ -75,7 +75,8 @@ def couple(problem: Problem, mutual: Array, relation: Relation, inverse: Relatio
         return PointState(effective, approaches, relation(effective))
 
     def excess(common: float) -> float:
-        return float(np.sum(state(common).forces)) - total
+        difference = float(np.sum(state(common).forces)) - total
+        return difference if abs(difference) > 1e-12 * total else 0.0
 
     lower = upper = float(np.max(start + mutual @ equal))
     while excess(upper) < 0.0:

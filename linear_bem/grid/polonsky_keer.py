@@ -83,11 +83,13 @@ class _Cells:
                 return depth + shift[0] if shift[0] != 0.0 else depth, owner
         lowest, owners = [], []
         for f, patch in zip(self.heights, self.patches.patches, strict=True):
-            members = np.array(patch.members)
-            depths = approaches[members][:, None, None] - f
-            deepest = np.argmax(depths, axis=0)
-            lowest.append(np.max(depths, axis=0).ravel())
-            owners.append(members[deepest].ravel())
+            best, which = np.full(f[0].shape, -np.inf), np.full(f[0].shape, patch.members[0])
+            for height, ball in zip(f, patch.members, strict=True):
+                deeper = approaches[ball] - height > best
+                best[deeper] = approaches[ball] - height[deeper]
+                which[deeper] = ball
+            lowest.append(best.ravel())
+            owners.append(which.ravel())
         self._known = approaches.copy(), np.concatenate(lowest), np.concatenate(owners)
         return self._known[1:]
 

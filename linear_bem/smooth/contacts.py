@@ -17,6 +17,7 @@ from linear_bem.profiles import height
 from linear_bem.smooth.displacement import FEW, displacement_around, displacement_of_many, zone_displacement
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
+from linear_bem.smooth.zone import horner
 
 EVALUATED = 1e-7
 """Relative error of the displacement that residuals are recomputed with."""
@@ -164,9 +165,12 @@ def _peak(n: Nodes) -> float:
     best = int(np.argmax(n.pressure))
     square = float(n.pressure[best]) ** 2
 
-    def lowered(at: Array) -> float:
-        return -float(n.zone.squared_pressure(at[:1], at[1:])[0]) / square
+    powers = n.zone.powers / square
+
+    def lowered(at: Array) -> tuple[float, Array]:
+        value, dx, dy = horner(powers, at[0], at[1])
+        return -float(value), -np.array([dx, dy])
 
     near = [(at - 0.3, at + 0.3) for at in (n.xi[best], n.eta[best])]
-    found = minimize(lowered, np.mean(near, axis=1), bounds=near, options={"ftol": 1e-15, "gtol": 1e-11})
+    found = minimize(lowered, np.mean(near, axis=1), jac=True, bounds=near, options={"ftol": 1e-15, "gtol": 1e-11})
     return float(np.sqrt(square * max(1.0, -found.fun)))

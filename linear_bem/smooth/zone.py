@@ -29,7 +29,7 @@ def exponents(degree: int) -> tuple[Indices, Indices]:
 def basis(xi: Array, eta: Array, degree: int) -> Array:
     """Return the basis polynomials, shape (terms, *xi.shape)."""
     i, j = exponents(degree)
-    t_xi, t_eta = (np.moveaxis(chebvander(z, degree), -1, 0) for z in (xi, eta))
+    t_xi, t_eta = np.moveaxis(chebvander([xi, eta], degree), -1, 1)
     return np.asarray(t_xi[i] * t_eta[j])
 
 
@@ -60,7 +60,7 @@ def _monomials(degree: int) -> Array:
     return np.asarray(table[i][:, :, None] * table[j][:, None, :])
 
 
-def _horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree."""
     degree = len(powers) - 1
     value = dx = dy = np.zeros(np.shape(x))
@@ -100,6 +100,11 @@ class Zone:
         """Largest semi-axis [m] of the frame."""
         return float(np.linalg.norm(self.axes, 2))
 
+    @property
+    def powers(self) -> Array:
+        """Coefficients of P in powers of xi and eta, shape (degree + 1, degree + 1)."""
+        return np.asarray(np.tensordot(self.coefficients, _monomials(self.degree), 1))
+
     def points(self, xi: Array, eta: Array) -> tuple[Array, Array]:
         """Return the surface coordinates x, y [m] of frame points."""
         a = self.axes
@@ -126,7 +131,7 @@ class Zone:
 
         For P of degree 2 this is a root of the quadratic along the chord; else Newton's method starts from there.
         """
-        p = np.tensordot(self.coefficients, _monomials(self.degree), 1)
+        p = self.powers
         a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
         b = (p[1, 0] + 2.0 * p[2, 0] * xi + p[1, 1] * eta) * cos + (p[0, 1] + p[1, 1] * xi + 2.0 * p[0, 2] * eta) * sin
         c = p[0, 0] + p[1, 0] * xi + p[0, 1] * eta + p[2, 0] * xi * xi + p[1, 1] * xi * eta + p[0, 2] * eta * eta
@@ -140,7 +145,7 @@ class Zone:
         t = np.maximum(np.where(np.abs(quadratic - circle) < 0.1, quadratic, circle), 0.01)
         floor = -1e-6 * abs(self.coefficients[0])
         for _ in range(40):
-            value, dx, dy = _horner(p, xi + t * cos, eta + t * sin)
+            value, dx, dy = horner(p, xi + t * cos, eta + t * sin)
             move = value / np.minimum(dx * cos + dy * sin, floor)
             t = t - np.minimum(np.maximum(move, -0.3), 0.3)
             if np.max(np.abs(move)) < 3e-8:
