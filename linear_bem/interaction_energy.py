@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from linear_bem.problem import Load, Problem
-from linear_bem.profiles import height
+from linear_bem.profiles import difference, height
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution, solve_contact
 
@@ -59,9 +59,4 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
         shifted = _Passable(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
         return elastic_energy(solve_contact(shifted, 1e-6))
 
-    out = []
-    for ex, ey in ((h, 0.0), (0.0, h)):
-        near = energy(ex, ey) - energy(-ex, -ey)
-        far = energy(2.0 * ex, 2.0 * ey) - energy(-2.0 * ex, -2.0 * ey)
-        out.append(-(8.0 * near - far) / (12.0 * h))
-    return out[0], out[1]
+    return -difference(lambda s: energy(s, 0.0), h), -difference(lambda s: energy(0.0, s), h)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere, slope
 from linear_bem.problem import Ball
 
+Value = TypeVar("Value", float, Array)
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
 
@@ -62,13 +64,12 @@ def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
         return dx, dy
     f = height(ball)
     step = 1e-3 * max(float(np.ptp(x)), float(np.ptp(y)), 1e-9 * ball.radius)
+    return difference(lambda s: f(x + s, y), step), difference(lambda s: f(x, y + s), step)
 
-    def along(ex: float, ey: float) -> Array:
-        near = f(x + step * ex, y + step * ey) - f(x - step * ex, y - step * ey)
-        far = f(x + 2 * step * ex, y + 2 * step * ey) - f(x - 2 * step * ex, y - 2 * step * ey)
-        return np.asarray((8.0 * near - far) / (12.0 * step))
 
-    return along(1.0, 0.0), along(0.0, 1.0)
+def difference(f: Callable[[float], Value], step: float) -> Value:
+    """Return the derivative of f at 0 by the fourth-order central difference."""
+    return (8.0 * (f(step) - f(-step)) - (f(2.0 * step) - f(-2.0 * step))) / (12.0 * step)
 
 
 def is_ball(ball: Ball) -> bool:

@@ -13,8 +13,8 @@ from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
-from linear_bem.grid.rectangle_load import love_rectangle
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.rectangle_load import love_rectangle
 from linear_bem.load_control import force_error, force_groups
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height

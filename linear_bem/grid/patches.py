@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from linear_bem.arrays import Array, Indices, Mask
-from linear_bem.grid.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
 
 
 @dataclass
