@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from linear_bem.problem import Load, Problem
-from linear_bem.profiles import difference, height
-from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.profiles import difference
 from linear_bem.solver import Solution, solve_contact
 
 
@@ -26,19 +25,7 @@ class _Passable(Problem):
 
 def elastic_energy(solution: Solution) -> float:
     """Return the elastic energy [J], half the work of the contact pressure."""
-    contacts = solution.contacts
-    if isinstance(contacts, SmoothContacts):
-        total = 0.0
-        for i, n in zip(contacts.touching, contacts.smooth.nodes, strict=True):
-            # inside the contact the surface follows the ball
-            w = contacts.approaches[i] - height(solution.problem.balls[i])(n.x, n.y)
-            total += 0.5 * float(n.loads @ w) / contacts.kernel.singular
-        return total
-    state = contacts.state
-    return sum(
-        0.5 * float(np.sum(p * w)) * patch.cell**2 / contacts.kernel.singular
-        for patch, p, w in zip(contacts.patches.patches, state.pressures, state.displacements, strict=True)
-    )
+    return solution.contacts.elastic_energy
 
 
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
@@ -57,6 +44,6 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
         moved = list(problem.balls)
         moved[ball] = replace(moved[ball], position=(float(here[0] + dx), float(here[1] + dy)))
         shifted = _Passable(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
-        return elastic_energy(solve_contact(shifted, 1e-6))
+        return solve_contact(shifted, 1e-6).contacts.elastic_energy
 
     return -difference(lambda s: energy(s, 0.0), h), -difference(lambda s: energy(0.0, s), h)

@@ -10,6 +10,7 @@ import numpy as np
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.load_control import unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
 from linear_bem.smooth.contacts import SmoothContacts
@@ -52,8 +53,7 @@ def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
 
 def rested(contacts: Same) -> Same:
     """Return the contacts with every ball of zero prescribed force at the height where it just touches."""
-    load = contacts.problem.load
-    resting = [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
+    resting = unloaded(contacts.problem.load)
     if not resting:
         return contacts
     approaches = contacts.approaches.copy()

@@ -22,6 +22,11 @@ def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups
     return []
 
 
+def unloaded(load: Load) -> list[int]:
+    """Return the balls of prescribed force 0, which rest on the surface that the others deform."""
+    return [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
+
+
 def force_error(load: Load, forces: Array) -> float:
     """Return the largest error of the prescribed forces over the largest of them; 0 for prescribed approaches."""
     if load.kind == "approach":

@@ -20,7 +20,6 @@ from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.layer.kernel import even_spline, hankel
 from linear_bem.problem import Elastic
-from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution
 
 
@@ -95,13 +94,13 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if depth == 0.0:
         return -solution.pressure(x, y)
-    coarsest = _coarsest_cell(solution)
+    coarsest = solution.contacts.resolution
     if depth < coarsest:
         raise InvalidProblem(
             f"vertical_stress: depth must be 0 or at least one cell of the pressure, {coarsest:g} m,"
             f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force, which makes smaller cells"
         )
-    px, py, load = _loads(solution, depth)
+    px, py, load = solution.contacts.point_loads(depth)
     bond = None
     if np.isfinite(layer.thickness):
         elastic = Elastic(layer.young, layer.poisson)
@@ -115,36 +114,3 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
             kernel += np.where(far < end, bond(np.minimum(far, end)), 0.0) / layer.thickness**2
         total[part] = -kernel @ load
     return total.reshape(x.shape)
-
-
-def _coarsest_cell(solution: Solution) -> float:
-    """Return the largest cell [m] of a solution on grids, 0 for polynomials."""
-    contacts = solution.contacts
-    if isinstance(contacts, SmoothContacts):
-        return 0.0
-    return max(patch.cell for patch in contacts.patches.patches)
-
-
-def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
-    """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of the depth."""
-    contacts = solution.contacts
-    x, y, load = [], [], []
-    if isinstance(contacts, SmoothContacts):
-        for n in contacts.smooth.nodes:
-            fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
-            xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
-            u, v = n.zone.points(xi, eta)
-            x.append(u)
-            y.append(v)
-            load.append(w * p / contacts.kernel.singular)
-    else:
-        for patch, p in zip(contacts.patches.patches, contacts.state.pressures, strict=True):
-            loaded = p > 0.0
-            # four Gauss points per cell for planes near the surface, else its centre
-            off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
-            places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
-            for right, up in places:
-                x.append(np.broadcast_to(patch.x + right, p.shape)[loaded])
-                y.append(np.broadcast_to(patch.y + up, p.shape)[loaded])
-                load.append(p[loaded] * patch.cell**2 / contacts.kernel.singular / len(places))
-    return np.concatenate(x), np.concatenate(y), np.concatenate(load)

@@ -15,7 +15,7 @@ from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import love_rectangle
-from linear_bem.load_control import force_error, force_groups
+from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.smooth.initial_guess import Start
@@ -96,6 +96,34 @@ class GridContacts:
     def contact_areas(self) -> Array:
         """Contact area of every ball [m^2]: whole cells, up to a percent too large on the first grids."""
         return self._of_balls(lambda _, patch, p, mine: np.count_nonzero(mine) * patch.cell**2)
+
+    @property
+    def elastic_energy(self) -> float:
+        """Elastic energy [J], half the work of the contact pressure."""
+        state = self.state
+        return sum(
+            0.5 * float(np.sum(p * w)) * patch.cell**2 / self.kernel.singular
+            for patch, p, w in zip(self.patches.patches, state.pressures, state.displacements, strict=True)
+        )
+
+    @property
+    def resolution(self) -> float:
+        """Largest side [m] of a cell."""
+        return max(patch.cell for patch in self.patches.patches)
+
+    def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
+        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        loads = []
+        for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
+            loaded = p > 0.0
+            x, y = patch.points
+            # four Gauss points per cell for planes near the surface, else its centre
+            off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
+            places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
+            share = p[loaded] * patch.cell**2 / self.kernel.singular / len(places)
+            loads += [(x[loaded] + u, y[loaded] + v, share) for u, v in places]
+        x, y, load = (np.concatenate(parts) for parts in zip(*loads, strict=True))
+        return x, y, load
 
     @cached_property
     def coarseness(self) -> float:
@@ -236,12 +264,10 @@ def _solve(
 ) -> GridContacts:
     load = problem.load
     approaches = start.approaches.copy() if before is None else before.approaches.copy()
-    loaded = list(range(problem.size))
-    if load.kind == "force":
-        loaded = [i for i, q in enumerate(load.values) if q > 0.0]
-        lifted = [i for i, q in enumerate(load.values) if q == 0.0]
-        approaches[lifted] = -1e3 * max(b.radius for b in problem.balls)
-    elif load.kind == "total_force":
+    lifted = unloaded(load)
+    loaded = [i for i in range(problem.size) if i not in lifted]
+    approaches[lifted] = -1e3 * max(b.radius for b in problem.balls)
+    if load.kind == "total_force":
         approaches[:] = np.max(approaches)
     groups = [([loaded[k] for k in members], q) for members, q in force_groups(load, loaded, kernel.singular)]
     pressures = []

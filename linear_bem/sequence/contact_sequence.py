@@ -11,7 +11,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import smooth_state
-from linear_bem.load_control import force_groups
+from linear_bem.load_control import force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.contacts import SmoothContacts
@@ -162,9 +162,8 @@ def _alike(a: Problem, b: Problem) -> bool:
     """Return whether only positions and the amounts of the load differ, and the same balls are loaded."""
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
-    if a.load.kind == "force" and any(min(problem.load.values) == 0.0 for problem in (a, b)):
-        # an unloaded ball rests on the deformed surface, which `solve_contact` treats
-        return False
+    if unloaded(a.load) or unloaded(b.load):
+        return False  # `solve_contact` finds where they rest
     return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
 
 

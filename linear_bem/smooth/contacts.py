@@ -76,6 +76,30 @@ class SmoothContacts:
         """Contact area of every ball [m^2]."""
         return self._scatter([float(np.sum(n.weights)) for n in self.smooth.nodes])
 
+    @property
+    def elastic_energy(self) -> float:
+        """Elastic energy [J], half the work of the contact pressure."""
+        total = 0.0
+        for i, n in zip(self.touching, self.smooth.nodes, strict=True):
+            w = self.approaches[i] - height(self.problem.balls[i])(n.x, n.y)
+            total += 0.5 * float(n.loads @ w) / self.kernel.singular
+        return total
+
+    @property
+    def resolution(self) -> float:
+        """0: the pressure is smooth."""
+        return 0.0
+
+    def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
+        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        loads = []
+        for n in self.smooth.nodes:
+            fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
+            xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
+            loads.append((*n.zone.points(xi, eta), w * p / self.kernel.singular))
+        x, y, load = (np.concatenate(parts) for parts in zip(*loads, strict=True))
+        return x, y, load
+
     def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] on the edge of one ball's contact (empty where it does not touch)."""
         if ball not in self.touching:
