@@ -1,4 +1,4 @@
-"""Contacts on grids: division of the balls into patches, refinement by doubling, forces and fields."""
+"""Contacts on grids: refinement by doubling, forces and fields."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
+from linear_bem.grid.clusters import shared_patches
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
@@ -210,7 +211,7 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
         reach.setdefault(i, 0.5 * min(reach.values()))
     count, before = COARSEST, None
     for _ in range(12):
-        patches = _patches(problem, kernel, reach, count)
+        patches = shared_patches(problem, kernel, reach, count)
         cells = sum(p.nx * p.ny for p in patches.patches)
         if cells > MOST_CELLS:
             if before is None:
@@ -226,37 +227,6 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
         count, before = 2 * count, contacts
     if before is None:
         raise NotConverged("linear_bem: contacts kept growing over the edges of their patches")
-
-
-def _patches(problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int) -> Patches:
-    """Return patches; balls with a gap below 1.2 half widths share one, so that the others are far from each other."""
-    clusters = [[i] for i in range(problem.size)]
-    boxes = [(*b.position, *b.position, reach[i]) for i, b in enumerate(problem.balls)]
-
-    def close(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-        gap = max(a[0] - b[2], b[0] - a[2], a[1] - b[3], b[1] - a[3]) - a[4] - b[4]
-        return gap < 1.2 * max(max(c[2] - c[0], c[3] - c[1]) / 2 + c[4] for c in (a, b))
-
-    def first_close() -> tuple[int, int] | None:
-        pairs = ((i, j) for i in range(len(boxes)) for j in range(i))
-        return next(((i, j) for i, j in pairs if close(boxes[i], boxes[j])), None)
-
-    while (pair := first_close()) is not None:
-        i, j = pair
-        a, b = boxes[i], boxes[j]
-        boxes[j] = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]), max(a[4], b[4]))
-        clusters[j] += clusters[i]
-        del clusters[i], boxes[i]
-    order = 10 if len(clusters) <= 30 else 6
-    patches = []
-    for members, (x0, y0, x1, y1, half) in zip(clusters, boxes, strict=True):
-        cell = 2.0 * min(reach[i] for i in members) / count
-        # even counts: the line between two equal balls falls between cells, not into one ball's share
-        nx = 2 * int(np.ceil(0.5 * (x1 - x0 + 2.0 * half) / cell - 1e-9))
-        ny = 2 * int(np.ceil(0.5 * (y1 - y0 + 2.0 * half) / cell - 1e-9))
-        centre = (0.5 * (x0 + x1), 0.5 * (y0 + y1))
-        patches.append(Patch(kernel, centre, cell, nx, ny, tuple(sorted(members)), order))
-    return Patches(kernel, patches)
 
 
 def _solve(

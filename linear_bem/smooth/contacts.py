@@ -81,7 +81,7 @@ class SmoothContacts:
         """Elastic energy [J], half the work of the contact pressure."""
         total = 0.0
         for i, n in zip(self.touching, self.smooth.nodes, strict=True):
-            w = self.approaches[i] - height(self.problem.balls[i])(n.x, n.y)
+            w = self.approaches[i] - height(self.problem.balls[i])(n.x, n.y)  # the surface follows the ball
             total += 0.5 * float(n.loads @ w) / self.kernel.singular
         return total
 
