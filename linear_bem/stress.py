@@ -24,7 +24,7 @@ from linear_bem.solver import Solution
 
 
 def _fields(solid: Elastic, sign: float, power: int, z: Array) -> Array:
-    """Return sigma_z, tau, w, u (w, u times 2 G / 1) of Love's function z^power e^(sign z) at wave number 1."""
+    """Return sigma_z, tau, w and u of Love's function z^power e^(sign z) at wave number 1, shape (4, *z.shape)."""
     nu = solid.poisson
     e = np.exp(sign * z)
     d = [z**power * e] + [e * (sign**k * z**power + k * power * sign ** (k - 1)) for k in (1, 2, 3)]
