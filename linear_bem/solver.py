@@ -38,7 +38,7 @@ ROUTES_SUFFICE = 1e-3
 """Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
 STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
 """Contact radius over the sphere's, contact radius over the layer's thickness, number of balls. Up to that number,
-balls with a contact above one of the two radii are solved on grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+balls with a contact above one of the two radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
