@@ -66,6 +66,11 @@ class _Cells:
         """Return the displacement [m] under pressures ``v``."""
         return np.concatenate([w.ravel() for w in self.patches.displacement(self.split(v))])
 
+    def curvature(self, direction: Array) -> tuple[Array, float]:
+        """Return the displacement [m] under a direction of pressures, and the product of both."""
+        image = self.apply(direction)
+        return image, float(direction @ (image * self.area))
+
     def precondition(self, v: Array, where: Mask) -> Array:
         """Return approximate pressures that cause displacements ``v``, zero except at the cells ``where``."""
         parts = zip(self.patches.patches, self.split(v), strict=True)
@@ -209,12 +214,10 @@ def solve_bounded(
         z, new = cells.descent(residual, contact, owner)
         direction = np.where(contact, z + (0.0 if restart else new / old) * direction, 0.0)
         old = new
-        image = cells.apply(direction)
-        curvature = float(direction @ (image * cells.area))
+        image, curvature = cells.curvature(direction)
         if curvature <= 0.0:
             direction, restart = z, True
-            image = cells.apply(direction)
-            curvature = float(direction @ (image * cells.area))
+            image, curvature = cells.curvature(direction)
         if not curvature > 0.0:
             raise NotConverged(
                 f"grid contact: after {iteration} steps no direction of descent is left, at a gap of {gap_inside:.1e} "
