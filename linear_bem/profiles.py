@@ -83,7 +83,7 @@ def curvature(ball: Ball, scale: float) -> Array:
         return np.eye(2) / ball.radius
     steps = scale * np.array([-1.0, 0.0, 1.0])
     x, y = np.meshgrid(ball.position[0] + steps, ball.position[1] + steps, indexing="ij")
-    f = height(ball)(x, y)
+    f = height(ball)(x.ravel(), y.ravel()).reshape(3, 3)
     xx = f[2, 1] + f[0, 1] - 2.0 * f[1, 1]
     yy = f[1, 2] + f[1, 0] - 2.0 * f[1, 1]
     xy = 0.25 * (f[2, 2] + f[0, 0] - f[2, 0] - f[0, 2])
