@@ -77,7 +77,7 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
 def _radius_seen(problem: Problem, ball: Ball, kind: str, value: float) -> float:
     """Return R [m] of the paraboloid that is as high at its estimated contact's edge as the ball is on average."""
     low, high = ball.radius * 1e-9, ball.radius * 1e9
-    for _ in range(60):  # bisection, which never evaluates the profile far out, where it may overflow
+    for _ in range(60):  # bisection starts near the ball's own size: profiles may overflow far from it
         middle = float(np.sqrt(low * high))
         edge = float(estimates(problem.layer, problem.substrate, np.array([middle]), kind, np.array([value]))[2][0])
         low, high = (low, middle) if 2.0 * mean_height(ball, edge) * middle >= edge**2 else (middle, high)
