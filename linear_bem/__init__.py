@@ -9,10 +9,10 @@
 
 from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
 from linear_bem.grid.height_field import HeightFieldContact, solve_height_field
-from linear_bem.grid.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.interaction_energy import elastic_energy, energy_force
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result

@@ -1,4 +1,4 @@
-"""Closed forms of contact mechanics for one ball: pure functions, SI units, each with its source.
+"""Closed forms of contact mechanics for one ball, in SI units, each with its source.
 
 Forces [N] and approaches [m] are positive when the ball is pressed in; E* = E/(1 - nu^2) is
 `Elastic.contact_modulus` of a body under a rigid ball.
@@ -16,7 +16,6 @@ __all__ = [
     "Indentation",
     "bonded_compressible_force",
     "bonded_incompressible_force",
-    "half_space_displacement",
     "hertz_approach",
     "hertz_contact_radius",
     "hertz_force",
@@ -48,11 +47,6 @@ def hertz_peak_pressure(normal_force: float, contact_radius: float) -> float:
     return 1.5 * normal_force / (math.pi * contact_radius**2)
 
 
-def half_space_displacement(distance: float, normal_force: float, contact_modulus: float) -> float:
-    """Return the surface displacement [m] of a half-space under a point load [Boussinesq; Johnson 1985, eq. 3.22a]."""
-    return normal_force / (math.pi * contact_modulus * distance)
-
-
 def sneddon_sphere(contact_radius: float, radius: float, contact_modulus: float) -> tuple[float, float]:
     """Return approach [m] and force [N] of a frictionless sphere R - sqrt(R^2 - r^2) on a half-space, small strain.
 
@@ -66,7 +60,7 @@ def sneddon_sphere(contact_radius: float, radius: float, contact_modulus: float)
 def bonded_compressible_force(approach: float, radius: float, layer: Layer) -> float:
     """Return the force [N] on a paraboloid on a thin compressible layer, rigid base: pi M R D^2/h, a^2 = 2 R D.
 
-    M = E (1 - nu)/((1 + nu)(1 - 2 nu)): every column is compressed on its own (Winkler). Limit a >> h,
+    M = E (1 - nu)/((1 + nu)(1 - 2 nu)): the layer acts as independent columns (Winkler). Limit a >> h,
     (1 - 2 nu) a >> h [Johnson 1985, section 5.8].
     """
     nu = layer.poisson
@@ -90,7 +84,7 @@ def long_force(approach: float, radius: float, layer: Elastic, thickness: float)
 
     [Long, Hall, Wu and Hui 2011, Biophys. J. 101, 643, doi 10.1016/j.bpj.2011.06.049]: a fit for
     0.3 <= R/h <= 12.7, D/h <= min(0.6, R/h); warns outside. Within 1 % of an independent axisymmetric
-    finite-element solution at R/h = 0.5 and 1, D <= 0.5 R. E* with nu = 1/2 is used whatever the layer's nu.
+    finite-element solution at R/h = 0.5 and 1, D <= 0.5 R. E* is that of nu = 1/2 for every layer.
     """
     slender = radius / thickness
     if not (0.3 <= slender <= 12.7 and approach / thickness <= min(0.6, slender) * (1.0 + 1e-12)):
@@ -113,6 +107,6 @@ def zhang_force(approach: float, radius: float, layer: Elastic) -> float:
     """Return the force [N] on a sphere on an incompressible neo-Hookean half-space at finite strain.
 
     [Zhang et al. 2014, Biomech. Model. Mechanobiol. 13, 1, doi 10.1007/s10237-013-0481-4]:
-    16/9 E sqrt(R) D^(3/2) (1 - 0.15 D/R), D <= R. Take it with a band of 4 %.
+    16/9 E sqrt(R) D^(3/2) (1 - 0.15 D/R), D <= R. Accuracy about 4 %.
     """
     return 16.0 / 9.0 * layer.young * math.sqrt(radius) * max(approach, 0.0) ** 1.5 * (1.0 - 0.15 * approach / radius)

@@ -1,4 +1,4 @@
-r"""Many balls as point loads: each feels the others' displacement at its axis only.
+r"""Many balls as point loads: each ball feels the others' displacement at its axis only.
 
 Ball i is pressed into a surface that the others have already moved by sum_j K(L_ij) Q_j, so its own
 relation force(approach) holds at the effective approach d_i = D_i - sum_j K(L_ij) Q_j. With d as the
@@ -9,18 +9,18 @@ unknown the equations are semismooth and monotone, and balls with d <= 0 carry n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.spatial.distance import pdist, squareform
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
-from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
 
-Array = NDArray[np.float64]
 Relation = Callable[[Array], Array]
 """Forces [N] of balls from effective approaches [m] (0 where those are not positive)."""
 
@@ -34,60 +34,68 @@ class PointState:
     forces: Array
 
 
-def influence(problem: Problem, kernel: LayeredKernel) -> tuple[Array, Array]:
-    """Return distances L_ij [m] (inf on the diagonal) and K(L_ij) [m/N] (0 there)."""
-    xy = np.array([ball.position for ball in problem.balls], dtype=float)
-    distance = np.hypot(*(xy[:, None, :] - xy[None, :, :]).transpose(2, 0, 1))
-    np.fill_diagonal(distance, np.inf)
-    mutual = np.zeros_like(distance)
-    apart = np.isfinite(distance)
-    mutual[apart] = kernel.displacement(distance[apart])
-    return distance, mutual
+def distances(points: Array) -> Array:
+    """Return the distances [m] between points, shape (points, 2), with inf on the diagonal (where K is 0)."""
+    r = squareform(pdist(points))
+    np.fill_diagonal(r, np.inf)
+    return r
+
+
+def estimated_relations(problem: Problem, radii: Array) -> tuple[Relation, Relation]:
+    """Return force from approach and approach from force of paraboloids of these radii [m], each alone (Ritz)."""
+
+    def force(approaches: Array) -> Array:
+        return estimates(problem.layer, problem.substrate, radii, "approach", approaches)[1]
+
+    def approach(forces: Array) -> Array:
+        return estimates(problem.layer, problem.substrate, radii, "normal_force", forces)[0]
+
+    return force, approach
 
 
 def couple(problem: Problem, mutual: Array, relation: Relation, inverse: Relation) -> PointState:
-    """Return the state of all balls for any kind of load; ``inverse`` gives effective approaches from forces."""
-    load = problem.load
-    values = np.array(load.values, dtype=float)
-    if load.kind == "force":
+    """Return the state of all balls for any kind of load.
+
+    ``mutual`` holds K(L_ij) [m/N], 0 on the diagonal; ``inverse`` returns effective approaches from forces.
+    """
+    values = np.array(problem.load.values, dtype=float)
+    if problem.load.kind == "force":
         effective = inverse(values)
         return PointState(effective, effective + mutual @ values, values)
-    if load.kind == "approach":
-        effective = _effective(mutual, relation, values)
-        forces = relation(effective)
-        return PointState(effective, values, forces)
+    if problem.load.kind == "approach":
+        effective = _effective(mutual, relation, values, values)
+        return PointState(effective, values, relation(effective))
     total = float(values[0])
-    share = inverse(np.full(problem.size, total / problem.size))
-    common = float(np.max(share + mutual @ np.full(problem.size, total / problem.size)))
-    lower, upper = 0.0, math.inf
-    effective = share
-    for _ in range(200):
-        effective = _effective(mutual, relation, np.full(problem.size, common), effective)
-        force = float(np.sum(relation(effective)))
-        if abs(force - total) <= 1e-12 * total:
-            break
-        lower, upper = (common, upper) if force < total else (lower, common)
-        step = common * (1.0 + 1e-4)
-        beyond = float(np.sum(relation(_effective(mutual, relation, np.full(problem.size, step), effective))))
-        trial = common + (total - force) * (step - common) / (beyond - force) if beyond > force else math.inf
-        if not lower < trial < upper:
-            trial = 2.0 * common if not np.isfinite(upper) else 0.5 * (lower + upper)
-        if abs(trial - common) <= 1e-14 * common:
-            break
-        common = trial
-    return PointState(effective, np.full(problem.size, common), relation(effective))
+    equal = np.full(problem.size, total / problem.size)
+    start = inverse(equal)
+
+    def state(common: float) -> PointState:
+        approaches = np.full(problem.size, common)
+        effective = _effective(mutual, relation, approaches, start)
+        return PointState(effective, approaches, relation(effective))
+
+    def excess(common: float) -> float:
+        difference = float(np.sum(state(common).forces)) - total
+        return difference if abs(difference) > 1e-12 * total else 0.0
+
+    lower = upper = float(np.max(start + mutual @ equal))
+    while excess(upper) < 0.0:
+        upper *= 2.0
+    while excess(lower) > 0.0:
+        lower *= 0.5
+    return state(brentq(excess, lower, upper, xtol=1e-15 * upper, rtol=1e-14))
 
 
-def _effective(mutual: Array, relation: Relation, approaches: Array, start: Array | None = None) -> Array:
+def _effective(mutual: Array, relation: Relation, approaches: Array, start: Array) -> Array:
     """Return the effective approaches under given approaches, by a damped semismooth Newton method."""
-    d = approaches.copy() if start is None else start.copy()
+    d = start
     scale = float(np.max(np.abs(approaches)))
 
     def residual(d: Array) -> Array:
         return np.asarray(d + mutual @ relation(d) - approaches)
 
     r = residual(d)
-    norm = math.inf
+    norm = np.inf
     for _ in range(100):
         norm = float(np.max(np.abs(r)))
         if norm <= 1e-13 * scale:

@@ -1,16 +1,16 @@
-"""What can go wrong, one class each; every class is also the nearest built-in exception."""
+"""Error classes; each is also a subclass of the nearest built-in exception."""
 
 from __future__ import annotations
 
 
 class ThirdBodyError(Exception):
-    """Base of every error that this project raises on purpose: its text names rule, value and remedy."""
+    """Base of all errors of this project; the message states the rule, the value and a remedy."""
 
 
 class InvalidProblem(ThirdBodyError, ValueError):
-    """The problem as stated has no meaning (negative thickness, overlapping balls, ...).
+    """The problem is not valid (negative thickness, overlapping balls, ...).
 
-    ``faults`` holds one text per fault, so that all of them are reported at once.
+    ``faults`` holds one message per fault, so that all are reported at once.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -19,11 +19,11 @@ class InvalidProblem(ThirdBodyError, ValueError):
 
 
 class UnsupportedProblem(ThirdBodyError, NotImplementedError):
-    """The problem is meaningful, but the chosen model lacks an effect that it calls for."""
+    """The problem is valid, but the chosen model lacks an effect that it contains."""
 
 
 class NotConverged(ThirdBodyError, ArithmeticError):
-    """A solver stopped short of its criterion; no number of the unfinished state is reported."""
+    """A solver did not reach its stopping criterion; no result is returned."""
 
 
 class OutputUnusable(ThirdBodyError, OSError):

@@ -1,9 +1,9 @@
-"""Rigid indenters, each one expression: how high its surface stands above its lowest point.
+"""Rigid indenters: each is one expression for the height of its surface above its lowest point.
 
-``height(x, y)`` and ``gap(x, y, z)`` take lengths [m] from the lowest point, x and y in the surface plane and z up, and
-use + - * / ** and abs alone: numpy arrays, the form language of finite elements (UFL, which differentiates them
-symbolically) and the dual numbers of `slope` all take the same line. No expression divides by zero or has a root
-of zero on the axis or at an edge: roots are kept from zero by `TINY` of the body's own length.
+``height(x, y)`` and ``gap(x, y, z)`` take lengths [m] from the lowest point, x and y in the surface plane and z up.
+They use + - * / ** and abs only, so that one expression serves numpy arrays, the form language of finite elements
+(UFL, which differentiates symbolically) and the dual numbers of `slope`. No expression divides by zero or takes a root
+of zero, on the axis or at an edge: `TINY` times the body's length is added under each root.
 """
 
 from __future__ import annotations
@@ -14,16 +14,14 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 
-Array = NDArray[np.float64]
-
 TINY = 1e-9
-"""Length that keeps a root from zero, over the length that the root is scaled by: its square is under roundoff."""
+"""Relative length added under roots; its square is below roundoff."""
 WALL = 1e3
-"""Slope at which a profile goes on beyond a punch's edge, where there is no surface to touch."""
+"""Slope of the profile beyond a punch's edge, where the punch has no surface."""
 
 
 def positive(v: Any) -> Any:
@@ -39,7 +37,7 @@ def _cap(squared: Any, steep: float = 1.0) -> Any:
 
 @dataclass(frozen=True)
 class Indenter:
-    """A rigid surface with its lowest point at the origin; lengths in m, frozen and hashable."""
+    """A rigid surface with its lowest point at the origin; lengths in m."""
 
     def __post_init__(self) -> None:
         faults = [fault for f in fields(self) for fault in self._faults_of(f.name, getattr(self, f.name))]
@@ -53,7 +51,7 @@ class Indenter:
 
     @property
     def apex_radius(self) -> float:
-        """Radius of curvature [m] at the lowest point, which sizes are estimated and scaled by."""
+        """Radius of curvature [m] at the lowest point, the length that estimates are scaled by."""
         raise NotImplementedError
 
     @property
@@ -62,7 +60,7 @@ class Indenter:
         return math.inf
 
     def half_width(self, x: float, y: float) -> float:
-        """Return how far [m] the body stands out in the direction of the unit vector (x, y); 0 if it has no end."""
+        """Return the extent [m] of the body from its axis along the unit vector (x, y); 0 if it is unbounded."""
         return self.reach if math.isfinite(self.reach) else 0.0
 
     def height(self, x: Any, y: Any) -> Any:
@@ -70,26 +68,31 @@ class Indenter:
         raise NotImplementedError
 
     def gap(self, x: Any, y: Any, z: Any) -> Any:
-        """Return a distance [m] of points from the body, negative inside: 0 on it, of gradient (0, 0, -1) at its apex.
+        """Return a distance [m] of points from the body, negative inside, with gradient (0, 0, -1) at its apex.
 
-        The vertical one, unless the body has a better one for points that move sideways.
+        By default the vertical distance; bodies with a closed surface override it by one that also holds sideways.
         """
         return self.height(x, y) - z
 
 
 @dataclass(frozen=True)
-class Paraboloid(Indenter):
-    """r^2 / 2R, the paper's ball."""
+class _OfRadius(Indenter):
+    """A body that ``radius`` [m] scales."""
 
     radius: float
 
     @property
     def apex_radius(self) -> float:
-        """R [m]."""
+        """The radius [m]."""
         return self.radius
 
+
+@dataclass(frozen=True)
+class Paraboloid(_OfRadius):
+    """r^2 / 2R, the paper's ball."""
+
     def half_width(self, x: float, y: float) -> float:
-        """Return R [m]: it stands for a ball."""
+        """Return R [m], the half width of the ball that the paraboloid approximates."""
         return self.radius
 
     def height(self, x: Any, y: Any) -> Any:
@@ -98,15 +101,8 @@ class Paraboloid(Indenter):
 
 
 @dataclass(frozen=True)
-class Sphere(Indenter):
-    """R - sqrt(R^2 - r^2); beyond the equator, where there is nothing to touch, ``height`` goes on steeply."""
-
-    radius: float
-
-    @property
-    def apex_radius(self) -> float:
-        """R [m]."""
-        return self.radius
+class Sphere(_OfRadius):
+    """R - sqrt(R^2 - r^2); beyond the equator, where there is no surface, ``height`` rises steeply."""
 
     @property
     def reach(self) -> float:
@@ -129,7 +125,7 @@ class Ellipsoid(Indenter):
     semi_axes: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        if isinstance(self.semi_axes, list):  # frozen and hashable all the same
+        if isinstance(self.semi_axes, list):  # a list is not hashable
             object.__setattr__(self, "semi_axes", tuple(self.semi_axes))
         super().__post_init__()
 
@@ -150,12 +146,12 @@ class Ellipsoid(Indenter):
         return max(self.semi_axes[:2])
 
     def half_width(self, x: float, y: float) -> float:
-        """Return the distance [m] of its equator in that direction."""
+        """Return the distance [m] of the equator from the axis in that direction."""
         a, b, _ = self.semi_axes
         return 1.0 / math.hypot(x / a, y / b)
 
     def height(self, x: Any, y: Any) -> Any:
-        """Return the height [m], beyond the equator going on steeply."""
+        """Return the height [m]; it rises steeply beyond the equator."""
         a, b, c = self.semi_axes
         return c * _cap(x**2 / a**2 + y**2 / b**2)
 
@@ -195,10 +191,12 @@ class Cone(Indenter):
 
 
 @dataclass(frozen=True)
-class Punch(Indenter):
-    """A flat-ended cylinder whose edge is rounded by a quarter circle of ``edge_radius`` [m]."""
+class Punch(_OfRadius):
+    """A flat-ended cylinder whose edge is rounded by a quarter circle of ``edge_radius`` [m].
 
-    radius: float
+    Its end has no curvature: ``apex_radius``, the length that estimates are scaled by, is the radius of the cylinder.
+    """
+
     edge_radius: float
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
@@ -212,11 +210,6 @@ class Punch(Indenter):
         return []
 
     @property
-    def apex_radius(self) -> float:
-        """Radius of the punch [m]: its end is flat, and this is its length."""
-        return self.radius
-
-    @property
     def reach(self) -> float:
         """Radius of the punch [m]."""
         return self.radius
@@ -226,7 +219,7 @@ class Punch(Indenter):
         return (x**2 + y**2 + (TINY * self.radius) ** 2) ** 0.5 - (self.radius - self.edge_radius)
 
     def height(self, x: Any, y: Any) -> Any:
-        """Return the height [m], beyond the edge a wall."""
+        """Return the height [m]; beyond the edge it rises with slope `WALL`."""
         e = self.edge_radius
         return e * _cap((positive(self._beyond_flat(x, y)) / e) ** 2, 0.5 * WALL)
 
@@ -244,7 +237,7 @@ def _positive_and_finite(value: Any) -> bool:
 
 
 def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return the exact df/dx and df/dy of an indenter's height f, from its own expression."""
+    """Return the exact df/dx and df/dy of an indenter's height f at points x, y [m] from its axis."""
     one, none = np.ones_like(x), np.zeros_like(x)
     change = indenter.height(_Dual(x, one, none), _Dual(y, none, one))
     return change.dx, change.dy
@@ -252,7 +245,7 @@ def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _Dual:
-    """Values with their derivatives by x and y: what the operators of an expression make of them."""
+    """Values with their derivatives by x and y (forward-mode automatic differentiation)."""
 
     value: Array
     dx: Array

@@ -1,8 +1,8 @@
-r"""The third route to T: minus the derivative of the elastic energy by a ball's place, at fixed approaches.
+r"""A third formula for T: minus the derivative of the elastic energy by a ball's position, at fixed approaches.
 
-U = 1/2 int p w dA is all the energy there is; at fixed approaches the normal forces do no work, so an
+The elastic energy is U = 1/2 int p w dA. At fixed approaches the normal forces do no work, so an
 in-plane displacement of ball i changes U by -T_i. Each component takes four more solutions (a
-fourth-order difference); the route shares no formula with the other two.
+fourth-order difference); it shares no formula with the mutual force and the slope integral.
 """
 
 from __future__ import annotations
@@ -10,13 +10,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from linear_bem.problem import Load, Problem
-from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.profiles import difference
 from linear_bem.solver import Solution, solve_contact
-
-Array = NDArray[np.float64]
 
 
 class _Passable(Problem):
@@ -28,26 +25,14 @@ class _Passable(Problem):
 
 def elastic_energy(solution: Solution) -> float:
     """Return the elastic energy [J], half the work of the contact pressure."""
-    contacts = solution.contacts
-    if isinstance(contacts, SmoothContacts):
-        total = 0.0
-        for i, n in zip(contacts.touching, contacts.smooth.nodes, strict=True):
-            # inside the contact the surface is the ball
-            w = contacts.approaches[i] - contacts.heights(i, n.x, n.y)
-            total += 0.5 * float((n.weights * n.pressure) @ w) / contacts.kernel.singular
-        return total
-    state = contacts.state
-    return sum(
-        0.5 * float(np.sum(p * w)) * patch.cell**2 / contacts.kernel.singular
-        for patch, p, w in zip(contacts.patches.patches, state.pressures, state.displacements, strict=True)
-    )
+    return solution.contacts.elastic_energy
 
 
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
     ``step`` [m] of the difference: by default 1 % of the distance to the nearest neighbour. Touching balls may be
-    moved into each other: the layer knows their contacts only.
+    moved into each other, because only their contacts with the layer are modelled.
     """
     problem = solution.problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)
@@ -59,11 +44,6 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
         moved = list(problem.balls)
         moved[ball] = replace(moved[ball], position=(float(here[0] + dx), float(here[1] + dy)))
         shifted = _Passable(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
-        return elastic_energy(solve_contact(shifted, 1e-6))
+        return solve_contact(shifted, 1e-6).contacts.elastic_energy
 
-    out = []
-    for ex, ey in ((h, 0.0), (0.0, h)):
-        near = energy(ex, ey) - energy(-ex, -ey)
-        far = energy(2.0 * ex, 2.0 * ey) - energy(-2.0 * ex, -2.0 * ey)
-        out.append(-(8.0 * near - far) / (12.0 * h))
-    return out[0], out[1]
+    return -difference(lambda s: energy(s, 0.0), h), -difference(lambda s: energy(0.0, s), h)

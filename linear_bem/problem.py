@@ -1,4 +1,4 @@
-"""What is pressed into what: the contact problem, without grids and without tolerances.
+"""The contact problem: bodies, materials and load, without discretisation and tolerances.
 
 Every model of this project takes a `Problem`. SI units; z points up out of the layer, whose free
 surface is z = 0; an approach is positive when a ball is pressed into the layer.
@@ -13,6 +13,9 @@ from itertools import combinations
 from numbers import Real
 from typing import Literal
 
+import numpy as np
+
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 
@@ -22,7 +25,7 @@ Profile = Callable[..., object]
 LAWS = ("neo_hookean",)
 """Names of the hyperelastic laws."""
 LEAST_APPROACH, LEAST_FORCE = 1e-12, 1e-18
-"""Smallest approach over the radius, and smallest force over E R^2, that contacts are found at."""
+"""Smallest approach over the radius, and smallest force over E R^2, that are accepted."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 
@@ -62,9 +65,8 @@ class Layer(Elastic):
 class Ball:
     """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
 
-    ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), one of `linear_bem.indenter` such as
-    ``Cone(slope, tip_radius)``, which brings the radius along, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that
-    takes and returns numpy arrays.
+    ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), an `Indenter` such as ``Cone(slope, tip_radius)``, which
+    sets the radius, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that takes and returns numpy arrays.
     """
 
     position: tuple[float, float]
@@ -77,7 +79,7 @@ class Ball:
 
     @property
     def indenter(self) -> Indenter | Profile:
-        """The body that the shape stands for: an `Indenter`, or the profile as given."""
+        """The body: an `Indenter`, or the profile as given."""
         if isinstance(self.shape, str):
             return NAMED_SHAPES[self.shape](self.radius)
         return self.shape
@@ -85,10 +87,10 @@ class Ball:
 
 @dataclass(frozen=True)
 class Load:
-    """What is prescribed: one approach [m] or force [N] per ball, or one total force [N] on all.
+    """The prescribed quantity: one approach [m] or force [N] per ball, or one total force [N] on all.
 
     ``total_force`` is the paper's problem 1 (one rigid holder, common approach), ``force`` its
-    problem 2, ``approach`` what its experiments impose.
+    problem 2; the paper's experiments prescribe the ``approach``.
     """
 
     kind: LoadKind
@@ -104,9 +106,9 @@ class FiniteStrain:
 
 @dataclass(frozen=True)
 class Elements:
-    """How finite elements write the layer's resistance to a change of volume; by itself a model chooses.
+    """The finite-element formulation of the layer; by default the model chooses.
 
-    ``form`` is "displacement", or "mixed" with a pressure as an unknown of its own.
+    ``form`` is "displacement", or "mixed" with the pressure as an additional unknown.
     """
 
     form: str
@@ -143,19 +145,24 @@ class Problem:
         """Number of balls."""
         return len(self.balls)
 
+    @property
+    def positions(self) -> Array:
+        """Positions of all axes [m], shape (balls, 2)."""
+        return np.array([ball.position for ball in self.balls], dtype=float)
+
     def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
         """Return the same bodies under another load."""
         return replace(self, load=Load(kind, tuple(values)))
 
     def without_empty_layer(self) -> Problem:
-        """Return the same problem on the half-space of the substrate where the layer has no thickness."""
+        """Return the problem on the substrate alone if the layer has no thickness, else the problem itself."""
         if self.layer.thickness > 0.0:
             return self
         assert self.substrate is not None
         return replace(self, layer=Layer(self.substrate.young, self.substrate.poisson, math.inf), substrate=None)
 
     def _type_faults(self) -> list[str]:
-        """Return which values are no numbers: units belong to scene files, here all is in SI units."""
+        """Return the values that are not numbers; strings with units are accepted in scene files only."""
         numbers: dict[str, object] = {"layer.thickness": self.layer.thickness}
         for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
             if solid is not None:
@@ -247,9 +254,9 @@ def _are_numbers(values: object) -> bool:
 
 
 def _touching_distance(a: Ball, b: Ball) -> float:
-    """Return how far apart [m] the axes of two bodies that rest on one plane are when they touch; 0 if they always do.
+    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded.
 
-    Exact for balls, for punches and for equal ellipsoids. Cones have no end: they merge above the layer.
+    Exact for balls, for punches and for equal ellipsoids. Cones are unbounded: they may merge above the layer.
     """
     if not any(isinstance(ball.shape, Indenter) and not isinstance(ball.shape, Sphere | Paraboloid) for ball in (a, b)):
         return 2.0 * math.sqrt(a.radius * b.radius)

@@ -1,22 +1,23 @@
-"""Heights of rigid indenters over the surface plane."""
+"""Height, slope and curvature of the indenter of one ball at points of the surface plane."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere, slope
 from linear_bem.problem import Ball
 
-Array = NDArray[np.float64]
+Value = TypeVar("Value", float, Array)
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
 
 APEX = 1e-12
-"""Height over the radius that a callable profile may have at the ball's axis: roundoff."""
+"""Largest height over the radius at the axis that counts as roundoff of a callable profile."""
 
 
 def height(ball: Ball) -> Height:
@@ -39,7 +40,7 @@ def height(ball: Ball) -> Height:
 
 
 def _check_apex(ball: Ball) -> None:
-    """Raise `InvalidProblem` where a callable is not 0 at the ball's axis: approaches are counted from there."""
+    """Raise `InvalidProblem` where a callable is not 0 at the ball's axis, from which approaches are measured."""
     assert callable(ball.shape)
     apex = np.asarray(ball.shape(np.zeros(1), np.zeros(1)), dtype=float)
     if apex.shape != (1,):
@@ -54,49 +55,43 @@ def _check_apex(ball: Ball) -> None:
 
 
 def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return df/dx and df/dy at surface points; a callable is differenced to fourth order."""
+    """Return df/dx and df/dy at surface points [m]; for callables by fourth-order differences."""
     dx, dy = x - ball.position[0], y - ball.position[1]
     body = ball.indenter
     if isinstance(body, Indenter):
         return slope(body, dx, dy)
     if x.size == 0:
-        # a ball that does not touch has no slope to difference
         return dx, dy
     f = height(ball)
     step = 1e-3 * max(float(np.ptp(x)), float(np.ptp(y)), 1e-9 * ball.radius)
+    return difference(lambda s: f(x + s, y), step), difference(lambda s: f(x, y + s), step)
 
-    def along(ex: float, ey: float) -> Array:
-        near = f(x + step * ex, y + step * ey) - f(x - step * ex, y - step * ey)
-        far = f(x + 2 * step * ex, y + 2 * step * ey) - f(x - 2 * step * ex, y - 2 * step * ey)
-        return np.asarray((8.0 * near - far) / (12.0 * step))
 
-    return along(1.0, 0.0), along(0.0, 1.0)
+def difference(f: Callable[[float], Value], step: float) -> Value:
+    """Return the derivative of f at 0 by the fourth-order central difference."""
+    return (8.0 * (f(step) - f(-step)) - (f(2.0 * step) - f(-2.0 * step))) / (12.0 * step)
 
 
 def is_ball(ball: Ball) -> bool:
-    """Return whether a radius of curvature alone says how the ball begins: a sphere or a paraboloid."""
+    """Return whether the body is a sphere or a paraboloid, so that the radius describes its apex."""
     return isinstance(ball.indenter, Sphere | Paraboloid)
 
 
 def curvature(ball: Ball, scale: float) -> Array:
-    """Return the 2x2 matrix of second derivatives [1/m] of f near the apex, seen over a length ``scale`` [m]."""
+    """Return the 2x2 matrix of second differences [1/m] of f at the apex with step ``scale`` [m]."""
     if is_ball(ball):
         return np.eye(2) / ball.radius
-    f = height(ball)
-    x0, y0 = ball.position
-    e = scale
-
-    def at(a: float, b: float) -> float:
-        return float(f(np.array([x0 + a * e]), np.array([y0 + b * e]))[0])
-
-    xx = at(1, 0) + at(-1, 0) - 2.0 * at(0, 0)
-    yy = at(0, 1) + at(0, -1) - 2.0 * at(0, 0)
-    xy = 0.25 * (at(1, 1) + at(-1, -1) - at(1, -1) - at(-1, 1))
-    matrix = np.array([[xx, xy], [xy, yy]]) / e**2
+    steps = scale * np.array([-1.0, 0.0, 1.0])
+    x, y = np.meshgrid(ball.position[0] + steps, ball.position[1] + steps, indexing="ij")
+    f = height(ball)(x.ravel(), y.ravel()).reshape(3, 3)
+    xx = f[2, 1] + f[0, 1] - 2.0 * f[1, 1]
+    yy = f[1, 2] + f[1, 0] - 2.0 * f[1, 1]
+    xy = 0.25 * (f[2, 2] + f[0, 0] - f[2, 0] - f[0, 2])
+    matrix = np.array([[xx, xy], [xy, yy]]) / scale**2
     if np.linalg.eigvalsh(matrix)[0] <= 0.0:
         raise InvalidProblem(
             f"balls.shape: a profile must be strictly convex at its apex; the ball at {ball.position} has second "
-            f"derivatives {matrix.tolist()} 1/m over {e:g} m"
+            f"derivatives {matrix.tolist()} 1/m over {scale:g} m"
         )
     return matrix
 

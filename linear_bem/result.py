@@ -1,12 +1,12 @@
-"""What any model answers, and how well: one shape for all models.
+"""The result of any model, with its accuracy.
 
-The dictionaries of ``to_dict`` are the public JSON contract; their numbers are SI.
+The dictionaries of ``to_dict`` are the public JSON format; their numbers are in SI units.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 
@@ -14,8 +14,8 @@ from typing import Any
 class BallResult:
     """State of one ball: forces [N] on the ball, lengths [m], pressure [Pa], area [m^2].
 
-    ``tangential_force_error`` is the model's own absolute estimate [N]; ``tangential_force_routes``
-    names the values [N] of the independent routes that it was drawn from.
+    ``tangential_force_error`` is the model's absolute error estimate [N]; ``tangential_force_routes`` holds T [N] by
+    each of the independent formulas that the estimate is based on.
     """
 
     position: tuple[float, float]
@@ -31,14 +31,9 @@ class BallResult:
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of this ball."""
         return {
+            **vars(self),
             "position": list(self.position),
-            "radius": self.radius,
-            "approach": self.approach,
-            "normal_force": self.normal_force,
             "tangential_force": list(self.tangential_force),
-            "tangential_force_error": self.tangential_force_error,
-            "peak_pressure": self.peak_pressure,
-            "contact_area": self.contact_area,
             "tangential_force_routes": {k: list(v) for k, v in self.tangential_force_routes.items()},
         }
 
@@ -48,18 +43,13 @@ class BallResult:
         x, y = data["position"]
         tx, ty = data["tangential_force"]
         routes = {k: (v[0], v[1]) for k, v in data.get("tangential_force_routes", {}).items()}
-        plain = {
-            k: float(data[k])
-            for k in (
-                "radius", "approach", "normal_force", "tangential_force_error", "peak_pressure", "contact_area",
-            )
-        }  # fmt: skip
-        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, **plain)
+        numbers = {f.name: float(data[f.name]) for f in fields(cls) if f.type == "float"}
+        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, **numbers)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One state on the load path; ``record`` holds the solver's own account of it."""
+    """One state on the load path; ``record`` holds what the solver reports of it."""
 
     balls: tuple[BallResult, ...]
     record: Mapping[str, Any] = field(default_factory=dict)
@@ -82,12 +72,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Solved:
-    """How the answer was reached: iterations, size, wall time [s], ranks and library versions.
+    """How the result was computed: iterations, unknowns, wall time [s], ranks and library versions.
 
-    ``notes`` are plain sentences the reader must see (accuracy not reached, ...); ``certificate``
-    holds recomputed residuals of the returned state, ``tolerances`` what they were held to. ``accuracy``, where a
-    model refines, tells what was asked and reached, the meshes used and why it stopped. ``linear_solver`` names what
-    solved its linear systems, where that is chosen by their size.
+    ``notes`` are sentences that the user must see (accuracy not reached, ...). ``certificate`` holds recomputed
+    residuals of the returned state, ``tolerances`` their limits. Where a model refines, ``accuracy`` holds the
+    requested and the reached accuracy, the meshes and the reason to stop. ``linear_solver`` names the solver of the
+    linear systems, where that depends on their size.
     """
 
     converged: bool
@@ -103,10 +93,12 @@ class Solved:
     linear_solver: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object of this account."""
-        told: dict[str, Any] = {"accuracy": dict(self.accuracy)} if self.accuracy else {}
-        told |= {"tolerances": dict(self.tolerances)} if self.tolerances else {}
-        told |= {"linear_solver": self.linear_solver} if self.linear_solver else {}
+        """Return the JSON object; entries that a model leaves empty are left out."""
+        present = {
+            "accuracy": dict(self.accuracy),
+            "tolerances": dict(self.tolerances),
+            "linear_solver": self.linear_solver,
+        }
         return {
             "converged": self.converged,
             "iterations": self.iterations,
@@ -116,13 +108,13 @@ class Solved:
             "versions": dict(self.versions),
             "notes": list(self.notes),
             "certificate": dict(self.certificate),
-            **told,
+            **{name: value for name, value in present.items() if value},
         }
 
 
 @dataclass(frozen=True)
 class Result:
-    """A model's answer: the final state of every ball, the load path where there is one, and how it was solved."""
+    """A model's result: the final state of every ball, the load path if there is one, and how it was solved."""
 
     model: str
     balls: tuple[BallResult, ...]
@@ -130,7 +122,7 @@ class Result:
     steps: tuple[Step, ...] = ()
 
     def to_dict(self, scene: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Return the JSON object of the public contract; ``scene`` is the scene as given."""
+        """Return the JSON object; ``scene`` is the scene as given."""
         return {
             "scene": dict(scene) if scene is not None else None,
             "model": self.model,

@@ -1,10 +1,10 @@
-r"""The vertical stress sigma_z inside the layer, on request.
+r"""The vertical stress sigma_z inside the layer, computed from a solution.
 
 Under p cos(k x) the layer's stress is -p cos(k x) S(k h, z/h). S follows from Love's strain function
 with its four exponentials in the layer and two in the substrate, fixed by the six conditions of the boundary-value
 problem (pressure and no shear at the surface; continuity, or no displacement, at the bond). In real space
-Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) carries the singular part; what the bond adds, S less
-(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by the rules of `linear_bem.layer.kernel`.
+Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) is the singular part. The part due to the bond, S minus
+(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by `linear_bem.layer.kernel.hankel`.
 Fields from Love's function: [Timoshenko and Goodier 1970, Theory of Elasticity, section 133].
 """
 
@@ -13,21 +13,18 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.special import j0
 
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
-from linear_bem.layer.kernel import far_rule, near_rule
+from linear_bem.layer.kernel import even_spline, hankel
 from linear_bem.problem import Elastic
-from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solver import Solution
-
-Array = NDArray[np.float64]
 
 
 def _fields(solid: Elastic, sign: float, power: int, z: Array) -> Array:
-    """Return sigma_z, tau, w, u (w, u times 2 G / 1) of Love's function z^power e^(sign z) at wave number 1."""
+    """Return sigma_z, tau, w and u of Love's function z^power e^(sign z) at wave number 1, shape (4, *z.shape)."""
     nu = solid.poisson
     e = np.exp(sign * z)
     d = [z**power * e] + [e * (sign**k * z**power + k * power * sign ** (k - 1)) for k in (1, 2, 3)]
@@ -46,7 +43,7 @@ def stress_response(layer: Elastic, substrate: Elastic | None, t: Array, depth: 
     t = np.atleast_1d(np.asarray(t, dtype=float))
     kinds = [(-1.0, 0), (-1.0, 1), (1.0, 0), (1.0, 1)]
     count = 6 if substrate is not None else 4
-    # stresses of order 1, displacements times the layer's modulus, growing exponentials measured from the bond
+    # scaled to order 1: displacements by the layer's modulus, growing exponentials by their value at the bond
     unit = np.array([1.0, 1.0, layer.shear_modulus, layer.shear_modulus])[:, None]
     matrix = np.zeros((len(t), count, count))
     inside = np.zeros((len(t), count))
@@ -69,7 +66,7 @@ def stress_response(layer: Elastic, substrate: Elastic | None, t: Array, depth: 
 
 @lru_cache(maxsize=16)
 def _bond_kernel(layer: Elastic, substrate: Elastic | None, depth: float) -> tuple[BSpline, float]:
-    """Return the spline of what the bond adds to h^2 times Boussinesq's kernel, over asinh(r/h), and its range."""
+    """Return the bond's part of h^2 times the stress kernel as a spline over asinh(r/h), and its range."""
     log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
     t = np.exp(log_t)
     boussinesq = (1.0 + depth * t) * np.exp(-depth * t)
@@ -79,17 +76,8 @@ def _bond_kernel(layer: Elastic, substrate: Elastic | None, depth: float) -> tup
         return np.where(t < 60.0, added(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
 
     y = np.arange(0.0, np.arcsinh(300.0), 0.03)
-    rho = np.sinh(y)
-    u, omega = far_rule()
-    nodes, weights = near_rule()
-    values = np.empty(len(rho))
-    for i, r in enumerate(rho):
-        if r <= 1.0:
-            values[i] = np.sum(weights * j0(r * nodes) * extra(nodes) * nodes)
-        else:
-            values[i] = np.sum(omega * extra(u / r) * u) / r**2
-    mirrored = np.concatenate([values[10:0:-1], values]), np.concatenate([-y[10:0:-1], y])
-    return make_interp_spline(mirrored[1], mirrored[0] / (2.0 * np.pi), k=5), float(y[-1])
+    values = hankel(lambda t: extra(t) * t, np.sinh(y)) / (2.0 * np.pi)
+    return even_spline(y, values, 10), float(y[-1])
 
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
@@ -97,8 +85,8 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
 
     0 <= depth <= layer thickness; at depth 0 it is minus the contact pressure. Points nearer to the surface than a
     tenth of the contact radius take proportionally more quadrature nodes. Error below 1e-6 of the peak pressure for
-    depth > 0.03 contact radii. On grids cells have one pressure each: depths between 0 and one cell raise
-    `InvalidProblem`, and at one cell the error is 1 to 3 % of the peak pressure.
+    depth > 0.03 contact radii. On grids the pressure is constant per cell: the error is 1 to 3 % of the peak pressure
+    at a depth of one cell, and smaller depths except 0 raise `InvalidProblem`.
     """
     layer, substrate = solution.problem.layer, solution.problem.substrate
     if not 0.0 <= depth <= layer.thickness:
@@ -106,13 +94,13 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if depth == 0.0:
         return -solution.pressure(x, y)
-    coarsest = _coarsest_cell(solution)
+    coarsest = solution.contacts.resolution
     if depth < coarsest:
         raise InvalidProblem(
             f"vertical_stress: depth must be 0 or at least one cell of the pressure, {coarsest:g} m,"
-            f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force for smaller cells"
+            f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force, which makes smaller cells"
         )
-    px, py, load = _loads(solution, depth)
+    px, py, load = solution.contacts.point_loads(depth)
     bond = None
     if np.isfinite(layer.thickness):
         elastic = Elastic(layer.young, layer.poisson)
@@ -126,36 +114,3 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
             kernel += np.where(far < end, bond(np.minimum(far, end)), 0.0) / layer.thickness**2
         total[part] = -kernel @ load
     return total.reshape(x.shape)
-
-
-def _coarsest_cell(solution: Solution) -> float:
-    """Return the largest cell [m] of a solution on grids, 0 for polynomials."""
-    contacts = solution.contacts
-    if isinstance(contacts, SmoothContacts):
-        return 0.0
-    return max(patch.cell for patch in contacts.patches.patches)
-
-
-def _loads(solution: Solution, depth: float) -> tuple[Array, Array, Array]:
-    """Return points [m] and point loads [N] that resolve the pressure on the scale of the depth."""
-    contacts = solution.contacts
-    x, y, load = [], [], []
-    if isinstance(contacts, SmoothContacts):
-        for n in contacts.smooth.nodes:
-            fine = int(np.clip(4.0 * np.sqrt(n.zone.jacobian) / depth, 1.0, 130.0))
-            xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
-            u, v = n.zone.points(xi, eta)
-            x.append(u)
-            y.append(v)
-            load.append(w * p / contacts.kernel.singular)
-    else:
-        for patch, p in zip(contacts.patches.patches, contacts.state.pressures, strict=True):
-            loaded = p > 0.0
-            # four Gauss points a cell where the plane is near, its middle where it is not
-            off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
-            places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
-            for right, up in places:
-                x.append(np.broadcast_to(patch.x + right, p.shape)[loaded])
-                y.append(np.broadcast_to(patch.y + up, p.shape)[loaded])
-                load.append(p[loaded] * patch.cell**2 / contacts.kernel.singular / len(places))
-    return np.concatenate(x), np.concatenate(y), np.concatenate(load)

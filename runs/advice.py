@@ -1,7 +1,7 @@
 """What ``plan`` advises: which absent effects would matter and by how much, and which present ones do not.
 
 Every change is of the tangential force on the ball that feels the largest, computed with the linear model both ways;
-that of finite strain alone comes from a fit (`linear_bem.strengthening_fit`), as it is too dear to compute.
+that of finite strain alone comes from a fit (`runs.comparison.strengthening_fit`), as it is too dear to compute.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
-from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
+from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from runs.display.numbers import number
 from runs.models import MODELS, Run, without
 

@@ -1,31 +1,33 @@
-"""Contacts on grids: which balls share a patch, refinement by doubling, and the answer with its fields."""
+"""Contacts on grids: refinement by doubling, forces and fields."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
+from linear_bem.grid.clusters import shared_patches
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
-from linear_bem.grid.rectangle_load import love_rectangle
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.layer.rectangle_load import love_rectangle
+from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.smooth.initial_guess import Start
-
-Array = NDArray[np.float64]
+from linear_bem.smooth.zone import circle
 
 COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""
 SPARSE = 0.3
-"""Share of a patch's half width under which a contact gets a smaller patch before grids are refined."""
+"""Contact radius over a patch's half width below which the patch is made smaller before grids are refined."""
 MOST_CELLS = 1_200_000
-"""No refinement beyond this number of cells in all patches."""
+"""Largest number of cells in all patches."""
 
 
 @dataclass(frozen=True)
@@ -48,37 +50,40 @@ class GridContacts:
         """Conjugate-gradient steps on the last grid."""
         return self.state.iterations
 
-    def _cells(self) -> Iterator[tuple[int, Patch, Array, NDArray[np.bool_]]]:
+    def _cells(self) -> Iterator[tuple[int, Patch, Array, Mask]]:
         """Yield ball, patch, pressure [Pa] and the mask of the ball's contact."""
         for patch, p, owner in zip(self.patches.patches, self.state.pressures, self.state.owners, strict=True):
             for ball in patch.members:
                 yield ball, patch, p / self.kernel.singular, (owner == ball) & (p > 0.0)
 
-    def _sums(self, fields: list[Array]) -> Array:
-        """Return the integral of pressure times a field over every ball's contact."""
+    def _of_balls(self, value: Callable[[int, Patch, Array, Mask], float]) -> Array:
+        """Return a number per ball from ball, patch, pressure [Pa] and the mask of its contact."""
         out = np.zeros(self.problem.size)
-        which = {id(p): k for k, p in enumerate(self.patches.patches)}
         for ball, patch, p, mine in self._cells():
-            out[ball] = float(np.sum((p * fields[which[id(patch)]])[mine])) * patch.cell**2
+            out[ball] = value(ball, patch, p, mine)
         return out
 
     @cached_property
     def normal_forces(self) -> Array:
         """Normal force on every ball [N]."""
-        return self._sums([np.ones_like(p) for p in self.state.pressures])
+        return self._of_balls(lambda _, patch, p, mine: np.sum(p[mine]) * patch.cell**2)
 
     @cached_property
     def mutual_force(self) -> Array:
         """T on every ball [N] by the mutual formula, shape (balls, 2)."""
-        x, y = self.patches.slopes(self.state.pressures)
-        return np.stack([self._sums(x), self._sums(y)], axis=1)
+        place = {ball: k for k, patch in enumerate(self.patches.patches) for ball in patch.members}
+
+        def component(slopes: list[Array]) -> Array:
+            return self._of_balls(lambda i, patch, p, mine: np.sum((p * slopes[place[i]])[mine]) * patch.cell**2)
+
+        return np.stack([component(slopes) for slopes in self.patches.slopes(self.state.pressures)], axis=1)
 
     @cached_property
     def slope_force(self) -> Array:
         """T on every ball [N] by the paper's slope integral, shape (balls, 2); noisy on a grid."""
         out = np.zeros((self.problem.size, 2))
         for ball, patch, p, mine in self._cells():
-            x, y = np.broadcast_arrays(patch.x, patch.y)
+            x, y = patch.points
             fx, fy = gradient(self.problem.balls[ball], x[mine], y[mine])
             out[ball] = -float(p[mine] @ fx) * patch.cell**2, -float(p[mine] @ fy) * patch.cell**2
         return out
@@ -86,18 +91,40 @@ class GridContacts:
     @cached_property
     def peak_pressures(self) -> Array:
         """Largest cell pressure under every ball [Pa]."""
-        out = np.zeros(self.problem.size)
-        for ball, _, p, mine in self._cells():
-            out[ball] = float(np.max(p[mine], initial=0.0))
-        return out
+        return self._of_balls(lambda _, patch, p, mine: np.max(p[mine], initial=0.0))
 
     @cached_property
     def contact_areas(self) -> Array:
         """Contact area of every ball [m^2]: whole cells, up to a percent too large on the first grids."""
-        out = np.zeros(self.problem.size)
-        for ball, patch, _, mine in self._cells():
-            out[ball] = float(np.count_nonzero(mine)) * patch.cell**2
-        return out
+        return self._of_balls(lambda _, patch, p, mine: np.count_nonzero(mine) * patch.cell**2)
+
+    @property
+    def elastic_energy(self) -> float:
+        """Elastic energy [J], half the work of the contact pressure."""
+        state = self.state
+        return sum(
+            0.5 * float(np.sum(p * w)) * patch.cell**2 / self.kernel.singular
+            for patch, p, w in zip(self.patches.patches, state.pressures, state.displacements, strict=True)
+        )
+
+    @property
+    def resolution(self) -> float:
+        """Largest side [m] of a cell."""
+        return max(patch.cell for patch in self.patches.patches)
+
+    def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
+        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        loads = []
+        for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
+            loaded = p > 0.0
+            x, y = patch.points
+            # four Gauss points per cell for planes near the surface, else its centre
+            off = 0.5 * patch.cell / 3.0**0.5 if depth < 1.5 * patch.cell else 0.0
+            places = [(u, v) for u in (-off, off) for v in (-off, off)] if off > 0.0 else [(0.0, 0.0)]
+            share = p[loaded] * patch.cell**2 / self.kernel.singular / len(places)
+            loads += [(x[loaded] + u, y[loaded] + v, share) for u, v in places]
+        x, y, load = (np.concatenate(parts) for parts in zip(*loads, strict=True))
+        return x, y, load
 
     @cached_property
     def coarseness(self) -> float:
@@ -110,19 +137,14 @@ class GridContacts:
         for owner, patch, p, mine in self._cells():
             if owner != ball or not np.any(mine):
                 continue
-            x, y = np.broadcast_arrays(patch.x, patch.y)
-            total = float(np.sum(p[mine]))
-            cx, cy = float(np.sum((p * x)[mine])) / total, float(np.sum((p * y)[mine])) / total
-            angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count
+            centre_x, centre_y = (float(np.average(z[mine], weights=p[mine])) for z in patch.points)
+            cos, sin = circle(count)
             t = np.arange(0.25, np.hypot(patch.nx, patch.ny), 0.25) * patch.cell
-            px, py = cx + t[:, None] * np.cos(angle), cy + t[:, None] * np.sin(angle)
-            i = np.rint((px - patch.x[0, 0]) / patch.cell).astype(int)
-            j = np.rint((py - patch.y[0, 0]) / patch.cell).astype(int)
-            inside = (i >= 0) & (i < patch.nx) & (j >= 0) & (j < patch.ny)
+            i, j, inside = patch.cell_of(centre_x + t[:, None] * cos, centre_y + t[:, None] * sin)
             inside[inside] = mine[i[inside], j[inside]]
             first = np.argmin(inside, axis=0)
             r = t[np.maximum(first, 1)] - 0.125 * patch.cell
-            return cx + r * np.cos(angle), cy + r * np.sin(angle)
+            return centre_x + r * cos, centre_y + r * sin
         return np.empty(0), np.empty(0)
 
     def pressure(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -130,9 +152,7 @@ class GridContacts:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         out = np.zeros(x.shape)
         for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
-            i = np.rint((x - patch.x[0, 0]) / patch.cell).astype(int)
-            j = np.rint((y - patch.y[0, 0]) / patch.cell).astype(int)
-            here = (i >= 0) & (i < patch.nx) & (j >= 0) & (j < patch.ny)
+            i, j, here = patch.cell_of(x, y)
             out[here] = p[i[here], j[here]] / self.kernel.singular
         return out
 
@@ -142,7 +162,7 @@ class GridContacts:
         flat_x, flat_y, out = x.ravel(), y.ravel(), np.zeros(x.size)
         for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
             loaded = p > 0.0
-            cx, cy = (np.broadcast_to(c, p.shape)[loaded] for c in (patch.x, patch.y))
+            cx, cy = (c[loaded] for c in patch.points)
             half = 0.5 * patch.cell
             for part in np.array_split(np.arange(x.size), x.size * cx.size // 2_000_000 + 1):
                 dx, dy = flat_x[part, None] - cx, flat_y[part, None] - cy
@@ -157,59 +177,51 @@ class GridContacts:
         """Residuals recomputed at the cell centres from the returned pressures; see `SmoothContacts.certificate`."""
         scale = float(np.max(np.abs(self.approaches)))
         peak = max(float(np.max(p)) for p in self.state.pressures)
+        negative = -min(float(np.min(p)) for p in self.state.pressures) / peak
         inside = outside = product = 0.0
-        loads = np.zeros(self.problem.size)
         displacements = self.patches.displacement(self.state.pressures)
         for patch, p, w in zip(self.patches.patches, self.state.pressures, displacements, strict=True):
-            depth = np.max(_depths(self.problem, patch, self.approaches), axis=0)
-            gap, contact = w - depth, p > 0.0
+            heights = _heights(self.problem, patch)
+            gap = w - np.max(self.approaches[list(patch.members)][:, None, None] - heights, axis=0)
+            contact = p > 0.0
             inside = max(inside, float(np.max(np.abs(gap[contact]), initial=0.0)))
             outside = max(outside, float(np.max(-gap[~contact], initial=0.0)))
             product = max(product, float(np.max(np.abs(gap * p))) / peak)
-        loads = self.normal_forces
-        load = 0.0
-        prescribed = self.problem.load
-        if prescribed.kind != "approach":
-            want = np.array(prescribed.values)
-            got = loads if prescribed.kind == "force" else np.sum(loads, keepdims=True)
-            load = float(np.max(np.abs(got - want)) / np.max(want))
-        negative = -min(float(np.min(p)) for p in self.state.pressures) / peak
         return {
             "gap_in_contact": inside / scale,
             "penetration_outside": outside / scale,
             "complementarity": product / scale,
             "negative_pressure": max(negative, 0.0),
-            "load": load,
+            "load": force_error(self.problem.load, self.normal_forces),
         }
 
 
-def _depths(problem: Problem, patch: Patch, approaches: Array) -> Array:
-    x, y = np.broadcast_arrays(patch.x, patch.y)
-    return np.array([approaches[b] - height(problem.balls[b])(x, y) for b in patch.members])
+def _heights(problem: Problem, patch: Patch) -> Array:
+    """Return f [m] of the patch's balls at its cells, shape (members, nx, ny)."""
+    return np.array([height(problem.balls[ball])(*patch.points) for ball in patch.members])
 
 
 def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterator[GridContacts]:
-    """Yield the solution on grids of half the spacing each, until `MOST_CELLS` are reached."""
-    reach = {i: 1.3 * _radius(start, k) for k, i in enumerate(start.touching)}
+    """Yield the solution on grids of half the spacing each, until `MOST_CELLS` would be exceeded.
+
+    Raises `UnsupportedProblem` where even the first grid would exceed it, and `NotConverged`.
+    """
+    reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     for i in range(problem.size):
         reach.setdefault(i, 0.5 * min(reach.values()))
     count, before = COARSEST, None
     for _ in range(12):
-        patches = _patches(problem, kernel, reach, count)
-        if sum(p.nx * p.ny for p in patches.patches) > MOST_CELLS:
+        patches = shared_patches(problem, kernel, reach, count)
+        cells = sum(p.nx * p.ny for p in patches.patches)
+        if cells > MOST_CELLS:
             if before is None:
                 raise UnsupportedProblem(
-                    f"linear_bem: {sum(p.nx * p.ny for p in patches.patches)} cells are needed to resolve merging "
+                    f"linear_bem: {cells} cells are needed to resolve merging "
                     f"contacts, more than {MOST_CELLS}; press balls of more equal size, or fewer, or less deep"
                 )
             return
         contacts = _solve(problem, kernel, patches, start, before)
-        small = _at_the_edge(contacts)
-        if small:
-            for i in small:
-                reach[i] *= 1.4
-            continue
-        if before is None and _shrunk(contacts, reach):
+        if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue
         yield contacts
         count, before = 2 * count, contacts
@@ -217,83 +229,36 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
         raise NotConverged("linear_bem: contacts kept growing over the edges of their patches")
 
 
-def _radius(start: Start, k: int) -> float:
-    return float(np.max(np.linalg.norm(start.zones[k].axes, axis=0)))
-
-
-def _patches(problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int) -> Patches:
-    """Return patches; balls with a gap below 1.2 half widths share one, so that the rest sees them from afar."""
-    clusters = [[i] for i in range(problem.size)]
-    boxes = [(*b.position, *b.position, reach[i]) for i, b in enumerate(problem.balls)]
-
-    def close(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-        gap = max(a[0] - b[2], b[0] - a[2], a[1] - b[3], b[1] - a[3]) - a[4] - b[4]
-        return gap < 1.2 * max(max(c[2] - c[0], c[3] - c[1]) / 2 + c[4] for c in (a, b))
-
-    merged = True
-    while merged:
-        merged = False
-        for i in range(len(clusters)):
-            for j in range(i):
-                if close(boxes[i], boxes[j]):
-                    a, b = boxes[i], boxes[j]
-                    boxes[j] = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]), max(a[4], b[4]))
-                    clusters[j] += clusters[i]
-                    del clusters[i], boxes[i]
-                    merged = True
-                    break
-            if merged:
-                break
-    order = 10 if len(clusters) <= 30 else 6
-    patches = []
-    for members, (x0, y0, x1, y1, half) in zip(clusters, boxes, strict=True):
-        cell = 2.0 * min(reach[i] for i in members) / count
-        # even counts: the line between two equal balls falls between cells, not into one ball's share
-        nx = 2 * int(np.ceil(0.5 * (x1 - x0 + 2.0 * half) / cell - 1e-9))
-        ny = 2 * int(np.ceil(0.5 * (y1 - y0 + 2.0 * half) / cell - 1e-9))
-        centre = (0.5 * (x0 + x1), 0.5 * (y0 + y1))
-        patches.append(Patch(kernel, centre, cell, nx, ny, tuple(sorted(members)), order))
-    return Patches(kernel, patches)
-
-
 def _solve(
     problem: Problem, kernel: LayeredKernel, patches: Patches, start: Start, before: GridContacts | None
 ) -> GridContacts:
-    load, size = problem.load, problem.size
+    load = problem.load
     approaches = start.approaches.copy() if before is None else before.approaches.copy()
-    groups: list[tuple[list[int], float]] = []
-    if load.kind == "force":
-        groups = [([i], q * kernel.singular) for i, q in enumerate(load.values) if q > 0.0]
-        far = 1e3 * max(b.radius for b in problem.balls)
-        approaches[[i for i, q in enumerate(load.values) if q == 0.0]] = -far
-    elif load.kind == "total_force":
-        groups = [(list(range(size)), load.values[0] * kernel.singular)]
+    lifted = unloaded(load)
+    loaded = [i for i in range(problem.size) if i not in lifted]
+    approaches[lifted] = -1e3 * max(b.radius for b in problem.balls)
+    if load.kind == "total_force":
         approaches[:] = np.max(approaches)
-    pressures, heights = [], []
+    groups = [([loaded[k] for k in members], q) for members, q in force_groups(load, loaded, kernel.singular)]
+    pressures = []
     for patch in patches.patches:
-        x, y = np.broadcast_arrays(patch.x, patch.y)
         if before is None:
-            p = np.zeros(x.shape)
-            for zone in start.zones:
-                p = np.maximum(p, zone.pressure(x, y))
+            pressures.append(np.max([zone.pressure(*patch.points) for zone in start.zones], axis=0))
         else:
-            p = before.pressure(x, y) * kernel.singular
-        pressures.append(p)
-        heights.append(np.array([height(problem.balls[b])(x, y) for b in patch.members]))
+            pressures.append(before.pressure(*patch.points) * kernel.singular)
+    heights = [_heights(problem, patch) for patch in patches.patches]
     state = solve_bounded(patches, heights, pressures, approaches, groups)
     return GridContacts(problem, kernel, patches, state, state.approaches)
 
 
 def _shrunk(contacts: GridContacts, reach: dict[int, float]) -> bool:
-    """Shrink patches whose contact fills a small part of them (flat profiles are overestimated); return whether any."""
+    """Shrink patches that are much larger than their contact, as for flat profiles; return whether any is."""
     extent = {}
     for ball, patch, _, mine in contacts._cells():
         if np.any(mine):
-            x, y = np.broadcast_arrays(patch.x, patch.y)
-            (bx, by), half = contacts.problem.balls[ball].position, 0.5 * patch.cell
-            extent[ball] = float(max(np.max(np.abs(x[mine] - bx)), np.max(np.abs(y[mine] - by)))) + half
-    if not extent:
-        # nothing penetrates a cell's centre: the contact is smaller than a cell
+            at = zip(patch.points, contacts.problem.balls[ball].position, strict=True)
+            extent[ball] = float(max(np.max(np.abs(z[mine] - centre)) for z, centre in at)) + 0.5 * patch.cell
+    if not extent:  # all contacts are smaller than a cell
         for ball in reach:
             reach[ball] *= 0.25
         return True
@@ -303,12 +268,13 @@ def _shrunk(contacts: GridContacts, reach: dict[int, float]) -> bool:
     return bool(small)
 
 
-def _at_the_edge(contacts: GridContacts) -> list[int]:
-    """Return the balls whose contact comes within two cells of the edge of their patch."""
-    out = []
+def _enlarged(contacts: GridContacts, reach: dict[int, float]) -> bool:
+    """Enlarge patches whose contact comes within two cells of their edge; return whether any does."""
+    found = False
     for ball, _, _, mine in contacts._cells():
         rim = mine.copy()
         rim[2:-2, 2:-2] = False
         if np.any(rim):
-            out.append(ball)
-    return out
+            reach[ball] *= 1.4
+            found = True
+    return found

@@ -1,19 +1,18 @@
-"""Contact of one rigid height field with the layer on one grid: the plain problem that contact codes share."""
+"""Contact of one rigid height field with the layer on one grid, the benchmark problem of contact codes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.load_control import Groups
 from linear_bem.problem import Elastic, Layer
-
-Array = NDArray[np.float64]
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -32,47 +31,38 @@ class HeightFieldContact:
     penetration_outside: float
 
 
-@dataclass(frozen=True)
-class _Level:
-    """One grid: kernel, heights, cell, and the load as groups for `solve_bounded`."""
-
-    kernel: LayeredKernel
-    heights: Array
-    cell: float
-    groups: list[tuple[list[int], float]]
-
-    def solve(self, pressure: Array, depth: Array, tolerance: float) -> tuple[Array, Array, GridState]:
-        """Return pressures and displacements on the whole grid, from a box that grows until it holds the contact."""
-        needed = pressure > 0.0
-        whole = Patch(self.kernel, (0.0, 0.0), self.cell, self.heights.shape[0], self.heights.shape[1], (0,))
-        for _ in range(12):
-            low, high = _box(needed)
-            inside = (slice(low[0], high[0]), slice(low[1], high[1]))
-            heights = self.heights[inside]
-            patch = whole.part(heights.shape[0], heights.shape[1])
-            start = [np.ascontiguousarray(pressure[inside])]
-            state = solve_bounded(Patches(self.kernel, [patch]), [heights[None]], start, depth, self.groups, tolerance)
-            pressure = np.zeros(self.heights.shape)
-            pressure[inside] = state.pressures[0]
-            w = whole.displacement(pressure)
-            depth = state.approaches
-            penetrating = self.heights + w - depth[0] < -tolerance * abs(float(depth[0]))
-            penetrating[inside] = False
-            if not np.any(penetrating):
-                return pressure, w, state
-            needed = (pressure > 0.0) | penetrating
-        raise NotConverged("solve_height_field: the contact kept growing out of the box that was solved")
+def _solve_grid(
+    whole: Patch, heights: Array, groups: Groups, pressure: Array, depth: Array, tolerance: float
+) -> tuple[Array, Array, GridState]:
+    """Return pressures and displacements on the whole grid, from a box that grows until it holds the contact."""
+    needed = pressure > 0.0
+    for _ in range(12):
+        box = _box(needed)
+        inside = heights[box]
+        patches = Patches(whole.kernel, [whole.part(inside.shape[0], inside.shape[1])])
+        start = [np.ascontiguousarray(pressure[box])]
+        state = solve_bounded(patches, [inside[None]], start, depth, groups, tolerance)
+        pressure = np.zeros(heights.shape)
+        pressure[box] = state.pressures[0]
+        w = whole.displacement(pressure)
+        depth = state.approaches
+        penetrating = heights + w - depth[0] < -tolerance * abs(float(depth[0]))
+        penetrating[box] = False
+        if not np.any(penetrating):
+            return pressure, w, state
+        needed = (pressure > 0.0) | penetrating
+    raise NotConverged("solve_height_field: the contact kept growing out of the box that was solved")
 
 
-def _box(needed: NDArray[np.bool_]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the corners of the marked cells' bounding box, a tenth wider."""
-    low, high = [], []
-    for axis, n in enumerate(needed.shape):
+def _box(needed: Mask) -> tuple[slice, slice]:
+    """Return the marked cells' bounding box, a tenth wider."""
+
+    def side(axis: int) -> slice:
         loaded = np.flatnonzero(np.any(needed, axis=1 - axis))
         margin = 2 + (loaded[-1] - loaded[0]) // 20
-        low.append(int(max(loaded[0] - margin, 0)))
-        high.append(int(min(loaded[-1] + 1 + margin, n)))
-    return tuple(low), tuple(high)
+        return slice(max(loaded[0] - margin, 0), min(loaded[-1] + 1 + margin, needed.shape[axis]))
+
+    return side(0), side(1)
 
 
 def solve_height_field(
@@ -88,9 +78,9 @@ def solve_height_field(
     """Return the non-periodic contact of a rigid surface with ``heights`` [m] at the centres of square cells [m].
 
     The lowest height touches first. Exactly one of ``normal_force`` [N] and ``approach`` [m] (measured from height 0)
-    is given. Each grid starts from the answer on one of twice the spacing, down to about 32 cells across.
-    ``tolerance`` bounds gap in contact and penetration anywhere, over the approach, recomputed on the whole grid;
-    raises `NotConverged`.
+    is given. Each grid starts from the solution on one of twice the spacing, down to about 32 cells across.
+    ``tolerance`` bounds gap in contact and penetration anywhere, over the approach, recomputed on the whole grid.
+    Raises `InvalidProblem` and `NotConverged`.
     """
     heights = np.asarray(heights, dtype=float)
     given = [v for v in (normal_force, approach) if v is not None]
@@ -111,12 +101,12 @@ def solve_height_field(
     pressure = np.maximum(depth[0] - grids[-1], 0.0)
     if not np.any(pressure):
         pressure = np.where(grids[-1] == low, 1.0, 0.0)
-    steps = 0
     for k in range(len(grids) - 1, -1, -1):
-        level = _Level(kernel, grids[k], cell * 2**k, groups)
-        pressure, w, state = level.solve(pressure, depth, tolerance if k == 0 else _COARSE_TOLERANCE)
+        nx, ny = grids[k].shape
+        whole = Patch(kernel, (0.0, 0.0), cell * 2**k, nx, ny, (0,))
+        accepted = tolerance if k == 0 else _COARSE_TOLERANCE
+        pressure, w, state = _solve_grid(whole, grids[k], groups, pressure, depth, accepted)
         depth = state.approaches
-        steps = state.iterations
         if k > 0:
             pressure = np.repeat(np.repeat(pressure, 2, axis=0), 2, axis=1)
     gap = w + heights - depth[0]
@@ -127,7 +117,7 @@ def solve_height_field(
         displacement=w,
         approach=float(depth[0]),
         normal_force=float(np.sum(pressure)) * cell**2 / kernel.singular,
-        iterations=steps,
+        iterations=state.iterations,
         gap_in_contact=float(np.max(np.abs(gap[contact]))) / scale,
         penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / scale,
     )

@@ -1,7 +1,7 @@
 r"""Square cells of constant pressure: patches, their FFT convolution, and the coupling of patches.
 
 For contacts that no single smooth function describes: neighbours that merge, layers much thinner than the
-contact. Each patch is centred on its ball (off its grid a ball would feel a spurious T); balls whose
+contact. Each patch is centred on its ball (a ball off the centre of its grid has a spurious T); balls whose
 patches come close share one. Within a patch the displacement at cell centres is a discrete
 convolution: Love's rectangle for 1/r plus the smooth kernel averaged over the cell. Between patches
 the kernel is smooth on the scale of their distance, so it is interpolated on q x q Chebyshev
@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from linear_bem.grid.rectangle_load import graded_rule, love_cells, love_rectangle
+from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.layer.kernel import LayeredKernel
-
-Array = NDArray[np.float64]
+from linear_bem.layer.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
 
 
 @dataclass
@@ -46,6 +45,18 @@ class Patch:
         """Cell centres along y [m], shape (1, ny)."""
         return (self.centre[1] + self.cell * (np.arange(self.ny) - 0.5 * (self.ny - 1)))[None, :]
 
+    @cached_property
+    def points(self) -> tuple[Array, Array]:
+        """Cell centres x, y [m], shape (nx, ny) each."""
+        x, y = np.broadcast_arrays(self.x, self.y)
+        return x, y
+
+    def cell_of(self, x: Array, y: Array) -> tuple[Indices, Indices, Mask]:
+        """Return the indices of the cells that hold surface points [m], and whether these lie on the patch."""
+        i = np.rint((x - self.x[0, 0]) / self.cell).astype(int)
+        j = np.rint((y - self.y[0, 0]) / self.cell).astype(int)
+        return i, j, (i >= 0) & (i < self.nx) & (j >= 0) & (j < self.ny)
+
     @property
     def reach(self) -> float:
         """Half diagonal [m]."""
@@ -55,14 +66,20 @@ class Patch:
     def _size(self) -> tuple[int, int]:
         return fft.next_fast_len(2 * self.nx - 1, real=True), fft.next_fast_len(2 * self.ny - 1, real=True)
 
+    @property
+    def _offsets(self) -> tuple[Array, Array]:
+        """Offsets (i, j) >= 0 of cells along x and y [m], shapes (nx, 1) and (1, ny)."""
+        return self.cell * np.arange(self.nx)[:, None], self.cell * np.arange(self.ny)[None, :]
+
     @cached_property
     def influence(self) -> Array:
         """Displacement per pressure/``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, shape (nx, ny)."""
         d = self.cell
-        x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
+        x, y = self._offsets
         total = love_cells(self.nx, self.ny, d)
         if not self.kernel.homogeneous:
-            # beyond some thicknesses the layer hides 1/r but for the substrate's share: both integrated alike
+            # beyond some thicknesses K tends to the substrate's share of 1/r: the rest of 1/r is cancelled by the
+            # smooth kernel, so both are integrated by the same rule
             rest = 1.0 - self.kernel.far_ratio
             far = np.hypot(x, y) > 6.0 * self.kernel.thickness
             total = np.where(far, self.kernel.far_ratio, 1.0) * total
@@ -76,7 +93,7 @@ class Patch:
         return total
 
     def _integrate_near(self, total: Array, nx: int, ny: int) -> None:
-        """Replace the first influences by graded quadrature: cells as wide as the layer is thick, or wider."""
+        """Replace the influences at small offsets by graded quadrature, for cells that are wide against the layer."""
         d = self.cell
         rules = [graded_rule(d * (i - 0.5), d * (i + 0.5), 0.25 * self.kernel.thickness) for i in range(max(nx, ny))]
         for i in range(nx):
@@ -97,24 +114,18 @@ class Patch:
 
     @cached_property
     def _slope_spectra(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Transforms of d/dx and d/dy of the cells' influence (odd, so a cell never pushes itself)."""
+        """Transforms of d/dx and d/dy of the cells' influence (odd, so that a cell exerts no force on itself)."""
         d = self.cell
-        x, y = d * np.arange(self.nx)[:, None], d * np.arange(self.ny)[None, :]
-        out = []
-        for odd_x in (True, False):
-            u, v = (x, y) if odd_x else (y, x)
-            # the derivative of Love's rectangle along u, with its four corners
-            g = np.arcsinh((v + d / 2) / np.abs(u + d / 2)) - np.arcsinh((v - d / 2) / np.abs(u + d / 2))
-            g = g - np.arcsinh((v + d / 2) / np.abs(u - d / 2)) + np.arcsinh((v - d / 2) / np.abs(u - d / 2))
-            if not self.kernel.homogeneous:
-                r = np.maximum(np.hypot(x, y), 1e-3 * d)
-                far = r > 6.0 * self.kernel.thickness
-                rest = np.where(far, 1.0 - self.kernel.far_ratio, 0.0)
-                g = (1.0 - rest) * g + d * d * (self.kernel.smooth_slope(r) - rest / r**2) * u / r
-            g = g * np.ones((self.nx, self.ny))
-            signs = (-1.0, 1.0) if odd_x else (1.0, -1.0)
-            out.append(np.asarray(fft.rfft2(_embed(g, self._size, *signs))))
-        return out[0], out[1]
+        x, y = self._offsets
+        along_x, along_y = love_slopes(self.nx, self.ny, d)
+        if not self.kernel.homogeneous:
+            r = np.maximum(np.hypot(x, y), 1e-3 * d)
+            far = r > 6.0 * self.kernel.thickness
+            rest = np.where(far, 1.0 - self.kernel.far_ratio, 0.0)
+            smooth = d * d * (self.kernel.smooth_slope(r) - rest / r**2) / r
+            along_x, along_y = (1.0 - rest) * along_x + smooth * x, (1.0 - rest) * along_y + smooth * y
+        odd_x, odd_y = _embed(along_x, self._size, -1.0, 1.0), _embed(along_y, self._size, 1.0, -1.0)
+        return np.asarray(fft.rfft2(odd_x)), np.asarray(fft.rfft2(odd_y))
 
     def displacement(self, pressure: Array) -> Array:
         """Return the displacement [m] at the cells under a pressure in units of 1/``singular``."""
@@ -136,7 +147,7 @@ class Patch:
 
     @cached_property
     def _inverse_spectrum(self) -> Array:
-        """The layered half-space's own symbol 2 pi G(k h)/k, inverted, on the patch taken as periodic."""
+        """Inverse of the layered half-space's symbol 2 pi G(k h)/k on the periodically continued patch."""
         kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
         ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
         k = np.sqrt(kx**2 + ky**2 + 1.0 / self.reach**2)
@@ -166,7 +177,7 @@ class Patch:
         return out[0], out[1]
 
     def gather(self, pressure: Array) -> Array:
-        """Return the point loads at the nodes that stand for a pressure seen from afar."""
+        """Return the point loads at the nodes that replace a pressure at other patches."""
         lx, ly = self._lagrange
         return np.asarray(lx.T @ pressure @ ly).ravel() * self.cell**2
 
@@ -195,7 +206,7 @@ class Patches:
         self.patches = patches
         self._mutual: Array | None = None
         if len(patches) > 1:
-            self._mutual = self._between(lambda r, dx, dy: 1.0 / r + kernel.smooth(r))
+            self._mutual = self._between(lambda r, dx, dy: kernel.scaled(r))
 
     def _between(self, f: Callable[[Array, Array, Array], Array]) -> Array:
         """Return a kernel f(r, dx, dy) between all nodes of different patches."""
@@ -217,8 +228,11 @@ class Patches:
         own = [p.displacement(q) for p, q in zip(self.patches, pressures, strict=True)]
         if self._mutual is None:
             return own
-        loads = np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
+        loads = self._gather(pressures)
         return self._add(own, self._mutual @ loads)
+
+    def _gather(self, pressures: list[Array]) -> Array:
+        return np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
 
     def _add(self, own: list[Array], values: Array) -> list[Array]:
         q2 = self.patches[0].nodes ** 2
@@ -227,9 +241,10 @@ class Patches:
         ]
 
     def slopes(self, pressures: list[Array]) -> tuple[list[Array], list[Array]]:
-        """Return dw/dx and dw/dy of every patch, without the part that a ball's own pressure gives itself.
+        """Return dw/dx and dw/dy of every patch, for the force on every ball.
 
-        That part is left out where a patch has one ball; where it has several, its sum over the ball vanishes.
+        The part from a ball's own pressure is left out where a patch has one ball; where it has several, its integral
+        over the ball's pressure vanishes.
         """
         along_x, along_y = [], []
         for p, q in zip(self.patches, pressures, strict=True):
@@ -238,8 +253,7 @@ class Patches:
             along_y.append(y)
         if self._mutual is None:
             return along_x, along_y
-        loads = np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
-        k = self.kernel
-        sx = self._between(lambda r, dx, dy: (k.smooth_slope(r) - 1.0 / r**2) * dx / r) @ loads
-        sy = self._between(lambda r, dx, dy: (k.smooth_slope(r) - 1.0 / r**2) * dy / r) @ loads
+        loads = self._gather(pressures)
+        sx = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dx / r) @ loads
+        sy = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dy / r) @ loads
         return self._add(along_x, sx), self._add(along_y, sy)

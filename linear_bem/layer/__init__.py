@@ -1,1 +1,1 @@
-"""The layered half-space: surface response, kernel, and the rigid punch on it."""
+"""The layered half-space: surface response, kernel, uniform loads, and the indentation by one ball."""

@@ -6,27 +6,25 @@ half-space's singular kernel and a smooth remainder,
     K(r) = (1 - nu1^2) / (pi E1) * [ 1/r + s(r/h)/h ],     s(rho) = int_0^inf (G(t) - 1) J0(rho t) dt.
 
 G - 1 falls like t^2 exp(-2 t), so s is analytic for |Im rho| < 2: one small table serves every contact
-problem with these materials. At large rho it falls like (G(0) - 1)/rho, which turns the layer's 1/r
-into the substrate's.
+problem with these materials. At large rho it falls like (G(0) - 1)/rho, so that K tends to the substrate's kernel.
 
 Quadrature: substitute u = rho t. Then s(rho) = (1/rho) sum_j omega_j (G(u_j/rho) - 1) with *fixed*
-nodes u_j on dyadic panels (G is smooth in log t) and weights that hold J0(u_j) and a smooth cut-off,
+nodes u_j on dyadic panels (G is smooth in log t) and weights that contain J0(u_j) and a smooth cut-off,
 whose error falls faster than any power of its width. Below rho = 1 the rule is applied in t itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from scipy.special import erfc, j0
 
+from linear_bem.arrays import Array
 from linear_bem.layer.response import LayerResponse
 from linear_bem.problem import Elastic, Layer, Problem
-
-Array = NDArray[np.float64]
 
 _SPACING = 0.02
 _NEAR = 1.0
@@ -34,106 +32,99 @@ _EVEN = 2.0
 _TERMS = 20
 
 
-def _panels(edges: Array, order: int) -> tuple[Array, Array]:
+@lru_cache(maxsize=64)
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return Gauss-Legendre nodes and weights on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(count)
+
+
+def panels(edges: Array, order: int) -> tuple[Array, Array]:
     """Return nodes and weights of Gauss-Legendre rules on consecutive panels."""
-    x, w = np.polynomial.legendre.leggauss(order)
+    x, w = gauss(order)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1.0 + x)).ravel(), (half * w).ravel()
 
 
 @lru_cache(maxsize=1)
 def far_rule() -> tuple[Array, Array]:
-    """Return u_j and weights with J0(u_j) and the cut-off in them: int f(u) J0(u) du for f smooth in log u.
+    """Return u_j and weights that contain J0(u_j) and the cut-off: int f(u) J0(u) du for f smooth in log u.
 
-    Exact for constants (int J0 = 1), so that the layer's 1/r and the substrate's cancel far away to roundoff.
+    Exact for constants (int J0 = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.
     """
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 141.0, 4.0)])
-    u, w = _panels(edges, 12)
+    u, w = panels(edges, 12)
     w = w * j0(u) * 0.5 * erfc((u - 80.0) / 9.0)
     return u, w / np.sum(w)
 
 
 @lru_cache(maxsize=1)
 def near_rule() -> tuple[Array, Array]:
-    """Return t_j and weights for int f(t) J0(rho t) dt with rho <= 1 and f gone beyond t = 48."""
+    """Return t_j and weights for int f(t) J0(rho t) dt with rho <= 1 and f negligible beyond t = 48."""
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 49.0, 2.0)])
-    return _panels(edges, 12)
+    return panels(edges, 12)
 
 
-def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
-    """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
+def hankel(f: Callable[[Array], Array], rho: Array) -> Array:
+    """Return int_0^inf f(t) J0(rho t) dt for f smooth in log t that is negligible beyond t = 48."""
     rho = np.atleast_1d(np.asarray(rho, dtype=float))
     out = np.empty(rho.shape)
     near = rho <= _NEAR
     t, w = near_rule()
-    out[near] = j0(np.outer(rho[near], t)) @ (w * (response(t) - 1.0))
+    out[near] = j0(np.outer(rho[near], t)) @ (w * f(t))
     u, omega = far_rule()
     for block in np.array_split(np.flatnonzero(~near), max(1, int(np.sum(~near)) // 256)):
-        out[block] = ((response(u / rho[block, None]) - 1.0) @ omega) / rho[block]
+        out[block] = (f(u / rho[block, None]) @ omega) / rho[block]
     return out
 
 
+def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
+    """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
+    return hankel(lambda t: response(t) - 1.0, rho)
+
+
+def even_spline(y: Array, values: Array, mirrored: int) -> BSpline:
+    """Return the quintic spline through values at y = 0, ..., continued evenly by some points at y < 0."""
+    both = np.concatenate([values[mirrored:0:-1], values])
+    return make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
+
+
 class _Table:
-    """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y, constant far out."""
+    """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y; its limit G(0) - 1 beyond the table."""
 
     def __init__(self, response: LayerResponse) -> None:
         self.far = response.at_zero - 1.0
         y_end = float(np.arcsinh(1e4 / response.smallest_scale))
-        count = int(np.ceil(y_end / _SPACING)) + 1
-        y = _SPACING * np.arange(count)
-        rho = np.sinh(y)
-        values = smooth_kernel(response, rho) * np.cosh(y)
+        y = _SPACING * np.arange(int(np.ceil(y_end / _SPACING)) + 1)
+        values = smooth_kernel(response, np.sinh(y)) * np.cosh(y)
         self.end = float(y[-1])
-        mirrored = 12
-        both = np.concatenate([values[mirrored:0:-1], values])
-        spline = make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
-        # Taylor coefficients on the uniform grid: Horner's rule then needs no search for the interval
-        factorial = (1.0, 1.0, 2.0, 6.0, 24.0, 120.0)
-        taylor = [spline.derivative(m)(y[:-1]) * _SPACING**m / factorial[m] for m in range(6)]
-        self.coefficients = np.array(taylor).T.copy()
-        tail = values[-1]
-        self.remainder = tail - self.far
-        # near the axis s is a power series in rho^2, singular at rho^2 = -4: a short polynomial, five times faster
+        self.spline = PPoly.from_spline(even_spline(y, values, 12))
+        self.remainder = values[-1] - self.far
+        # near the axis s is a power series in rho^2, singular at rho^2 = -4: a polynomial is five times faster
         z = np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)
         near = smooth_kernel(response, _EVEN * np.sqrt(0.5 * (1.0 + z)))
         self.even = np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(z, near, _TERMS - 1))
         self.even_slope = np.polynomial.polynomial.polyder(self.even) * (4.0 / _EVEN**2)
 
-    def near_axis(self, rho: Array, slope: bool) -> tuple[Array, Array]:
-        """Return s and ds/drho (zeros when not asked for) for rho <= 2."""
-        z = rho * rho
-        z *= 2.0 / _EVEN**2
-        z -= 1.0
-        return _power_series(self.even, z), rho * _power_series(self.even_slope, z) if slope else np.zeros_like(rho)
-
     def value_and_slope(self, rho: Array, slope: bool) -> tuple[Array, Array]:
-        """Return s and ds/drho (zeros when not asked for)."""
+        """Return s and ds/drho (zeros without ``slope``)."""
         if rho.size and np.max(rho) <= _EVEN:
-            return self.near_axis(rho, slope)
+            z = rho * rho * (2.0 / _EVEN**2) - 1.0
+            return _power_series(self.even, z), rho * _power_series(self.even_slope, z) if slope else np.zeros_like(rho)
         y = np.arcsinh(rho)
-        place = np.minimum(y, self.end) / _SPACING
-        index = np.minimum(place.astype(np.intp), len(self.coefficients) - 1)
-        x = place - index
-        c = self.coefficients[index]
-        root = np.sqrt(1.0 + rho * rho)
-        value = ((((c[..., 5] * x + c[..., 4]) * x + c[..., 3]) * x + c[..., 2]) * x + c[..., 1]) * x + c[..., 0]
         beyond = y > self.end
-        s = value / root
-        if np.any(beyond):
-            # the remainder falls like 1/rho^2 beyond the table
-            s = np.where(beyond, (self.far + self.remainder * (np.sinh(self.end) / root) ** 2) / root, s)
+        y = np.minimum(y, self.end)
+        root = np.sqrt(1.0 + rho * rho)
+        value = self.spline(y)
+        fall = self.remainder * (np.sinh(self.end) / root) ** 2
+        s = np.where(beyond, self.far + fall, value) / root
         if not slope:
             return s, np.zeros_like(s)
-        rise = (((5 * c[..., 5] * x + 4 * c[..., 4]) * x + 3 * c[..., 3]) * x + 2 * c[..., 2]) * x + c[..., 1]
-        ds = (rise / _SPACING - value * rho / root) / root**2
-        if np.any(beyond):
-            fall = -(self.far + 3.0 * self.remainder * (np.sinh(self.end) / root) ** 2) * rho / root**3
-            ds = np.where(beyond, fall, ds)
-        return s, ds
+        inside = (self.spline(y, 1) - value * rho / root) / root**2
+        return s, np.where(beyond, -(self.far + 3.0 * fall) * rho / root**3, inside)
 
 
 def _power_series(coefficients: Array, z: Array) -> Array:
-    """Return a polynomial by Horner's rule, in place and in pieces that stay in the processor's cache."""
+    """Return a polynomial by Horner's rule, in place and in blocks that fit the processor's cache."""
     flat = z.ravel()
     out = np.empty_like(flat)
     for start in range(0, flat.size, 8192):
@@ -155,8 +146,7 @@ class LayeredKernel:
     """Surface displacement K(r) [m/N] under a unit normal point load, and its slope.
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
-    (nu1, nu2, E1/E2) only and is kept between calls; spline error below 1e-11 in s, 1e-9 in its slope,
-    relative to 1 + G(0).
+    (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0).
     """
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
@@ -183,33 +173,34 @@ class LayeredKernel:
         """Return G(k h) at wave numbers k > 0 [1/m]."""
         return np.ones_like(k) if self.homogeneous else self._response(k * self.thickness)
 
-    def smooth(self, r: Array | float) -> Array:
-        """Return s(r/h)/h [1/m], the kernel over ``singular`` without its 1/r."""
+    def smooth_and_slope(self, r: Array | float, slope: bool = True) -> tuple[Array, Array]:
+        """Return `smooth` and `smooth_slope` (zeros without ``slope``) at once."""
         r = np.asarray(r, dtype=float)
         if self._table is None:
-            return np.zeros(r.shape)
-        return self._table.value_and_slope(r / self.thickness, slope=False)[0] / self.thickness
-
-    def smooth_and_slope(self, r: Array) -> tuple[Array, Array]:
-        """Return `smooth` and `smooth_slope` at once."""
-        if self._table is None:
             return np.zeros(r.shape), np.zeros(r.shape)
-        s, ds = self._table.value_and_slope(r / self.thickness, slope=True)
+        s, ds = self._table.value_and_slope(r / self.thickness, slope)
         return s / self.thickness, ds / self.thickness**2
+
+    def smooth(self, r: Array | float) -> Array:
+        """Return s(r/h)/h [1/m], the kernel over ``singular`` without its 1/r."""
+        return self.smooth_and_slope(r, slope=False)[0]
 
     def smooth_slope(self, r: Array | float) -> Array:
         """Return d/dr of `smooth` [1/m^2]."""
-        r = np.asarray(r, dtype=float)
-        if self._table is None:
-            return np.zeros(r.shape)
-        return self._table.value_and_slope(r / self.thickness, slope=True)[1] / self.thickness**2
+        return self.smooth_and_slope(r)[1]
+
+    def scaled(self, r: Array | float) -> Array:
+        """Return K(r) over ``singular``, 1/r + s(r/h)/h [1/m]; 0 at infinity."""
+        return np.asarray(1.0 / np.asarray(r, dtype=float) + self.smooth(r))
+
+    def scaled_slope(self, r: Array | float) -> Array:
+        """Return dK/dr over ``singular`` [1/m^2]."""
+        return np.asarray(self.smooth_slope(r) - 1.0 / np.asarray(r, dtype=float) ** 2)
 
     def displacement(self, r: Array | float) -> Array:
         """Return K(r) [m/N] at distance r > 0 [m] from a unit load, positive into the layer."""
-        r = np.asarray(r, dtype=float)
-        return np.asarray(self.singular * (1.0 / r + self.smooth(r)))
+        return self.singular * self.scaled(r)
 
     def slope(self, r: Array | float) -> Array:
         """Return dK/dr [1/N]."""
-        r = np.asarray(r, dtype=float)
-        return np.asarray(self.singular * (self.smooth_slope(r) - 1.0 / r**2))
+        return self.singular * self.scaled_slope(r)

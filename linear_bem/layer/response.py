@@ -1,16 +1,16 @@
-r"""How a layered half-space answers a cosine of pressure: the dimensionless response G(t).
+r"""The response G(t) of a layered half-space to a pressure that varies like a cosine.
 
-A pressure p cos(k x) on an elastic half-space (E, nu) presses its surface down by
+A pressure p cos(k x) on an elastic half-space (E, nu) displaces its surface down by
 w = 2 (1 - nu^2) / (E k) p cos(k x). On a layer of thickness h bonded to another half-space the same
 holds with the layer's constants and a factor G(t), t = k h,
 
     G = [1 + 4 kap t e - lam kap e^2] / [(1 - lam e)(1 - kap e) - 4 kap t^2 e],   e = exp(-2 t),
     kap = (mu - 1) / (mu + 3 - 4 nu1),   lam = 1 - 4 (1 - nu1) / (1 + mu (3 - 4 nu2)),   mu = G1 / G2.
 
-Derivation: Papkovich-Neuber (or Love) functions give each body four, respectively two, exponentials;
+Derivation: Papkovich-Neuber (or Love) functions give the layer four and the base two exponentials;
 two conditions at z = 0 (given pressure, no shear) and four at z = -h (bond) fix them. kap and lam are
 Dundurs-like contrasts of the two materials, so that equal materials (both 0) give G = 1, a rigid base
-is mu = 0, and t -> 0 leaves the substrate's own compliance. Sources: [Burmister 1945, J. Appl. Phys.
+is mu = 0, and t -> 0 gives the substrate's compliance. Sources: [Burmister 1945, J. Appl. Phys.
 16, 89, doi 10.1063/1.1707558], [Chen and Engel 1972, Int. J. Solids Struct. 8, 1257,
 doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics, section 5.8].
 """
@@ -18,17 +18,15 @@ doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.problem import Elastic
-
-Array = NDArray[np.float64]
 
 
 class LayerResponse:
     """G(t) of one pair of materials; ``substrate`` None is a rigid base.
 
-    Written with ``expm1`` so that neither a stiff nor a soft substrate loses digits at small t
+    ``expm1`` keeps the accuracy at small t for stiff and soft substrates
     (E1/E2 from 1e-6 to 1e6: relative error below 1e-12 wherever G > 1e-4).
     """
 
@@ -59,6 +57,6 @@ class LayerResponse:
 
     @property
     def smallest_scale(self) -> float:
-        """A t below which G no longer changes by more than about its own size: where tables may end."""
+        """A t below which G changes by no more than about its own size, which limits tables."""
         contrast = min(self._one_less_lam, self._one_less_kap) / max(abs(self._kap), 1e-300)
         return float(min(1.0, max(contrast, 1e-9), max(self.at_zero, 1e-9)))

@@ -1,14 +1,14 @@
 r"""Approach, force and contact radius of one ball on a layer: a Ritz estimate that needs no contact solve.
 
 The complementary energy of a contact is least at the true pressure. With p = p0 (1 - r^2/a^2)^alpha,
-whose Hankel transform is closed, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
+whose Hankel transform is known, the energy of a paraboloid is (kappa(a) q^2)/2 - q (D - c a^2), with
 c = 1/(2 R (alpha + 2)) and
 
-    kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx;
+    kappa(a) = (1 - nu^2)/(pi E a) int_0^inf G(x h/a) [Gamma(alpha + 2) (2/x)^(alpha+1) J_(alpha+1)(x)]^2 dx.
 
-it is stationary where D = c a^2 (1 - 4/m), m = d ln kappa/d ln a, q = (D - c a^2)/kappa. alpha = 1/2 is
-Hertz's, 1 the compressible and 2 the incompressible thin layer's pressure, so every limit is exact;
-between them the best of several alpha (the least energy) is taken.
+It is stationary where D = c a^2 (1 - 4/m), m = d ln kappa/d ln a, q = (D - c a^2)/kappa. alpha = 1/2 is the
+pressure of Hertz's contact, 1 of a compressible and 2 of an incompressible thin layer, so every limit is exact;
+between them the alpha of least energy is used.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gamma, jv
 
+from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
+from linear_bem.layer.kernel import panels
 from linear_bem.layer.response import LayerResponse
 from linear_bem.problem import Elastic, Layer
-
-Array = NDArray[np.float64]
 
 _POWERS = (0.5, 0.7, 1.0, 1.4, 2.0)
 
@@ -40,14 +39,11 @@ class Indentation:
 
 @lru_cache(maxsize=8)
 def _rule(power: float) -> tuple[Array, Array]:
-    """Return nodes x and weights with the squared transform of the pressure in them."""
+    """Return nodes x and weights that contain the squared transform of the pressure."""
     edges = np.concatenate([2.0 ** np.arange(-36.0, 1.0), np.arange(2.0, 61.0, 2.0)])
-    z, wz = np.polynomial.legendre.leggauss(8)
-    half = 0.5 * np.diff(edges)[:, None]
-    x = (edges[:-1, None] + half * (1.0 + z)).ravel()
+    x, w = panels(edges, 8)
     order = power + 1.0
-    shape = gamma(order + 1.0) * (2.0 / x) ** order * jv(order, x)
-    return x, (half * wz).ravel() * shape**2
+    return x, w * (gamma(order + 1.0) * (2.0 / x) ** order * jv(order, x)) ** 2
 
 
 @lru_cache(maxsize=32)
@@ -57,7 +53,7 @@ def _curve(poisson: float, ratio: float | None, substrate_poisson: float) -> tup
     response = LayerResponse(Elastic(1.0, poisson), substrate)
     log_a = np.linspace(np.log(1e-6), np.log(1e7), 520)
     a = np.exp(log_a)
-    best: tuple[Array, Array, Array] | None = None
+    found = []
     for power in _POWERS:
         x, w = _rule(power)
         values = response(x[None, :] / a[:, None])
@@ -66,19 +62,13 @@ def _curve(poisson: float, ratio: float | None, substrate_poisson: float) -> tup
         c = 0.5 / (power + 2.0)
         approach = c * a**2 * (1.0 - 4.0 / slope)
         force = (approach - c * a**2) / kappa
-        if best is None:
-            best = (approach, force, force * (approach - c * a**2))
-            radius = a.copy()
-            continue
-        # compare energies at the same approach
-        here = np.exp(np.interp(np.log(best[0]), np.log(approach), np.log(force * (approach - c * a**2))))
-        better = here > best[2]
-        q = np.exp(np.interp(np.log(best[0]), np.log(approach), np.log(force)))
-        r = np.exp(np.interp(np.log(best[0]), np.log(approach), log_a))
-        best = (best[0], np.where(better, q, best[1]), np.where(better, here, best[2]))
-        radius = np.where(better, r, radius)
-    assert best is not None
-    return np.log(radius), np.log(best[0]), np.log(best[1])
+        energy = force * (approach - c * a**2)
+        found.append(np.log([approach, energy, force, a]))
+    at = found[0][0]
+    compared = np.array([[np.interp(at, f[0], column) for column in f[1:]] for f in found])
+    energies, forces, radii = compared.transpose(1, 0, 2)
+    best = np.argmax(energies, axis=0), np.arange(at.size)
+    return radii[best], at, forces[best]
 
 
 def indentation_of_layer(
@@ -112,17 +102,16 @@ def estimates(
 ) -> tuple[Array, Array, Array]:
     """Return approaches [m], forces [N], contact radii [m] of many balls, each alone; 0 where the value is not > 0.
 
-    ``kind`` names what ``values`` are: "approach", "normal_force" or "contact_radius".
+    ``kind`` names the quantity in ``values``: "approach", "normal_force" or "contact_radius".
     """
     modulus = layer.contact_modulus
     ratio = None if substrate is None else layer.young / substrate.young
     log_a, log_d, log_q = _curve(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
     pressed = values > 0.0
     v = np.where(pressed, values, 1.0)
-    h = layer.thickness
-    if not np.isfinite(h):
-        length = np.sqrt(v / modulus) if kind == "normal_force" else v
-        h = 1e3 * float(max(np.max(radii), np.max(length)))
+    h = np.full(radii.shape, layer.thickness)
+    if not np.isfinite(layer.thickness):
+        h = 1e3 * np.maximum(radii, np.sqrt(v / modulus) if kind == "normal_force" else v)
     units = {"contact_radius": h, "approach": h**2 / radii, "normal_force": modulus * h**3 / radii}
     columns = {"contact_radius": log_a, "approach": log_d, "normal_force": log_q}
     at = np.log(v / units[kind])
@@ -134,7 +123,7 @@ def estimates(
 
 
 def _extrapolate(at: Array, x: Array, y: Array) -> Array:
-    """Return y(x) by linear interpolation, by the end slopes outside the table (power laws stay power laws)."""
+    """Return y(x) by linear interpolation, outside the table by its end slopes (which continue power laws)."""
     low = y[0] + (at - x[0]) * (y[1] - y[0]) / (x[1] - x[0])
     high = y[-1] + (at - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2])
     return np.asarray(np.where(at <= x[0], low, np.where(at >= x[-1], high, np.interp(at, x, y))))

@@ -1,1 +1,1 @@
-"""Scenes that change a little from one to the next."""
+"""Sequences of scenes that change a little from one to the next."""

@@ -1,36 +1,36 @@
-"""Many scenes that differ little from one to the next: each solved from the one before, in milliseconds."""
+"""Many scenes that differ little from one to the next: each is solved from the one before, in milliseconds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.lifted_balls import smooth_state
+from linear_bem.load_control import force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import Start, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
 from linear_bem.solver import solve_contact
-from linear_bem.touching_balls import smooth_state
-
-Array = NDArray[np.float64]
 
 DEGREES = (4, 6, 8)
 GAP_SHARE = 0.1
-"""Share of the relative gap that counts as error of T: forces are of second order in the pressure's error (measured for
-deep spheres: 0.03 to 0.07 of it)."""
+"""Error of T over the relative gap: forces are of second order in the pressure's error (0.03 to 0.07 for deep
+spheres)."""
 
 
 @dataclass(frozen=True)
 class SequenceState:
-    """One scene's answer, one entry per ball: approaches [m], forces [N], T and its error estimate [N].
+    """The solution of one scene, one entry per ball: approaches [m], forces [N], T and its error estimate [N].
 
-    ``gap_in_contact`` is the largest gap inside the contacts over the largest approach; ``cold`` tells that the scene
-    was solved from nothing.
+    ``gap_in_contact`` is the largest gap inside the contacts over the largest approach; ``cold`` is true where the
+    scene was solved without using the one before.
     """
 
     approaches: Array
@@ -52,11 +52,11 @@ class ContactSequence:
     >>> [sequence.solve(scene(2.5 + 0.01 * k)).cold for k in range(3)]
     [True, False, False]
 
-    ``accuracy`` of T is relative, as in `linear_bem.solve`: a state whose own estimate (difference of the two routes to
-    T, square of the drift from where the equations were linearised, a tenth of the gap) or whose gap over approach
-    exceeds it is linearised anew, and where that does not help solved from nothing, by polynomials of the lowest degree
-    that will do, else by `linear_bem.solve_contact`. Layer, substrate, radii, shapes and the kind of load must stay; a
-    scene where they change is solved from nothing too. Raises what `linear_bem.solve_contact` raises.
+    ``accuracy`` of T is relative, as in `linear_bem.solve`. A state is linearised anew where its error estimate
+    (difference of the two formulas for T, square of the drift from where the equations were linearised, a tenth of the
+    gap) or its gap over approach exceeds the accuracy. Where that does not suffice, the scene is solved cold: by
+    polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`. So is a scene with another layer,
+    substrate, radius, shape or kind of load. Raises the errors of `linear_bem.solve_contact`.
     """
 
     def __init__(self, accuracy: float = 1e-2) -> None:
@@ -98,29 +98,29 @@ class ContactSequence:
         )
 
     def _started(self, problem: Problem) -> SequenceState | None:
-        """Return the state by the lowest degree that is good enough, None where none is."""
+        """Return the state by the lowest sufficient degree, None where none suffices."""
         kernel = LayeredKernel.of(problem)
         start: Start | SmoothContacts = first_guess(problem, kernel)
         for degree in (2, *DEGREES):
             contacts = smooth_state(problem, kernel, degree, start, 1e-3 * self.accuracy)
             start, self._approaches = contacts, contacts.approaches
-            zones = [n.zone for n in contacts.smooth.nodes]
             if degree not in DEGREES:
                 continue
+            zones = [n.zone for n in contacts.smooth.nodes]
             state = self._warm(problem, LinearisedContacts(problem, kernel, contacts.touching, zones))
             if state is not None:
                 return state
         return None
 
     def _warm(self, problem: Problem, contacts: LinearisedContacts) -> SequenceState | None:
-        """Return the state near linearised contacts, None where it is not good enough."""
+        """Return the state near linearised contacts, None where it is not accurate enough."""
         touching = list(contacts.touching)
-        places = np.array([problem.balls[i].position for i in touching], dtype=float)
-        values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values)
-        groups = _groups(problem, contacts.kernel, touching)
+        places = problem.positions[touching]
+        values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values, dtype=float)
+        groups = force_groups(problem.load, touching, contacts.kernel.singular)
         self._contacts = None
         for _ in range(5):
-            state = contacts.solve(places, values[touching].astype(float), groups)
+            state = contacts.solve(places, values[touching], groups)
             if not np.isfinite(state.drift) or np.any(state.forces <= 0.0):
                 return None
             if state.drift**2 <= 0.1 * self.accuracy:
@@ -129,14 +129,16 @@ class ContactSequence:
             contacts = LinearisedContacts(problem, contacts.kernel, contacts.touching, zones)
         else:
             return None
-        found = self._scattered(problem, contacts, state, touching, places)
+        found = self._scattered(problem, contacts, state, places)
         if found is not None:
             self._contacts, self._approaches = contacts, found.approaches
         return found
 
     def _scattered(
-        self, problem: Problem, contacts: LinearisedContacts, state: LinearState, touching: list[int], places: Array
+        self, problem: Problem, contacts: LinearisedContacts, state: LinearState, places: Array
     ) -> SequenceState | None:
+        """Return the state with an entry for every ball, None where it is not accurate enough."""
+        touching = list(contacts.touching)
         gap = state.gap / float(np.max(np.abs(state.approaches)))
         forces = state.forces / contacts.kernel.singular
         pulls = half_space_pulls(contacts.kernel, places, forces)
@@ -153,35 +155,24 @@ class ContactSequence:
         out.normal_forces[touching] = forces
         out.tangential_force[touching] = state.mutual_force
         out.tangential_force_error[touching] = error
-        return None if _touches(problem, contacts.kernel, out, touching) else out
+        return None if _lifted_may_touch(problem, contacts.kernel, out, touching) else out
 
 
 def _alike(a: Problem, b: Problem) -> bool:
     """Return whether only positions and the amounts of the load differ, and the same balls are loaded."""
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
-    if a.load.kind == "force" and any(min(problem.load.values) == 0.0 for problem in (a, b)):
-        # an unloaded ball rests on the surface of the others: left to the full solver
-        return False
+    if unloaded(a.load) or unloaded(b.load):
+        return False  # `solve_contact` finds where they rest
     return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
 
 
-def _groups(problem: Problem, kernel: LayeredKernel, touching: list[int]) -> list[tuple[list[int], float]]:
-    load = problem.load
-    if load.kind == "force":
-        return [([k], load.values[i] * kernel.singular) for k, i in enumerate(touching)]
-    if load.kind == "total_force":
-        return [(list(range(len(touching))), load.values[0] * kernel.singular)]
-    return []
-
-
-def _touches(problem: Problem, kernel: LayeredKernel, state: SequenceState, touching: list[int]) -> bool:
-    """Return whether a ball taken for lifted may touch: the others' point loads leave it less room than it needs."""
-    lifted = [i for i in range(problem.size) if i not in touching]
-    if not lifted:
+def _lifted_may_touch(problem: Problem, kernel: LayeredKernel, state: SequenceState, touching: list[int]) -> bool:
+    """Return whether a ball assumed lifted may touch, by the displacement of the others' point loads at its axis."""
+    lifted = np.setdiff1d(np.arange(problem.size), touching)
+    if lifted.size == 0:
         return False
-    xy = np.array([ball.position for ball in problem.balls], dtype=float)
-    r = np.hypot(*(xy[lifted][:, None] - xy[touching]).transpose(2, 0, 1))
+    r = cdist(problem.positions[lifted], problem.positions[touching])
     dent = kernel.displacement(r) @ state.normal_forces[touching]
-    # the surface under a lifted ball also leans; what that may add is a few per cent of the dent
+    # the surface under a lifted ball is also inclined, which adds a few per cent of the dent
     return bool(np.any(state.approaches[lifted] > 0.95 * dent))

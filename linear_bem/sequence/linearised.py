@@ -1,12 +1,12 @@
-r"""Contacts near a solved state: each ball's own equations as matrices that travel with it, neighbours anew.
+r"""Contacts near a solved state: each ball's own equations as matrices that move with it; only pairs are new.
 
 About a solution at one place the equations of `linear_bem.smooth.newton` are linear in the coefficients' change,
 
-    A_i d_i + sum_j R_i G(x_i - x_j) [q_j + Q_j d_j] - t_i D_i = -b_i,
+    A_i d_i + sum_j R_i G(x_i - x_j) [q_j + R_j^T d_j] - t_i D_i = -b_i,
 
-where A_i, b_i (own displacement and profile), R_i, q_i, Q_i (how a ball receives and exerts, on interpolation
+where A_i, b_i (own displacement and profile), R_i, q_i (receiving matrix and loads on interpolation
 nodes) and t_i (force) do not change when the ball moves. Only G does. So a scene whose balls moved a little costs one
-kernel evaluation per pair of interpolation nodes and one small linear system; what is neglected is quadratic in d.
+kernel evaluation per pair of interpolation nodes and one small linear system; neglected terms are quadratic in d.
 """
 
 from __future__ import annotations
@@ -14,17 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from linear_bem.errors import NotConverged
+from linear_bem.arrays import Array, Indices
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.load_control import Groups
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.smooth.multipole import disc_nodes, interpolation
-from linear_bem.smooth.newton import Nodes, Rule
+from linear_bem.smooth.newton import Nodes, Rule, own_displacement, solve_grouped
 from linear_bem.smooth.zone import Zone
-
-Array = NDArray[np.float64]
 
 NEAR_DEGREE, FAR_DEGREE = 10, 4
 """Degrees of interpolation between close and far contacts."""
@@ -32,13 +30,9 @@ FAR = 3.0
 """Distance of axes over the sum of contact radii beyond which contacts are far."""
 
 
-Numbers = NDArray[np.intp]
-Pair = tuple[int, Numbers, Numbers, Array, Array, Array, Array]
-
-
 @dataclass(frozen=True)
 class LinearState:
-    """Changes of all coefficients, approaches [m], forces over `singular`, and what they imply.
+    """Changes of all coefficients, approaches [m], forces over `singular`, and T [N] by both formulas.
 
     ``drift`` is the largest change of P relative to P; ``gap`` the largest gap at the quadrature nodes [m].
     """
@@ -52,87 +46,87 @@ class LinearState:
     gap: float
 
 
+@dataclass(frozen=True)
+class _Exchange:
+    """Interpolation of one degree: ``places`` of nodes from the axis [m] (balls, 2, nodes), ``loads`` (balls, nodes).
+
+    ``receive`` (balls, terms, nodes) maps displacements at the nodes to the equations, and its transpose changes of the
+    coefficients to those of the loads. ``matrices`` map node values to each zone's quadrature points.
+    """
+
+    places: Array
+    receive: Array
+    loads: Array
+    matrices: list[Array]
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Pairs of balls that interact by one degree: kernel, its slope over r, and dx, dy [m] between their nodes."""
+
+    degree: int
+    first: Indices
+    second: Indices
+    kernel: Array
+    slope: Array
+    dx: Array
+    dy: Array
+
+
 class LinearisedContacts:
-    """The equations of touching balls linearised about their ``zones``; ``touching``: their numbers."""
+    """The equations of touching balls linearised about their ``zones``; ``touching`` are the balls' indices."""
 
     def __init__(self, problem: Problem, kernel: LayeredKernel, touching: tuple[int, ...], zones: list[Zone]) -> None:
         self.kernel, self.touching, self.zones = kernel, touching, zones
-        self.places = np.array([problem.balls[i].position for i in touching], dtype=float)
+        self.places = problem.positions[list(touching)]
         rule = Rule.of(zones, kernel.thickness)
         self.nodes = [Nodes.of(z, rule) for z in zones]
-        self.terms = len(zones[0].coefficients)
-        parts = []
-        for i, n in zip(touching, self.nodes, strict=True):
-            potential, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
-            if not kernel.homogeneous:
-                smooth = kernel.smooth(np.hypot(n.x[:, None] - n.x, n.y[:, None] - n.y)) * n.weights
-                potential = potential + smooth @ n.pressure
-                derivative = derivative + smooth @ n.variations
-            ball = problem.balls[i]
-            parts.append((potential + height(ball)(n.x, n.y), derivative, np.stack(gradient(ball, n.x, n.y))))
-        self.rise = [p[0] for p in parts]
-        self.derivative = [p[1] for p in parts]
         self.tests = [n.variations.T * n.weights for n in self.nodes]
-        self.own = [t @ d for t, d in zip(self.tests, self.derivative, strict=True)]
+        self.rise, self.derivative, slope, slope_change = [], [], [], []
+        for i, n, test in zip(touching, self.nodes, self.tests, strict=True):
+            w, derivative = own_displacement(kernel, n, rule)
+            ball = problem.balls[i]
+            profile = np.stack(gradient(ball, n.x, n.y))
+            self.rise.append(w + height(ball)(n.x, n.y))
+            self.derivative.append(derivative)
+            slope.append(-profile @ n.loads)
+            slope_change.append(-profile @ test.T)
+        self.slope, self.slope_change = np.array(slope), np.array(slope_change)
+        self.own = np.array([t @ d for t, d in zip(self.tests, self.derivative, strict=True)])
         self.right = np.array([-t @ v for t, v in zip(self.tests, self.rise, strict=True)])
         self.total = np.array([t.sum(axis=1) for t in self.tests])
         self.force = np.array([n.force for n in self.nodes])
-        self.slope = np.array([-g @ (n.weights * n.pressure) for n, (_, _, g) in zip(self.nodes, parts, strict=True)])
-        self.slope_change = np.array([-g @ t.T for t, (_, _, g) in zip(self.tests, parts, strict=True)])
-        self.radius = np.array([np.max(np.linalg.svd(z.axes, compute_uv=False)) for z in zones])
-        self.links = {d: self._links(d) for d in (FAR_DEGREE, NEAR_DEGREE)}
+        self.radius = np.array([z.reach for z in zones])
+        self.exchanges = {d: self._exchange(d) for d in (FAR_DEGREE, NEAR_DEGREE)}
 
-    def _links(self, degree: int) -> tuple[Array, Array, Array, Array, list[Array]]:
-        """Return node places from the ball's axis, receiving rows, loads, their changes, and interpolation matrices."""
+    def _exchange(self, degree: int) -> _Exchange:
         u, v, _ = disc_nodes(degree)
         matrices = [interpolation(n.xi, n.eta, degree) for n in self.nodes]
-        place = np.array([n.zone.points(u, v) for n in self.nodes]) - self.places[:, :, None]
-        receive = np.array([t @ m for t, m in zip(self.tests, matrices, strict=True)])
-        loads = np.array([(n.weights * n.pressure) @ m for n, m in zip(self.nodes, matrices, strict=True)])
-        return place, receive, loads, receive, matrices
+        return _Exchange(
+            places=np.array([n.zone.points(u, v) for n in self.nodes]) - self.places[:, :, None],
+            receive=np.array([t @ m for t, m in zip(self.tests, matrices, strict=True)]),
+            loads=np.array([n.loads @ m for n, m in zip(self.nodes, matrices, strict=True)]),
+            matrices=matrices,
+        )
 
-    def solve(self, places: Array, approaches: Array, groups: list[tuple[list[int], float]]) -> LinearState:
-        """Return the state with the balls' axes at ``places`` [m], shape (balls, 2); ``groups`` as in `newton`."""
-        count, terms, free = len(self.zones), self.terms, len(groups)
+    def solve(self, places: Array, approaches: Array, groups: Groups) -> LinearState:
+        """Return the state with the balls' axes at ``places`` [m], shape (balls, 2); raises `NotConverged`."""
+        count, terms = self.right.shape
         pairs = self._pairs(places)
-        size = count * terms
-        matrix, right = np.zeros((size + free, size + free)), np.zeros(size + free)
-        blocks = matrix[:size, :size].reshape(count, terms, count, terms)
+        blocks = np.zeros((count, count, terms, terms))
+        blocks[np.arange(count), np.arange(count)] = self.own
+        for p in pairs:
+            receive = self.exchanges[p.degree].receive
+            there = receive[p.first] @ p.kernel @ receive[p.second].transpose(0, 2, 1)
+            blocks[p.first, p.second], blocks[p.second, p.first] = there, there.transpose(0, 2, 1)
         rows = self.right + self.total * approaches[:, None]
-        outside = {d: np.zeros_like(link[2]) for d, link in self.links.items()}
-        for degree, i, j, g, _, _, _ in pairs:
-            _, receive, loads, change, _ = self.links[degree]
-            np.add.at(outside[degree], i, np.einsum("pab,pb->pa", g, loads[j]))
-            np.add.at(outside[degree], j, np.einsum("pab,pa->pb", g, loads[i]))
-            there = receive[i] @ g @ change[j].transpose(0, 2, 1)
-            blocks[i, :, j, :] = there
-            blocks[j, :, i, :] = there.transpose(0, 2, 1)
-        for degree, (_, receive, _, _, _) in self.links.items():
-            rows = rows - np.einsum("nta,na->nt", receive, outside[degree])
-        for k in range(count):
-            blocks[k, :, k, :] = self.own[k]
-        right[:size] = rows.ravel()
-        for k, (members, force) in enumerate(groups):
-            for m in members:
-                at = slice(m * terms, (m + 1) * terms)
-                matrix[at, size + k] = -self.total[m]
-                matrix[size + k, at] = self.total[m]
-            right[size + k] = force - float(np.sum(self.force[members]))
-        scale = np.sqrt(np.abs(np.diag(matrix)))
-        for k in range(free):
-            scale[size + k] = float(np.max(np.abs(matrix[size + k, :size]) / scale[:size]))
-        try:
-            answer = np.linalg.solve(matrix / scale[:, None] / scale, right / scale) / scale
-        except np.linalg.LinAlgError as error:
-            raise NotConverged(f"contact sequence: {error}") from error
-        delta = answer[:size].reshape(count, terms)
-        level = approaches.copy()
-        for k, (members, _) in enumerate(groups):
-            level[members] += answer[size + k]
-        return self._state(delta, level, pairs)
+        outside = self._received(pairs, {d: e.loads for d, e in self.exchanges.items()})
+        for degree, exchange in self.exchanges.items():
+            rows = rows - np.einsum("nta,na->nt", exchange.receive, outside[degree])
+        delta, change = solve_grouped(blocks, rows, self.total, self.force, groups)
+        return self._state(delta, approaches + change, pairs)
 
-    def _pairs(self, places: Array) -> list[Pair]:
-        """Return per degree: balls i < j, kernel, its slope over r, dx and dy between their nodes."""
+    def _pairs(self, places: Array) -> list[_Pairs]:
         first, second = np.triu_indices(len(places), 1)
         apart = np.hypot(*(places[first] - places[second]).T)
         far = apart > FAR * (self.radius[first] + self.radius[second])
@@ -141,37 +135,38 @@ class LinearisedContacts:
             i, j = first[chosen], second[chosen]
             if i.size == 0:
                 continue
-            place = self.links[degree][0] + places[:, :, None]
-            dx = place[i, 0][:, :, None] - place[j, 0][:, None, :]
-            dy = place[i, 1][:, :, None] - place[j, 1][:, None, :]
+            at = self.exchanges[degree].places + places[:, :, None]
+            dx, dy = (at[i, axis][:, :, None] - at[j, axis][:, None, :] for axis in (0, 1))
             r = np.hypot(dx, dy)
-            inverse = 1.0 / r
-            slope = -inverse * inverse
-            kernel = inverse
-            if not self.kernel.homogeneous:
-                s, ds = self.kernel.smooth_and_slope(r)
-                kernel = inverse + s
-                slope = slope + ds
-            out.append((degree, i, j, kernel, slope * inverse, dx, dy))
+            s, ds = self.kernel.smooth_and_slope(r)
+            out.append(_Pairs(degree, i, j, 1.0 / r + s, (ds - 1.0 / r**2) / r, dx, dy))
         return out
 
-    def _state(self, delta: Array, approaches: Array, pairs: list[Pair]) -> LinearState:
-        loads = {d: link[2] + np.einsum("nt,nta->na", delta, link[3]) for d, link in self.links.items()}
+    @staticmethod
+    def _received(pairs: list[_Pairs], loads: dict[int, Array]) -> dict[int, Array]:
+        """Return the displacement [m] at every ball's nodes, per degree, due to the loads of the others."""
+        out = {degree: np.zeros_like(q) for degree, q in loads.items()}
+        for p in pairs:
+            q = loads[p.degree]
+            np.add.at(out[p.degree], p.first, np.einsum("pab,pb->pa", p.kernel, q[p.second]))
+            np.add.at(out[p.degree], p.second, np.einsum("pab,pa->pb", p.kernel, q[p.first]))
+        return out
+
+    def _state(self, delta: Array, approaches: Array, pairs: list[_Pairs]) -> LinearState:
+        loads = {d: e.loads + np.einsum("nt,nta->na", delta, e.receive) for d, e in self.exchanges.items()}
+        outside = self._received(pairs, loads)
         pull = np.zeros((len(delta), 2))
-        outside = {d: np.zeros_like(v) for d, v in loads.items()}
-        for degree, i, j, g, s, dx, dy in pairs:
-            q = loads[degree]
-            np.add.at(outside[degree], i, np.einsum("pab,pb->pa", g, q[j]))
-            np.add.at(outside[degree], j, np.einsum("pab,pa->pb", g, q[i]))
-            both = s * (q[i][:, :, None] * q[j][:, None, :])
-            force = np.stack([np.sum(both * dx, axis=(1, 2)), np.sum(both * dy, axis=(1, 2))], axis=1)
-            np.add.at(pull, i, force)
-            np.add.at(pull, j, -force)
+        for p in pairs:
+            q = loads[p.degree]
+            both = p.slope * (q[p.first][:, :, None] * q[p.second][:, None, :])
+            force = np.stack([np.sum(both * p.dx, axis=(1, 2)), np.sum(both * p.dy, axis=(1, 2))], axis=1)
+            np.add.at(pull, p.first, force)
+            np.add.at(pull, p.second, -force)
         gap = 0.0
         for k, (v, d) in enumerate(zip(self.rise, self.derivative, strict=True)):
             w = v + d @ delta[k] - approaches[k]
-            for degree, link in self.links.items():
-                w = w + link[4][k] @ outside[degree][k]
+            for degree, exchange in self.exchanges.items():
+                w = w + exchange.matrices[k] @ outside[degree][k]
             gap = max(gap, float(np.max(np.abs(w))))
         largest = np.array([np.max(np.abs(z.coefficients)) for z in self.zones])
         return LinearState(
@@ -185,7 +180,7 @@ class LinearisedContacts:
         )
 
     def moved(self, places: Array, change: Array) -> list[Zone]:
-        """Return the zones with a change of coefficients, carried along to the axes' new ``places`` [m]."""
+        """Return the zones with a change of coefficients, moved along to the axes' new ``places`` [m]."""
         out = []
         for zone, old, new, delta in zip(self.zones, self.places, places, change, strict=True):
             length = min(1.0, 0.6 * float(np.max(np.abs(zone.coefficients)) / max(np.max(np.abs(delta)), 1e-300)))

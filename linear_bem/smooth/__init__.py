@@ -1,1 +1,1 @@
-"""Contacts apart from each other: each the zero line of a polynomial, many balls together."""
+"""Separate contacts: each pressure is the square root of a polynomial."""

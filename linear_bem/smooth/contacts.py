@@ -1,4 +1,4 @@
-"""A solved contact: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
+"""Solved smooth contacts: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.load_control import force_error
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
 from linear_bem.smooth.displacement import FEW, displacement_around, displacement_of_many, zone_displacement
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
-
-Array = NDArray[np.float64]
+from linear_bem.smooth.zone import horner
 
 EVALUATED = 1e-7
-"""Relative exactness of the displacement that residuals are recomputed with."""
+"""Relative error of the displacement that residuals are recomputed with."""
 RINGS = (1.12, 2.0)
-"""Where penetration outside a contact is looked for, over its outline's distance; nearer takes finer quadrature."""
+"""Where penetration outside a contact is checked, over its outline's distance; nearer needs finer quadrature."""
 
 
 @dataclass(frozen=True)
@@ -67,20 +69,36 @@ class SmoothContacts:
     @cached_property
     def peak_pressures(self) -> Array:
         """Largest contact pressure under every ball [Pa]."""
-        peaks = []
-        for n in self.smooth.nodes:
-            best = int(np.argmax(n.pressure))
-            peaks.append(_maximum(n, best) / self.kernel.singular)
-        return self._scatter(peaks)
+        return self._scatter([_peak(n) / self.kernel.singular for n in self.smooth.nodes])
 
     @cached_property
     def contact_areas(self) -> Array:
         """Contact area of every ball [m^2]."""
         return self._scatter([float(np.sum(n.weights)) for n in self.smooth.nodes])
 
-    def heights(self, ball: int, x: Array, y: Array) -> Array:
-        """Return one ball's height f [m] over its lowest point at surface points [m]."""
-        return height(self.problem.balls[ball])(x, y)
+    @property
+    def elastic_energy(self) -> float:
+        """Elastic energy [J], half the work of the contact pressure."""
+        total = 0.0
+        for i, n in zip(self.touching, self.smooth.nodes, strict=True):
+            w = self.approaches[i] - height(self.problem.balls[i])(n.x, n.y)  # the surface follows the ball
+            total += 0.5 * float(n.loads @ w) / self.kernel.singular
+        return total
+
+    @property
+    def resolution(self) -> float:
+        """0: the pressure is smooth."""
+        return 0.0
+
+    def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
+        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        loads = []
+        for n in self.smooth.nodes:
+            fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
+            xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
+            loads.append((*n.zone.points(xi, eta), w * p / self.kernel.singular))
+        x, y, load = (np.concatenate(parts) for parts in zip(*loads, strict=True))
+        return x, y, load
 
     def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] on the edge of one ball's contact (empty where it does not touch)."""
@@ -109,7 +127,7 @@ class SmoothContacts:
 
     @cached_property
     def certificate(self) -> dict[str, float]:
-        """Residuals recomputed around every ball, at points and by nodes that the solver did not use.
+        """Residuals recomputed around every ball, at points and with nodes that the solver does not use.
 
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
@@ -137,25 +155,19 @@ class SmoothContacts:
         inside = float(np.max(np.abs(gap[p > 0.0])))
         outside = float(np.max(-gap[free], initial=0.0))
         product = float(np.max(np.abs(gap) * p))
-        prescribed = self.problem.load
-        load = 0.0
-        if prescribed.kind != "approach":
-            got = self.normal_forces if prescribed.kind == "force" else np.sum(self.normal_forces, keepdims=True)
-            want = np.array(prescribed.values)
-            load = float(np.max(np.abs(got - want)) / np.max(want))
         return {
             "gap_in_contact": inside / scale,
             "penetration_outside": outside / scale,
             "complementarity": product / scale,
             "negative_pressure": 0.0,
-            "load": load,
+            "load": force_error(self.problem.load, self.normal_forces),
         }
 
-    def _covered(self, xs: list[Array], ys: list[Array]) -> NDArray[np.bool_]:
+    def _covered(self, xs: list[Array], ys: list[Array]) -> Mask:
         """Return which of the points around each zone lie in the contact of any zone."""
         zones = [n.zone for n in self.smooth.nodes]
         centres = np.array([z.centre for z in zones])
-        size = np.array([1.4 * np.max(np.linalg.svd(z.axes, compute_uv=False)) for z in zones])
+        size = np.array([1.4 * z.reach for z in zones])
         out = []
         for x, y, centre in zip(xs, ys, centres, strict=True):
             spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
@@ -172,23 +184,17 @@ class SmoothContacts:
         return out
 
 
-def _maximum(n: Nodes, near: int) -> float:
-    """Return the largest pressure of a zone, by a quadratic model of P about its centre and the best node."""
-    zone = n.zone
-    xi, eta = n.xi[near], n.eta[near]
-    e = 1e-3
-    for _ in range(20):
-        px = np.array([xi, xi + e, xi - e, xi, xi, xi + e, xi - e])
-        py = np.array([eta, eta, eta, eta + e, eta - e, eta + e, eta - e])
-        v = zone.squared_pressure(px, py)
-        grad = np.array([v[1] - v[2], v[3] - v[4]]) / (2 * e)
-        mixed = (v[5] + v[6] - v[1] - v[2] - v[3] - v[4] + 2 * v[0]) / (2 * e * e)
-        hess = np.array([[(v[1] + v[2] - 2 * v[0]) / e**2, mixed], [mixed, (v[3] + v[4] - 2 * v[0]) / e**2]])
-        move = -np.linalg.solve(hess, grad)
-        if not np.all(np.isfinite(move)) or np.max(np.abs(move)) > 0.5:
-            break
-        xi, eta = xi + move[0], eta + move[1]
-        if np.max(np.abs(move)) < 1e-9:
-            break
-    best = float(zone.squared_pressure(np.array([xi]), np.array([eta]))[0])
-    return float(np.sqrt(max(best, float(np.max(n.pressure)) ** 2)))
+def _peak(n: Nodes) -> float:
+    """Return the largest pressure of a zone: the maximum of P near the best node."""
+    best = int(np.argmax(n.pressure))
+    square = float(n.pressure[best]) ** 2
+
+    powers = n.zone.powers / square
+
+    def lowered(at: Array) -> tuple[float, Array]:
+        value, dx, dy = horner(powers, at[0], at[1])
+        return -float(value), -np.array([dx, dy])
+
+    near = [(at - 0.3, at + 0.3) for at in (n.xi[best], n.eta[best])]
+    found = minimize(lowered, np.mean(near, axis=1), jac=True, bounds=near, options={"ftol": 1e-15, "gtol": 1e-11})
+    return float(np.sqrt(square * max(1.0, -found.fun)))

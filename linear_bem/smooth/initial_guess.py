@@ -1,31 +1,31 @@
-"""The contact problem for separate smooth contacts: start, active balls, refinement in the degree of p^2."""
+"""First guess of separate smooth contacts, and the choice of the solver for them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import brentq
 
-from linear_bem.coupled_point_loads import couple, influence
+from linear_bem.arrays import Array
+from linear_bem.coupled_point_loads import couple, distances, estimated_relations
 from linear_bem.errors import NotConverged
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
+from linear_bem.load_control import force_groups
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.smooth.many_balls import sweep_zones
 from linear_bem.smooth.newton import Nodes, SmoothSolution, solve_zones
 from linear_bem.smooth.zone import Zone, exponents
 
-Array = NDArray[np.float64]
-
 ROUGHEST = 1.5
-"""Largest contact radius over layer thickness for which p^2 is a polynomial worth computing."""
+"""Largest contact radius over layer thickness at which polynomials are used."""
 SHARP = 3.0
-"""Contact radius of a cone over the length by which its tip is rounded, tan(slope) R, from which on it has a grid."""
+"""Largest contact radius of a cone over tan(slope) R, R the radius of its tip, at which polynomials are used."""
 DENSE = 4
-"""Up to this number of balls one dense Newton system holds all; more take sweeps."""
+"""Largest number of balls in one dense Newton system; more balls are solved by sweeps."""
 
 
 @dataclass(frozen=True)
@@ -40,26 +40,20 @@ class Start:
 def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     """Return ellipses of Hertz's pressure from the coupled point-load estimate.
 
-    A body that is no ball counts as one of the radius that its profile shows over the contact (`_radius_seen`).
+    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radius_seen`.
     """
-    _, mutual = influence(problem, kernel)
+    mutual = kernel.displacement(distances(problem.positions))
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-
-    def relation(d: Array) -> Array:
-        return estimates(problem.layer, problem.substrate, radii, "approach", d)[1]
-
-    def inverse(q: Array) -> Array:
-        return estimates(problem.layer, problem.substrate, radii, "normal_force", q)[0]
-
-    state = couple(problem, mutual, relation, inverse)
+    state = couple(problem, mutual, *estimated_relations(problem, radii))
     for _ in range(4 if others else 0):
-        depths = state.effective if problem.load.kind == "approach" else state.forces
-        kind = "approach" if problem.load.kind == "approach" else "normal_force"
+        kind, values = "normal_force", state.forces
+        if problem.load.kind == "approach":
+            kind, values = "approach", state.effective
         for i in others:
-            if depths[i] > 0.0:
-                radii[i] = _radius_seen(problem, problem.balls[i], kind, float(depths[i]))
-        state = couple(problem, mutual, relation, inverse)
+            if values[i] > 0.0:
+                radii[i] = _radius_seen(problem, problem.balls[i], kind, float(values[i]))
+        state = couple(problem, mutual, *estimated_relations(problem, radii))
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
@@ -83,14 +77,10 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
 def _radius_seen(problem: Problem, ball: Ball, kind: str, value: float) -> float:
     """Return R [m] of the paraboloid that is as high at its estimated contact's edge as the ball is on average."""
     low, high = ball.radius * 1e-9, ball.radius * 1e9
-    for _ in range(60):
+    for _ in range(60):  # bisection starts near the ball's own size: profiles may overflow far from it
         middle = float(np.sqrt(low * high))
         edge = float(estimates(problem.layer, problem.substrate, np.array([middle]), kind, np.array([value]))[2][0])
-        rise = mean_height(ball, edge)
-        if not rise > 0.0:
-            low = middle
-            continue
-        low, high = (middle, high) if edge**2 > 2.0 * rise * middle else (low, middle)
+        low, high = (low, middle) if 2.0 * mean_height(ball, edge) * middle >= edge**2 else (middle, high)
     return float(np.sqrt(low * high))
 
 
@@ -106,15 +96,14 @@ def _hertz_axes(ball: Ball, radius: float, seen: float) -> tuple[Array, Array]:
 
 
 def _sphere_radius(parabolic: float, radius: float) -> float:
-    """Return the contact radius [m] of a sphere where a paraboloid's would be ``parabolic``, at equal approach.
+    """Return the contact radius a [m] of a sphere from that of a paraboloid at equal approach, at most 0.97 R.
 
-    a artanh(a/R) = a_p^2/R on a half-space [Sneddon 1965, Int. J. Eng. Sci. 3, 47]; always below R.
+    a artanh(a/R) = a_p^2/R on a half-space [Sneddon 1965, Int. J. Eng. Sci. 3, 47].
     """
-    wanted, low, high = (parabolic / radius) ** 2, 0.0, 1.0 - 1e-12
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if middle * np.arctanh(middle) < wanted else (low, middle)
-    return min(low, 0.97) * radius
+    wanted = (parabolic / radius) ** 2
+    if wanted > 0.97 * np.arctanh(0.97):
+        return 0.97 * radius
+    return float(brentq(lambda a: a * np.arctanh(a) - wanted, 0.0, 0.97, xtol=1e-16)) * radius
 
 
 def _hertz_zone(centre: tuple[float, float], axes: Array, peak: float) -> Zone:
@@ -135,23 +124,15 @@ def solve_smooth(
 ) -> SmoothSolution:
     """Return the solution at one degree of p^2, from a guess or from another degree's solution.
 
-    ``precision`` is what the iteration stops at: the relative one of forces and approaches for many balls, the last
-    relative step of the pressure's coefficients for few (not below 1e-9).
+    ``precision`` bounds the last relative change of forces and approaches in sweeps (more than `DENSE` balls), else the
+    last relative step of the pressure's coefficients (not below 1e-9). Raises `NotConverged`.
     """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
     if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
-        raise NotConverged(
-            "smooth contact: the pressure peaks at a sharp tip or a flat end's edge, which is for a grid"
-        )
+        raise NotConverged("smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; use a grid")
     zones = [z.reframed(degree) for z in old]
-    place = {ball: k for k, ball in enumerate(touching)}
-    load = problem.load
-    groups: list[tuple[list[int], float]] = []
-    if load.kind == "force":
-        groups = [([place[i]], load.values[i] * kernel.singular) for i in touching]
-    elif load.kind == "total_force":
-        groups = [(list(place.values()), load.values[0] * kernel.singular)]
-    radius = max(float(np.sqrt(z.jacobian)) for z in zones)
+    groups = force_groups(problem.load, touching, kernel.singular)
+    radius = max(z.radius for z in zones)
     if radius > ROUGHEST * kernel.thickness:
         raise NotConverged(
             f"smooth contact: contact radius {radius:g} m is {radius / kernel.thickness:.3g} layer thicknesses, "
@@ -164,10 +145,10 @@ def solve_smooth(
 
 
 def _peaked(ball: Ball, zone: Zone) -> bool:
-    """Return whether the pressure peaks within or at the edge of a contact where no polynomial follows it."""
+    """Return whether the pressure has a peak that no polynomial represents: at a cone's tip or at a punch's edge."""
     body = ball.indenter
     if isinstance(body, Cone):
-        return float(np.sqrt(zone.jacobian)) > SHARP * np.tan(body.slope) * body.tip_radius
+        return zone.radius > SHARP * np.tan(body.slope) * body.tip_radius
     return isinstance(body, Punch)
 
 

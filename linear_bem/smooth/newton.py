@@ -1,4 +1,4 @@
-r"""Newton's method for smooth contacts: every ball's p^2 is a polynomial, and the edge follows from it.
+r"""Newton's method for smooth contacts: every ball's p^2 is a polynomial, whose zero line is the contact's edge.
 
 The unknowns are the coefficients of P_i (p_i = sqrt(P_i), see `linear_bem.smooth.zone`) and, where forces are
 given, the approaches. The equations are stationarity of the complementary energy
@@ -6,35 +6,34 @@ given, the approaches. The equations are stationarity of the complementary energ
 
     int phi_k/(2 p_i) [sum_j K p_j - D_i + f_i] dA = 0,
 
-which is K p = D - f inside the contact tested with the changes of p that the space allows (they have
-the inverse square root at the edge: moving the edge is one of them). Forces and energy are therefore
-correct to second order in the error of p.
+which is K p = D - f inside the contact tested with the variations of p in the polynomial space (they are singular like
+an inverse square root at the edge, because they move the edge). Forces and energy are therefore correct to second order
+in the error of p.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.load_control import Groups
+from linear_bem.profiles import Height
 from linear_bem.smooth.zone import Zone, basis
 
-Array = NDArray[np.float64]
-Shape = Callable[[Array, Array], Array]
-
 DIVERGED = 1e6
-"""Relative step of the coefficients, or growth of the approaches, after which there is no way back."""
+"""Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
 STALLED = 1e-3
-"""Largest last change that may be handed on to the next degree."""
+"""Largest last change at which an unconverged state is accepted as a start for the next degree."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """How many quadrature nodes: on rays, around, chord directions, along chords."""
+    """Numbers of quadrature nodes: along rays, of rays, of chord directions, along chords."""
 
     radial: int
     angular: int
@@ -49,7 +48,7 @@ class Rule:
         whose weights converge like ((k - 1)/(k + 1))^directions.
         """
         degree = zones[0].degree + more
-        axes = np.array([np.linalg.svd(z.axes, compute_uv=False) for z in zones])
+        axes = np.linalg.svd([z.axes for z in zones], compute_uv=False)
         rough = int(min(40.0, 3.0 * float(np.max(axes)) / thickness))
         flat = float(np.max((axes[:, 0] - axes[:, 1]) / (axes[:, 0] + axes[:, 1])))
         directions = int(np.clip(23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
@@ -78,6 +77,11 @@ class Nodes:
         return cls(zone, xi, eta, x, y, weights, pressure, variations)
 
     @property
+    def loads(self) -> Array:
+        """Point loads at the nodes."""
+        return self.weights * self.pressure
+
+    @property
     def force(self) -> float:
         """Integral of the pressure."""
         return float(self.weights @ self.pressure)
@@ -85,7 +89,7 @@ class Nodes:
 
 @dataclass(frozen=True)
 class SmoothSolution:
-    """Converged zones with their nodes, the approaches [m] and the account of Newton's method.
+    """Converged zones with their nodes, the approaches [m], and iterations and residual of the solver.
 
     Pressures are in units of 1/`LayeredKernel.singular`: int p (1/r + s) dA is the displacement [m].
     """
@@ -96,70 +100,54 @@ class SmoothSolution:
     residual: float
 
 
-def distances(a: Nodes, b: Nodes) -> Array:
-    """Return the distances [m] between the nodes of two zones."""
-    return np.hypot(a.x[:, None] - b.x, a.y[:, None] - b.y)
+def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
+    """Return a zone's own displacement [m] at its nodes, and the derivative by its coefficients (nodes, terms)."""
+    w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
+    if kernel.homogeneous:
+        return w, derivative
+    smooth = kernel.smooth(np.hypot(n.x[:, None] - n.x, n.y[:, None] - n.y)) * n.weights
+    return w + smooth @ n.pressure, derivative + smooth @ n.variations
 
 
-def _pairs(kernel: LayeredKernel, nodes: list[Nodes]) -> dict[tuple[int, int], Array]:
-    """Return the kernel between the nodes of every two zones, once for both directions."""
-    out = {}
-    for i, a in enumerate(nodes):
-        for j in range(i):
-            r = distances(a, nodes[j])
-            out[i, j] = 1.0 / r + kernel.smooth(r)
-            out[j, i] = out[i, j].T
-    return out
-
-
-def displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tuple[list[Array], list[list[Array]]]:
+def _displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tuple[list[Array], list[list[Array]]]:
     """Return K p at every zone's nodes, and its derivative by every zone's coefficients."""
-    total: list[Array] = []
-    derivative: list[list[Array]] = []
-    pairs = _pairs(kernel, nodes)
+    own = [own_displacement(kernel, n, rule) for n in nodes]
+    total = [w for w, _ in own]
+    derivative = [[change] * len(nodes) for _, change in own]
     for i, here in enumerate(nodes):
-        w = np.zeros(len(here.x))
-        row: list[Array] = []
-        for j, there in enumerate(nodes):
-            if i == j:
-                potential, change = here.zone.half_space(here.xi, here.eta, rule.directions, rule.along)
-                if not kernel.homogeneous:
-                    smooth = kernel.smooth(distances(here, here)) * here.weights
-                    potential = potential + smooth @ here.pressure
-                    change = change + smooth @ here.variations
-            else:
-                block = pairs[i, j] * there.weights
-                potential, change = block @ there.pressure, block @ there.variations
-            w += potential
-            row.append(change)
-        total.append(w)
-        derivative.append(row)
+        for j, there in enumerate(nodes[:i]):
+            r = np.hypot(here.x[:, None] - there.x, here.y[:, None] - there.y)
+            block = kernel.scaled(r)
+            for a, b, influence in ((i, j, block), (j, i, block.T)):
+                weighted = influence * nodes[b].weights
+                total[a] = total[a] + weighted @ nodes[b].pressure
+                derivative[a][b] = weighted @ nodes[b].variations
     return total, derivative
 
 
 def stalled(history: list[float]) -> bool:
-    """Return whether a small change no longer shrinks: a degree too low for the pressure slows Newton's method.
+    """Return whether a small change no longer shrinks.
 
-    The change of the test functions with the edge is left out of the derivative, so that the rate of convergence is the
-    gap that the degree leaves; the next degree leaves less.
+    The derivative neglects that the test functions move with the edge. The rate of convergence is therefore the gap
+    that the degree leaves, and a degree too low for the pressure slows Newton's method; the next degree leaves less.
     """
     return len(history) > 10 and history[-1] < STALLED and history[-1] > 0.3 * max(history[-4:-1])
 
 
 def solve_zones(
     kernel: LayeredKernel,
-    shapes: list[Shape],
+    shapes: list[Height],
     zones: list[Zone],
     approaches: Array,
-    groups: list[tuple[list[int], float]],
+    groups: Groups,
     tolerance: float,
     limit: int = 25,
 ) -> SmoothSolution:
     """Return the state where the complementary energy is stationary.
 
-    ``groups`` lists (balls that share one unknown approach, their total force times `singular`); balls in
-    no group keep their approach. ``tolerance`` bounds the last step of the coefficients relative to P; a step that is
-    `stalled`, or is small when ``limit`` steps are done, is returned as the residual. Raises `NotConverged`.
+    Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last step of the coefficients relative
+    to P; a step that is `stalled`, or is below `STALLED` after ``limit`` steps, is returned as the residual. Raises
+    `NotConverged`.
     """
     approaches = approaches.copy()
     first = float(np.max(np.abs(approaches)))
@@ -171,20 +159,16 @@ def solve_zones(
         history.append(step)
         if step < tolerance or stalled(history) or (iteration == limit - 1 and step < STALLED):
             return SmoothSolution(tuple(nodes), approaches, iteration, step)
-        with np.errstate(all="ignore"):  # a way that leads nowhere may overflow before it is left
+        with np.errstate(all="ignore"):  # a diverging iteration may overflow before the loop ends
             delta, change = _newton_step(kernel, shapes, nodes, approaches, groups, rule)
         if not np.all(np.isfinite(delta)):
             break
-        length, step = 1.0, 0.0
-        terms = len(zones[0].coefficients)
-        for k, zone in enumerate(zones):
-            relative = float(np.max(np.abs(delta[k * terms : (k + 1) * terms])) / np.max(np.abs(zone.coefficients)))
-            step = max(step, relative)
+        step = max(float(np.max(np.abs(d)) / np.max(np.abs(z.coefficients))) for d, z in zip(delta, zones, strict=True))
         length = min(1.0, 0.6 / step)
         approaches = approaches + length * change
         zones = [
-            replace(z, coefficients=z.coefficients + length * delta[k * terms : (k + 1) * terms]).reframed(z.degree)
-            for k, z in enumerate(zones)
+            replace(z, coefficients=z.coefficients + length * d).reframed(z.degree)
+            for d, z in zip(delta, zones, strict=True)
         ]
         if not max(step, float(np.max(np.abs(approaches))) / first) < DIVERGED:
             break
@@ -195,57 +179,61 @@ def solve_zones(
 
 
 def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
-    """Return the solution of equations with rows and columns of these sizes; `NotConverged` where singular."""
+    """Return the solution of equations whose rows and columns are scaled by ``size``; raises `NotConverged`."""
     try:
         solution = np.linalg.solve(matrix / size[:, None] / size, (right.T / size).T)
     except np.linalg.LinAlgError as singular:
         raise NotConverged(
-            "smooth contact: the equations of Newton's method are singular, as where contacts merge or vanish on "
-            "the way; press balls less deep or closer to equal depth"
+            "smooth contact: the equations of Newton's method are singular, as where contacts merge or vanish during "
+            "the iteration; press balls less deep or closer to equal depth"
         ) from singular
     return np.asarray((solution.T / size).T)
 
 
 def _newton_step(
     kernel: LayeredKernel,
-    shapes: list[Shape],
+    shapes: list[Height],
     nodes: list[Nodes],
     approaches: Array,
-    groups: list[tuple[list[int], float]],
+    groups: Groups,
     rule: Rule,
 ) -> tuple[Array, Array]:
-    """Return the changes of all coefficients and of all approaches."""
-    terms = nodes[0].variations.shape[1]
-    count, free = len(nodes), len(groups)
-    potential, derivative = displacements(kernel, nodes, rule)
-    matrix = np.zeros((count * terms + free, count * terms + free))
-    right = np.zeros(count * terms + free)
-    for i, here in enumerate(nodes):
-        rows = slice(i * terms, (i + 1) * terms)
-        test = here.variations.T * here.weights
-        f = shapes[i](here.x, here.y)
-        right[rows] = -test @ (potential[i] - approaches[i] + f)
-        for j in range(count):
-            matrix[rows, j * terms : (j + 1) * terms] = test @ derivative[i][j]
-    for g, (members, force) in enumerate(groups):
-        at = count * terms + g
-        right[at] = force
-        for i in members:
-            rows = slice(i * terms, (i + 1) * terms)
-            total = nodes[i].variations.T @ nodes[i].weights
-            matrix[rows, at] = -total
-            matrix[at, rows] = total
-            right[at] -= nodes[i].force
-    # rows and columns in each zone's own size, so that balls of any size share one matrix
-    size = np.sqrt(np.abs(np.diag(matrix)))
-    size[count * terms :] = 1.0
-    for g, (members, _) in enumerate(groups):
-        at = count * terms + g
-        reach = np.max(np.abs(matrix[at, : count * terms] / size[: count * terms]))
-        size[at] = reach if reach > 0.0 else 1.0
-        del members
-    delta = solve_scaled(matrix, right, size)
+    """Return the changes of all coefficients, shape (zones, terms), and of all approaches."""
+    potential, derivative = _displacements(kernel, nodes, rule)
+    tests = [n.variations.T * n.weights for n in nodes]
+    blocks = np.array([[test @ change for change in row] for test, row in zip(tests, derivative, strict=True)])
+    right = [
+        -test @ (w - d + f(n.x, n.y))
+        for n, test, w, d, f in zip(nodes, tests, potential, approaches, shapes, strict=True)
+    ]
+    totals = np.array([test.sum(axis=1) for test in tests])
+    return solve_grouped(blocks, np.array(right), totals, [n.force for n in nodes], groups)
+
+
+def solve_grouped(
+    blocks: Array, right: Array, totals: Array, forces: Sequence[float] | Array, groups: Groups
+) -> tuple[Array, Array]:
+    """Return the changes of all coefficients, shape (zones, terms), and of all approaches, shape (zones,).
+
+    ``blocks`` (zones, zones, terms, terms) and ``right`` (zones, terms) hold the equations at fixed approaches.
+    ``totals`` (zones, terms), the derivatives of the ``forces``, couple them to the unknown approaches of ``groups``.
+    """
+    count, terms = right.shape
+    size = count * terms
+    matrix, values = np.zeros((size + len(groups), size + len(groups))), np.zeros(size + len(groups))
+    matrix[:size, :size] = blocks.transpose(0, 2, 1, 3).reshape(size, size)
+    values[:size] = right.ravel()
+    # every zone's rows and columns are scaled by its own size, so that balls of any size share one matrix
+    scale = np.ones(size + len(groups))
+    scale[:size] = np.sqrt(np.abs(np.diag(matrix)[:size]))
+    for at, (members, force) in enumerate(groups, start=size):
+        row = np.zeros_like(totals)
+        row[members] = totals[members]
+        matrix[at, :size], matrix[:size, at] = row.ravel(), -row.ravel()
+        values[at] = force - sum(float(forces[i]) for i in members)
+        scale[at] = float(np.max(np.abs(matrix[at, :size]) / scale[:size])) or 1.0
+    answer = solve_scaled(matrix, values, scale)
     change = np.zeros(count)
-    for g, (members, _) in enumerate(groups):
-        change[members] = delta[count * terms + g]
-    return delta[: count * terms], change
+    for at, (members, _) in enumerate(groups, start=size):
+        change[members] = answer[at]
+    return answer[:size].reshape(count, terms), change

@@ -1,33 +1,32 @@
-r"""The in-plane force on a ball, by routes that do not share their errors.
+r"""The in-plane force on a ball, by two formulas with independent errors.
 
-Inside contact i the surface is the ball: w = D_i - f_i. The paper's slope integral (eq. 13) is
+Inside contact i the surface follows the ball: w = D_i - f_i. The paper's slope integral (eq. 13) is
 T_i = -int p_i grad f_i dA = int p_i grad w dA. The displacement is the sum of all balls' own,
 w = sum_j K p_j, and the term j = i vanishes because its kernel grad K(x - x') is odd and p_i(x) p_i(x')
-even in the exchange of x and x'. What is left is the mutual formula,
+even in the exchange of x and x'. The remainder is the mutual formula,
 
     T_i = sum_{j != i} int int p_i(x) grad K(x - x') p_j(x') dA dA',
 
-which never subtracts large numbers and makes action equal reaction exactly.
+which has no cancelling large terms and makes action equal reaction exactly.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
+from linear_bem.coupled_point_loads import distances
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Ball
 from linear_bem.profiles import gradient
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import Nodes
 
-Array = NDArray[np.float64]
-
 
 def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> Array:
     """Return T [N] on every zone, shape (zones, 2).
 
-    Pressures are in units of 1/``kernel.singular``; ``precision`` bounds what the multipoles of far pairs neglect.
+    Pressures are in units of 1/``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
     """
     interaction = Interaction(kernel, list(nodes), precision)
     interaction.update(list(nodes))
@@ -39,11 +38,10 @@ def half_space_pulls(
 ) -> Array:
     """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
 
-    It is what point loads on a half-space of the layer's material would give without cancellation: the force that
-    a layer's T, which changes sign, is small against. Beyond ``fading`` [m] a pull counts for fading/r of itself.
+    This is T of point loads on a half-space of the layer's material if all had the same sign and direction: the scale
+    of T on a layer, where T may pass through zero. Beyond ``fading`` [m] each term is multiplied by fading/r.
     """
-    r = np.hypot(positions[:, None, 0] - positions[:, 0], positions[:, None, 1] - positions[:, 1])
-    np.fill_diagonal(r, np.inf)
+    r = distances(positions)
     share = np.ones_like(r) if np.isinf(fading) else np.minimum(1.0, fading / r)
     return np.asarray(forces * ((kernel.singular / (r + softest) ** 2 * share) @ forces))
 
@@ -53,6 +51,6 @@ def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ..
     total = np.zeros((len(nodes), 2))
     for k, (ball, n) in enumerate(zip(balls, nodes, strict=True)):
         fx, fy = gradient(ball, n.x, n.y)
-        load = n.weights * n.pressure / kernel.singular
+        load = n.loads / kernel.singular
         total[k] = -load @ fx, -load @ fy
     return total

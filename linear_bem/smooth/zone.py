@@ -1,9 +1,9 @@
 """Polynomials and quadrature on one smooth contact zone, in the ball's own frame.
 
 A frame maps the plane of xi to the surface by x = centre + A xi, so that the contact is close to the
-unit disc. The pressure is the square root of a polynomial P(xi): exact for Hertz's elliptical contact,
-and because p = sqrt(1 - rho^2) times a smooth function for every smooth indenter, p^2 is smooth and
-vanishes linearly at the edge, P converges like a Taylor series, and the zero line of P *is* the edge.
+unit disc. The pressure is the square root of a polynomial P(xi), which is exact for Hertz's elliptical contact. For
+every smooth indenter p is sqrt(1 - rho^2) times a smooth function, so p^2 is smooth and vanishes linearly at the edge:
+P converges like a Taylor series, and the edge is the zero line of P.
 """
 
 from __future__ import annotations
@@ -12,33 +12,25 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial.chebyshev import chebvander
 
-Array = NDArray[np.float64]
+from linear_bem.arrays import Array, Indices
+from linear_bem.layer.kernel import gauss
 
 
 @lru_cache(maxsize=32)
-def exponents(degree: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def exponents(degree: int) -> tuple[Indices, Indices]:
     """Return the pairs (i, j), i + j <= degree, of the basis T_i(xi) T_j(eta), ordered by total degree."""
     pairs = [(k - j, j) for k in range(degree + 1) for j in range(k + 1)]
     i, j = np.array(pairs).T
     return i, j
 
 
-def _chebyshev(x: Array, degree: int) -> Array:
-    rows = np.empty((degree + 1, *x.shape))
-    rows[0] = 1.0
-    if degree:
-        rows[1] = x
-    for k in range(2, degree + 1):
-        rows[k] = 2.0 * x * rows[k - 1] - rows[k - 2]
-    return rows
-
-
 def basis(xi: Array, eta: Array, degree: int) -> Array:
     """Return the basis polynomials, shape (terms, *xi.shape)."""
     i, j = exponents(degree)
-    return np.asarray(_chebyshev(xi, degree)[i] * _chebyshev(eta, degree)[j])
+    t_xi, t_eta = np.moveaxis(chebvander([xi, eta], degree), -1, 1)
+    return np.asarray(t_xi[i] * t_eta[j])
 
 
 @lru_cache(maxsize=32)
@@ -52,7 +44,8 @@ def _fit_nodes(degree: int) -> tuple[Array, Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def _circle(count: int) -> tuple[Array, Array]:
+def circle(count: int) -> tuple[Array, Array]:
+    """Return cosine and sine of ``count`` equally spaced angles."""
     angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count
     return np.cos(angle), np.sin(angle)
 
@@ -60,13 +53,14 @@ def _circle(count: int) -> tuple[Array, Array]:
 @lru_cache(maxsize=32)
 def _monomials(degree: int) -> Array:
     """Return the power coefficients of every basis polynomial, shape (terms, degree + 1, degree + 1)."""
-    one = [np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k]) for k in range(degree + 1)]
-    table = np.array([np.pad(c, (0, degree + 1 - len(c))) for c in one])
+    table = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        table[k, : k + 1] = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k, : k + 1])
     i, j = exponents(degree)
     return np.asarray(table[i][:, :, None] * table[j][:, None, :])
 
 
-def _horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree."""
     degree = len(powers) - 1
     value = dx = dy = np.zeros(np.shape(x))
@@ -82,12 +76,6 @@ def _horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
     return value, dx, dy
 
 
-@lru_cache(maxsize=64)
-def gauss(count: int) -> tuple[Array, Array]:
-    """Return Gauss-Legendre nodes and weights on [-1, 1]."""
-    return np.polynomial.legendre.leggauss(count)
-
-
 @dataclass(frozen=True)
 class Zone:
     """One contact zone: frame (``centre`` [m], ``axes`` 2x2 [m]) and coefficients of P [Pa^2 in the caller's unit]."""
@@ -101,6 +89,21 @@ class Zone:
     def jacobian(self) -> float:
         """Area [m^2] of the frame's unit square."""
         return float(abs(np.linalg.det(self.axes)))
+
+    @property
+    def radius(self) -> float:
+        """Mean radius [m] of the contact, the geometric mean of the frame's semi-axes."""
+        return float(np.sqrt(self.jacobian))
+
+    @property
+    def reach(self) -> float:
+        """Largest semi-axis [m] of the frame."""
+        return float(np.linalg.norm(self.axes, 2))
+
+    @property
+    def powers(self) -> Array:
+        """Coefficients of P in powers of xi and eta, shape (degree + 1, degree + 1)."""
+        return np.asarray(np.tensordot(self.coefficients, _monomials(self.degree), 1))
 
     def points(self, xi: Array, eta: Array) -> tuple[Array, Array]:
         """Return the surface coordinates x, y [m] of frame points."""
@@ -126,10 +129,9 @@ class Zone:
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
         """Return the distance (frame units) from interior points along unit directions to the edge.
 
-        Where P is quadratic along the chord this is its root; else Newton's method starts there.
+        For P of degree 2 this is a root of the quadratic along the chord; else Newton's method starts from there.
         """
-        powers = np.tensordot(self.coefficients, _monomials(self.degree), 1)
-        p = powers
+        p = self.powers
         a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
         b = (p[1, 0] + 2.0 * p[2, 0] * xi + p[1, 1] * eta) * cos + (p[0, 1] + p[1, 1] * xi + 2.0 * p[0, 2] * eta) * sin
         c = p[0, 0] + p[1, 0] * xi + p[0, 1] * eta + p[2, 0] * xi * xi + p[1, 1] * xi * eta + p[0, 2] * eta * eta
@@ -143,17 +145,16 @@ class Zone:
         t = np.maximum(np.where(np.abs(quadratic - circle) < 0.1, quadratic, circle), 0.01)
         floor = -1e-6 * abs(self.coefficients[0])
         for _ in range(40):
-            value, dx, dy = _horner(powers, xi + t * cos, eta + t * sin)
+            value, dx, dy = horner(p, xi + t * cos, eta + t * sin)
             move = value / np.minimum(dx * cos + dy * sin, floor)
             t = t - np.minimum(np.maximum(move, -0.3), 0.3)
             if np.max(np.abs(move)) < 3e-8:
-                # the next step, quadratically smaller, is below roundoff
-                break
+                break  # the next step, quadratically smaller, is below roundoff
         return np.maximum(t, 1e-12)
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] of the contact's edge."""
-        cos, sin = _circle(count)
+        cos, sin = circle(count)
         zero = np.zeros(count)
         radius = self.edge(zero, zero, cos, sin)
         return self.points(radius * cos, radius * sin)
@@ -161,9 +162,9 @@ class Zone:
     def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
         """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.
 
-        Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr brings another sin(phi).
+        Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr is proportional to sin(phi).
         """
-        cos, sin = _circle(angular)
+        cos, sin = circle(angular)
         zero = np.zeros(angular)
         edge = self.edge(zero, zero, cos, sin)
         phi, w = gauss(radial)
@@ -177,9 +178,9 @@ class Zone:
     def half_space(self, xi: Array, eta: Array, directions: int, along: int) -> tuple[Array, Array]:
         """Return int p/|x - x'| dA' at frame points inside, and its derivative by the coefficients of P.
 
-        In polar coordinates about each target the singularity is gone; along each chord Gauss-Chebyshev
-        is exact for sqrt(parabola) times polynomials, and the chords' directions take the trapezoidal
-        rule. Shapes (targets,) and (targets, terms).
+        Polar coordinates about each target remove the singularity. Along each chord the rule is Gauss-Chebyshev, exact
+        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (targets,)
+        and (targets, terms).
         """
         angle = (np.arange(directions) + 0.5) * np.pi / directions
         cos, sin = np.cos(angle), np.sin(angle)

@@ -1,6 +1,6 @@
-"""The contact problem solved once more, slowly, sharing nothing with `linear_bem` but the statement of the problem.
+"""An independent, slow solver of the contact problem, which shares only the problem's definition with `linear_bem`.
 
-The paper's own way: constant pressure on square cells, collocation at their centres, an active set, dense matrices. The
+The paper's method: constant pressure on square cells, collocation at their centres, an active set, dense matrices. The
 layer's response comes from its six boundary conditions at every wave number, the kernel from a plain Hankel integral, T
 from a double sum over cells; the answer is extrapolated over cell sizes.
 """
@@ -29,7 +29,7 @@ def response(layer, substrate, t):
     """G(t): surface displacement under unit pressure over that of a half-space of the layer's material."""
     nu, shear, zero = layer.poisson, layer.young / (2 + 2 * layer.poisson), np.zeros_like(t)
     flip = np.array([1.0, -1.0, 1.0, -1.0])[:, None, None]
-    # the growing modes are the decaying ones seen from the bond upwards
+    # the growing modes are the decaying ones measured from the bond upwards
     top = np.concatenate([_mode(nu, shear, zero), flip * _mode(nu, shear, t)], axis=1)
     bond = np.concatenate([_mode(nu, shear, t), flip * _mode(nu, shear, zero)], axis=1)
     if substrate is None:
@@ -77,7 +77,7 @@ class Kernel:
 
 
 def love(x, y, c):
-    """Integral of 1/r over a square of half side c, seen from (x, y) off its centre [Love 1929]."""
+    """Integral of 1/r over a square of half side c at (x, y) from its centre [Love 1929]."""
     total = 0.0
     for sx in (1, -1):
         for sy in (1, -1):
@@ -194,7 +194,7 @@ def solve_on(problem, kernel, cells, reach):
 
 
 def fitted(problem):
-    """Return the kernel and half sides of boxes that the contacts fill to nine tenths."""
+    """Return the kernel, and half sides of boxes of which the contacts fill nine tenths."""
     xy = np.array([ball.position for ball in problem.balls])
     far = np.max(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)))
     modulus = problem.layer.young / (1 - problem.layer.poisson**2)
@@ -211,10 +211,10 @@ def fitted(problem):
 
 
 def solve_brute(problem, sizes=(18, 20, 22, 24, 26), phases=6):
-    """Extrapolate to cells of no size, by a line in their area; return that answer and the standard error of T.
+    """Extrapolate to cell size 0 by a line in the cells' area; return the result and the standard error of T.
 
-    Every size of grid is stretched in ``phases`` steps up to one more cell on either side: steps along the contact's
-    edge scatter T at random, which the mean takes out.
+    Every size of grid is stretched in ``phases`` steps up to one more cell on either side: the steps along the
+    contact's edge scatter T at random, and the mean removes this scatter.
     """
     kernel, reach = fitted(problem)
     runs = [(n, 1 + 2 * k / (n * phases)) for n in sizes for k in range(phases)]

@@ -26,7 +26,7 @@ def exact():
 
 @pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
 @pytest.mark.parametrize("name", CASES)
-def test_accuracy_asked_is_accuracy_given_and_the_estimate_covers_the_error(name, wanted, exact):
+def test_the_requested_accuracy_is_reached_and_the_estimate_covers_the_error(name, wanted, exact):
     result = solve(problem_of(name), wanted)
     ball = result.balls[0]
     error = np.max(np.abs(np.array(ball.tangential_force) - exact[name]))
@@ -36,13 +36,13 @@ def test_accuracy_asked_is_accuracy_given_and_the_estimate_covers_the_error(name
         assert ball.tangential_force_error <= wanted * np.max(np.abs(exact[name]))
 
 
-def test_next_to_a_change_of_sign_the_error_relative_to_t_itself_is_said():
+def test_near_a_change_of_sign_a_note_states_the_error_relative_to_t_itself():
     problem = problem_of("close to a change of sign")
     ball, notes = (result := solve(problem, 1e-4)).balls[0], result.solved.notes
     assert ball.tangential_force_error > 1e-4 * np.hypot(*ball.tangential_force)
     assert "close to zero" in notes[0]
     assert f"{max(b.tangential_force_error for b in result.balls):.1e} N" in notes[0]
-    # as exact as asked relative to itself after all: nothing to say
+    # the requested accuracy relative to T itself is reached
     assert not solve(problem, 1e-2).solved.notes
 
 
@@ -51,17 +51,17 @@ def test_more_accuracy_takes_more_unknowns():
     assert solve(problem, 1e-6).solved.unknowns > solve(problem, 1e-2).solved.unknowns
 
 
-def test_an_accuracy_out_of_reach_is_said_in_a_note(monkeypatch):
+def test_a_note_states_that_the_requested_accuracy_is_not_reached(monkeypatch):
     monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 20_000)
     problem = problem_of("paper")
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
     solution = solve_contact(thin, 1e-8)
     assert isinstance(solution.contacts, GridContacts)
-    assert "asked to 1e-08" in solution.notes[0]
-    assert "asked to 1e-08" in solution.result().solved.notes[0]
+    assert "requested to 1e-08" in solution.notes[0]
+    assert "requested to 1e-08" in solution.result().solved.notes[0]
 
 
-def test_where_one_grid_is_all_that_fits_the_routes_judge(monkeypatch):
+def test_with_one_grid_only_the_difference_of_the_routes_is_the_error_estimate(monkeypatch):
     monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 3_000)
     problem = problem_of("paper")
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)

@@ -1,4 +1,4 @@
-"""T against a second solver that shares no line, no discretisation and no kernel table with `linear_bem`."""
+"""T against a second solver that shares no code, no discretisation and no kernel table with `linear_bem`."""
 
 import numpy as np
 import pytest
@@ -44,13 +44,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_solver_that_shares_nothing_finds_the_same_forces_and_approaches(name):
+def test_an_independent_solver_finds_the_same_forces_and_approaches(name):
     problem = CASES[name]
     found = solve(problem, 1e-6).balls
     reference, scatter = solve_brute(problem, (14, 16, 18, 20) if problem.size == 2 else (12, 14, 16), phases=4)
     force = np.array([b.tangential_force for b in found])
     size = np.max(np.abs(force))
-    # what so few cells scatter; finer ones take a minute, and agree to 1e-5
+    # the scatter of so few cells; finer grids take a minute, and agree to 1e-5
     assert scatter < 3e-4 * size
     assert np.max(np.abs(force - reference.tangential)) < 4.0 * scatter + 1e-5 * size
     assert [b.approach for b in found] == pytest.approx(list(reference.approaches), rel=1e-3)

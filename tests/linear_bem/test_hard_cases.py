@@ -25,8 +25,8 @@ from linear_bem.closed_forms import (
     sneddon_sphere,
 )
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.lifted_balls import rest
 from linear_bem.problem import FiniteStrain
-from linear_bem.resting_balls import rest_height
 from linear_bem.smooth.contacts import SmoothContacts
 
 
@@ -141,7 +141,7 @@ def test_far_balls_obey_the_point_load_law():
 
 
 def test_the_point_load_law_departs_like_contact_radius_over_thickness_squared():
-    """Contacts far smaller than their distance are not enough: a soft film's kernel bends over its thickness."""
+    """Contacts must also be small against the thickness: a soft film's kernel varies over that length."""
     shares = []
     for force in (1e-3, 1e-5):
         problem = pair(Layer(1.0, 0.48, 0.3), Elastic(1e6, 0.3), force=force)
@@ -216,16 +216,16 @@ def test_an_elliptic_profile_meets_hertz():
 
 
 def beside_a_deep_ball(overlap):
-    """A ball that its deep neighbour's dent would leave without force, pressed in beyond that by a little."""
+    """A ball pressed in by ``overlap`` beyond the surface that its deep neighbour has lowered."""
     balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, substrate, deep = Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 0.0768
     lifted = solve_contact(Problem(layer, balls, Load("approach", (deep, -0.5)), substrate), 1e-6)
-    height = rest_height(lifted.contacts, 1)
+    height = rest(lifted.contacts, 1)[0]
     return Problem(layer, balls, Load("approach", (deep, height + overlap)), substrate)
 
 
 @pytest.mark.parametrize("overlap", [1e-8, 1e-6, 1e-4])
-def test_a_ball_that_barely_touches_is_not_taken_for_lifted(overlap):
+def test_a_ball_that_barely_touches_carries_load(overlap):
     light = solve(beside_a_deep_ball(overlap), 1e-4)
     deep, ball = light.balls
     # Hertz on a layer that is thick against so small a contact
@@ -237,7 +237,7 @@ def test_a_ball_that_barely_touches_is_not_taken_for_lifted(overlap):
     assert ratio == pytest.approx(heavier.normal_force / ball.normal_force, rel=0.01)
 
 
-def test_a_contact_that_a_grid_does_not_see_is_in_the_error_of_its_forces(monkeypatch):
+def test_the_error_estimate_covers_a_contact_smaller_than_a_cell(monkeypatch):
     problem = beside_a_deep_ball(1e-6)
     exact = solve(problem, 1e-4).balls
     monkeypatch.setattr(linear_bem.solver, "_by_polynomials", lambda *_: None)
@@ -246,7 +246,7 @@ def test_a_contact_that_a_grid_does_not_see_is_in_the_error_of_its_forces(monkey
         assert off <= ball.tangential_force_error < 100.0 * abs(known.tangential_force[0])
 
 
-def test_what_cannot_be_solved_is_refused_by_name():
+def test_unsupported_and_invalid_problems_are_refused():
     problem = pair(Layer(1.0, 0.48, 1.0))
     with pytest.raises(UnsupportedProblem, match="finite_strain"):
         solve(Problem(problem.layer, problem.balls, problem.load, None, FiniteStrain()))

@@ -1,4 +1,4 @@
-"""Indenters as one expression: against Sneddon's integrals, Hertz's ellipse, and their own derivatives and gaps."""
+"""Indenters against Sneddon's integrals, Hertz's ellipse, and their own derivatives and gaps."""
 
 import math
 
@@ -39,7 +39,7 @@ def single(body, load, accuracy=1e-4):
 
 
 def profile_slope(body):
-    """df/dr of a body of revolution, written down anew."""
+    """df/dr of a body of revolution, independent of `Indenter.height`."""
     match body:
         case Paraboloid(radius=R):
             return lambda r: r / R
@@ -102,7 +102,7 @@ def test_a_punch_on_a_thin_layer_is_nearly_in_plain_compression():
 
 
 def test_the_apex_of_an_ellipsoid_is_hertzs_ellipse():
-    """At small loads x^2/2 R_x + y^2/2 R_y of radii a^2/c and b^2/c: `test_hard_cases` holds that to Hertz."""
+    """At small loads x^2/2 R_x + y^2/2 R_y of radii a^2/c and b^2/c: `test_hard_cases` compares that with Hertz."""
     a, b, c = 1.5, 0.8, 1.1
     body, force = Ellipsoid((a, b, c)), Load("force", (1e-5,))
     found = single(body, force)
@@ -250,7 +250,7 @@ def test_a_ball_takes_its_radius_from_its_shape():
         ),
     ],
 )
-def test_what_no_body_can_be_is_refused_with_key_rule_and_value(make, words):
+def test_an_invalid_body_is_refused_with_key_rule_and_value(make, words):
     with pytest.raises(InvalidProblem, match=words):
         make()
 

@@ -71,7 +71,7 @@ def test_a_dense_random_heap_has_equal_forces_by_both_routes():
     assert max(result.solved.certificate.values()) < 1e-3
 
 
-def test_the_certificate_sees_a_wrong_pressure_under_any_one_of_many_balls():
+def test_the_certificate_detects_a_wrong_pressure_under_any_ball():
     contacts = solve_contact(block(Load("force", (PAPER_LOAD,) * 49), count=7), 1e-2).contacts
     assert max(contacts.certificate.values()) < 1e-4
     for k in range(0, 49, 6):
@@ -79,11 +79,11 @@ def test_the_certificate_sees_a_wrong_pressure_under_any_one_of_many_balls():
         zone = replace(nodes[k].zone, coefficients=1.01 * nodes[k].zone.coefficients)
         nodes[k] = replace(nodes[k], zone=zone, pressure=np.sqrt(1.01) * nodes[k].pressure)
         wrong = replace(contacts, smooth=replace(contacts.smooth, nodes=tuple(nodes)))
-        # half a per cent of the ball's own dent is more than the tolerance of an answer that is handed out
+        # half a per cent of the ball's own displacement exceeds the tolerance of an accepted solution
         assert wrong.certificate["gap_in_contact"] > 1e-3
 
 
-def test_the_displacement_around_many_balls_is_exact_to_what_is_stated():
+def test_the_displacement_around_many_balls_has_the_stated_accuracy():
     contacts = solve_contact(block(Load("approach", (0.3,) * 9)), 1e-2).contacts
     nodes = contacts.smooth.nodes
     x = [n.zone.centre[0] + 2.0 * (n.zone.outline(7)[0] - n.zone.centre[0]) for n in nodes]
@@ -96,7 +96,7 @@ def test_the_displacement_around_many_balls_is_exact_to_what_is_stated():
 
 @pytest.fixture(scope="module")
 def uneven():
-    """Three unlike balls on a layer: no symmetry to hide behind."""
+    """Three unequal balls on a layer, without symmetry."""
     balls = (Ball((-1.1, 0.3), 1.0, "paraboloid"), Ball((1.2, 0.0), 0.7, "sphere"), Ball((0.2, 1.9), 0.9, "paraboloid"))
     return Problem(Layer(1.0, 0.45, 0.9), balls, Load("force", (5e-3, 2e-3, 8e-3)), Elastic(20.0, 0.2))
 
@@ -126,7 +126,7 @@ def test_scaling_moduli_and_lengths_scales_the_answer_to_roundoff(uneven):
         assert a.contact_area / large**2 == pytest.approx(b.contact_area, rel=1e-11)
 
 
-def test_a_ball_that_a_neighbours_dent_leaves_behind_carries_no_load():
+def test_a_ball_above_the_surface_that_a_neighbour_lowers_carries_no_load():
     balls = (
         Ball((-1.0, 0.0), 1.0, "paraboloid"),
         Ball((1.0, 0.0), 1.0, "paraboloid"),
@@ -145,6 +145,6 @@ def test_an_unloaded_ball_rests_on_the_deformed_surface():
     problem = Problem(Layer(1.0, 0.48, np.inf), balls, Load("force", (1e-3, 0.0)))
     pressed, resting = solve(problem).balls
     assert resting.normal_force == 0.0
-    # the half-space's displacement at distance 2, plus what a ball wide enough to lean gains
+    # the half-space's displacement at distance 2, with a small correction for the inclined surface
     assert resting.approach == pytest.approx((1 - 0.48**2) / np.pi * 1e-3 / 2.0, rel=1e-3)
     assert pressed.normal_force == pytest.approx(1e-3, rel=1e-12)

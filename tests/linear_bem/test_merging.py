@@ -1,4 +1,4 @@
-"""Contacts that a grid must take: unequal balls under one holder, contacts that merge, balls that lift."""
+"""Contacts that need a grid: unequal balls under one holder, contacts that merge, balls that lift."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_unequal_balls_under_one_holder_agree_with_their_common_approach_prescri
 
 @pytest.mark.parametrize("force", [30.0, 40.0])
 def test_contacts_that_merge_far_beyond_polynomials_go_to_a_grid(force):
-    """Newton's equations become singular on the way there."""
+    """Newton's equations become singular during the iteration."""
     balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     solution = solve_contact(Problem(Layer(1.0, 0.48, np.inf), balls, Load("force", (force, force))), 1e-2)
     assert isinstance(solution.contacts, GridContacts)
@@ -59,7 +59,7 @@ def test_a_profile_that_starts_above_its_axis_is_refused():
 def test_flat_profiles_meet_the_power_law(power, load):
     """f = r^n on a half-space: D = sqrt(pi) G(n/2 + 1)/G(n/2 + 1/2) a^n, Q = 2 E* n/(n + 1) D a [Sneddon 1965].
 
-    The first guess takes a flat contact for up to fifteen times as wide as it is.
+    The first guess of a flat contact is up to fifteen times too wide.
     """
     ball = Ball((0.0, 0.0), 1.0, lambda x, y: (x**2 + y**2) ** (power // 2))
     solution = solve(Problem(Layer(1.0, 0.3, np.inf), (ball,), load))
@@ -67,6 +67,6 @@ def test_flat_profiles_meet_the_power_law(power, load):
     found = solution.balls[0]
     radius = (found.approach * gamma(0.5 * power + 0.5) / gamma(0.5 * power + 1.0) / np.sqrt(np.pi)) ** (1.0 / power)
     force = 2.0 / 0.91 * found.approach * radius * power / (power + 1.0)
-    # forces and approaches are asked to change by 1e-4 at most with the last refinement
+    # forces and approaches may change by 1e-4 with the last refinement
     assert found.normal_force == pytest.approx(force, rel=4e-4)
     assert found.contact_area == pytest.approx(np.pi * radius**2, rel=0.01)

@@ -5,7 +5,7 @@ import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact, solve_point_load
 from linear_bem.closed_forms import hertz_approach, hertz_contact_radius, hertz_peak_pressure
-from linear_bem.grid.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
+from linear_bem.layer.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
 
 REFERENCE = {1.16: -1.161292e-7, 6.0: 4.098673e-7, np.inf: 4.362335e-7}
@@ -62,7 +62,7 @@ def test_energy_derivative_at_fixed_approach_is_the_tangential_force(paper_pair)
     assert rise / (12 * step) == pytest.approx(left.tangential_force[0], rel=1e-4)
 
 
-def test_surface_beside_a_loaded_square_bulges_as_the_reference_says():
+def test_the_bulge_beside_a_loaded_square_meets_the_reference():
     where, depth = deepest_bulge(Layer(1.0, 0.48, 1.0), Elastic(1e3, 0.3))
     assert where == pytest.approx(1.675357, rel=1e-6)
     assert depth == pytest.approx(-5.801183e-2, rel=1e-6)
@@ -94,7 +94,7 @@ def test_point_load_law_is_within_a_per_cent_of_the_full_model(paper_pair):
     ("thickness", "depth", "distance"),
     [(0.6, 0.1, 2.0), (0.6, 0.3, 2.0), (0.6, 0.3, 3.0), (1.16, 0.5, 2.0), (2.0, 0.5, 3.0), (6.0, 0.3, 2.0)],
 )
-def test_the_bar_of_the_point_load_law_holds_under_deep_balls_too(thickness, depth, distance):
+def test_the_error_estimate_of_the_point_load_law_holds_for_deep_balls(thickness, depth, distance):
     balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, "sphere") for side in (-1.0, 1.0))
     problem = Problem(Layer(1.0, 0.48, thickness), balls, Load("approach", (depth, depth)), Elastic(1e3, 0.3))
     exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]

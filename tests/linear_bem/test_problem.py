@@ -1,4 +1,4 @@
-"""A problem made in Python: what is no number, or too small to mean anything, is refused when it is made."""
+"""Problems made in Python: values that are not numbers, or too small, are refused at construction."""
 
 import pytest
 
@@ -19,12 +19,12 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-17, or 0, got 1e-20"),
     ],
 )
-def test_what_means_nothing_is_refused_by_its_key(parts, words):
+def test_invalid_values_are_refused_with_their_key(parts, words):
     with pytest.raises(InvalidProblem, match=words):
         Problem(**({"layer": LAYER, "balls": BALLS, "load": LOAD} | parts))
 
 
-def test_an_approach_as_deep_as_the_layer_is_answered_with_a_note():
+def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
     layer = Layer(1.0, 0.3, 10.0)
     for approach, noted in ((2.0, False), (15.0, True)):
         notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes

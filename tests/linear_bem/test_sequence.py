@@ -1,4 +1,4 @@
-"""Scenes solved one from the other: the same answers as from nothing, and said when they are not near."""
+"""Scenes solved one from the other: the same results as cold, and a cold solution where scenes are not near."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_warm_answers_equal_cold_ones_within_the_accuracy(load):
     assert state.gap_in_contact < ACCURACY
 
 
-def test_small_moves_linearise_nothing_anew(monkeypatch):
+def test_small_moves_need_no_new_linearisation(monkeypatch):
     sequence = ContactSequence(ACCURACY)
     sequence.solve(block(0.0, LOADS[0]))
     calls = []
@@ -49,7 +49,7 @@ def test_small_moves_linearise_nothing_anew(monkeypatch):
     assert calls
 
 
-def test_other_bodies_are_solved_from_nothing():
+def test_other_bodies_are_solved_cold():
     sequence = ContactSequence(ACCURACY)
     load = Load("approach", (0.05,) * 9)
     sequence.solve(block(0.0, load))
@@ -59,7 +59,7 @@ def test_other_bodies_are_solved_from_nothing():
     assert sequence.solve(block(0.0, Load("force", (1e-3,) * 9), shape="paraboloid")).cold
 
 
-def test_a_ball_that_comes_into_contact_or_leaves_it_is_noticed():
+def test_a_ball_that_gains_or_loses_contact_is_detected():
     def scene(approach):
         pair = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.5, 0.0), 1.0, "paraboloid"))
         return Problem(Layer(1.0, 0.48, np.inf), pair, Load("approach", (0.1, approach)))
@@ -72,7 +72,7 @@ def test_a_ball_that_comes_into_contact_or_leaves_it_is_noticed():
         assert (state.normal_forces[1] > 0.0) == (approach > 1e-3)
 
 
-def test_merging_contacts_are_answered_from_nothing():
+def test_merging_contacts_are_solved_cold():
     def scene(distance):
         pair = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((distance, 0.0), 1.0, "paraboloid"))
         return Problem(Layer(1.0, 0.48, np.inf), pair, Load("force", (12.0, 12.0)))

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from linear_bem import Ball, Elastic, FiniteStrain, Layer, Load, Problem, solve
-from linear_bem.strengthening_fit import fit_error, outside, strengthening_at_force
 from runs.advice import Advice, Adviser
+from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from tests.launch import python
 
 SUBSTRATE = Elastic(1e3, 0.3)

@@ -1,4 +1,4 @@
-"""How much finite strain changes the tangential force, as a fit: to look ahead with, not to report.
+"""A fit of the change of the tangential force by finite strain, for plans before a run, not for results.
 
 S_Q, T at finite strain over T at small strain and equal normal force, of two exact spheres (nu = 0.48, substrate 1000
 times as stiff) next to each other. Source: the study ``strengthening``, cases headline-thin and headline-thick.

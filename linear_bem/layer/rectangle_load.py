@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.arrays import Array
+from linear_bem.layer.kernel import LayeredKernel, panels
 from linear_bem.problem import Elastic, Layer
-from linear_bem.smooth.zone import gauss
-
-Array = NDArray[np.float64]
 
 
 def love_rectangle(x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> Array:
@@ -29,12 +27,23 @@ def love_rectangle(x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> 
 
 def love_cells(count_x: int, count_y: int, cell: float) -> Array:
     """Return `love_rectangle` of one square cell at the centres of all cells at offsets (i, j) >= 0 from it."""
-    x, y = cell * (np.arange(count_x + 1) - 0.5)[:, None], cell * (np.arange(count_y + 1) - 0.5)
+    x, y = _edges(count_x, count_y, cell)
     return np.asarray(np.diff(np.diff(_corner(x, y), axis=0), axis=1))
 
 
+def love_slopes(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
+    """Return the derivatives of `love_rectangle` by x and by y, at the same points as `love_cells`."""
+    x, y = _edges(count_x, count_y, cell)
+    along_x, along_y = np.arcsinh(y / np.abs(x)), np.arcsinh(x / np.abs(y))
+    return np.diff(np.diff(along_x, axis=0), axis=1), np.diff(np.diff(along_y, axis=0), axis=1)
+
+
+def _edges(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
+    return cell * (np.arange(count_x + 1) - 0.5)[:, None], cell * (np.arange(count_y + 1) - 0.5)
+
+
 def _corner(a: Array, b: Array) -> Array:
-    # its mixed derivative is 1/sqrt(a^2 + b^2); asinh keeps its digits for large arguments
+    # the integral of 1/sqrt(a^2 + b^2) by a and b; asinh is accurate for large arguments
     tiny = 1e-300
     return np.asarray(a * np.arcsinh(b / (np.abs(a) + tiny)) + b * np.arcsinh(a / (np.abs(b) + tiny)))
 
@@ -48,10 +57,7 @@ def graded_rule(low: float, high: float, finest: float, order: int = 6) -> tuple
     while e < max(-low, high):
         edges |= {c for c in (e, -e) if low < c < high}
         e *= 2.0
-    cuts: Array = np.array(sorted(edges))
-    x, w = gauss(order)
-    half = 0.5 * np.diff(cuts)[:, None]
-    return np.ravel(cuts[:-1, None] + half * (1.0 + x)), np.ravel(half * w)
+    return panels(np.array(sorted(edges)), order)
 
 
 def uniform_square_displacement(
@@ -60,7 +66,7 @@ def uniform_square_displacement(
     """Return the surface displacement [m] under ``pressure`` [Pa] on |x|, |y| <= half_side [m].
 
     Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels
-    that double away from the point, from half a layer thickness on (error below 1e-9 of the pressure's own dent).
+    that double away from the point, from half a layer thickness on (error below 1e-9 of the largest displacement).
     """
     kernel = LayeredKernel(layer, substrate)
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
@@ -79,9 +85,9 @@ def uniform_square_displacement(
 
 
 def deepest_bulge(layer: Layer, substrate: Elastic | None, half_side: float = 1.0) -> tuple[float, float]:
-    """Return x*/a and w* E1/(a q): where the surface on the axis y = 0 bulges out most beside a loaded square.
+    """Return x*/a and w* E1/(a q) of the largest bulge of the surface on the axis y = 0 beside a loaded square.
 
-    Both as in the paper's figure 8; w* < 0 is out of the layer; (inf, 0): it bulges nowhere on 1 < x/a < 1e3.
+    Both as in the paper's figure 8; w* < 0 points out of the layer; (inf, 0) means no bulge on 1 < x/a < 1e3.
     """
     scale = layer.young / half_side
 

@@ -1,0 +1,108 @@
+"""Error estimates of T and of all other results, and the notes on accuracy that a user must see."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from linear_bem.arrays import Array
+from linear_bem.grid.contacts import GridContacts
+from linear_bem.lifted_balls import Contacts, overlapping
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.smooth.tangential_forces import half_space_pulls
+
+LINEAR_UP_TO = 0.5
+"""Approach over the layer's thickness above which a note is given, where only the layer is deformed.
+
+At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
+"""
+STIFF, THICK = 10.0, 0.5
+"""Substrate over layer modulus, and layer thickness over contact radius, above which only the layer is deformed."""
+
+
+def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
+    """Return `half_space_pulls` [N] on every ball."""
+    return half_space_pulls(contacts.kernel, contacts.problem.positions, contacts.normal_forces, softest, fading)
+
+
+def reference_force(contacts: Contacts) -> float:
+    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of T on a half-space.
+
+    It is infinite for one ball, which has no T: there the accuracy of forces and approaches decides.
+    """
+    if contacts.problem.size == 1:
+        return math.inf
+    largest = float(np.max(np.abs(contacts.mutual_force)))
+    return max(largest, 1e-4 * float(np.max(pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
+
+
+def least_error(contacts: Contacts) -> Array:
+    """Return the error of T [N] on every ball from the kernel's table and the solver's tolerance."""
+    thickness, contrast = contacts.kernel.thickness, 1.0 + contacts.kernel.far_ratio
+    softest = thickness if np.isfinite(thickness) else 0.0
+    # the table's error fades where the layer's 1/r and the substrate's cancel
+    return np.asarray(1e-9 * contrast * pulls(contacts, softest, 100.0 * contrast * thickness))
+
+
+def route_difference(contacts: Contacts) -> Array:
+    """Return the difference [N] of T on every ball by the mutual formula and by the slope integral."""
+    return np.asarray(np.max(np.abs(contacts.mutual_force - contacts.slope_force), axis=1))
+
+
+def error_of_one(contacts: SmoothContacts) -> Array:
+    """Return an estimate of T's error [N] from one solution: by the difference of its routes, and by its residual."""
+    residual = contacts.certificate["gap_in_contact"] * pulls(contacts)
+    return np.maximum(np.maximum(3.0 * route_difference(contacts), residual), least_error(contacts))
+
+
+def change(before: Contacts, after: Contacts) -> tuple[Array, float]:
+    """Return the change of every T [N] and the largest relative change of loads and approaches.
+
+    On polynomials a tenth of the changes of area and peak pressure counts too; on grids these are too noisy.
+    """
+    error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), least_error(after))
+    loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
+    touching = after.normal_forces > 0.0
+    moved = np.abs(after.approaches - before.approaches)[touching]
+    settled = max(loads, float(np.max(moved) / np.max(np.abs(after.approaches[touching]))))
+    if isinstance(after, SmoothContacts) and isinstance(before, SmoothContacts):
+        pairs = (before.contact_areas, after.contact_areas), (before.peak_pressures, after.peak_pressures)
+        for old, new in pairs:
+            settled = max(settled, 0.1 * float(np.max(np.abs(new - old)[touching] / new[touching])))
+    return error, settled
+
+
+def missed_pulls(contacts: GridContacts) -> Array:
+    """Return the T [N] on every ball from contacts smaller than a grid cell, which a grid misses, by Hertz's forces."""
+    problem, forces = contacts.problem, contacts.normal_forces.copy()
+    for i, (depth, _) in overlapping(contacts).items():
+        forces[i] = 4.0 / 3.0 * math.sqrt(problem.balls[i].radius * depth**3) / (math.pi * contacts.kernel.singular)
+    return np.asarray(half_space_pulls(contacts.kernel, problem.positions, forces) - pulls(contacts))
+
+
+def small_force_note(contacts: Contacts, error: Array, wanted: float) -> tuple[str, ...]:
+    """Return a note where T is so small that its error relative to itself exceeds the requested one."""
+    largest, known = float(np.max(np.abs(contacts.mutual_force))), float(np.max(error))
+    transmitted = float(np.max(pulls(contacts)))
+    if transmitted == 0.0 or known <= wanted * largest:
+        return ()
+    share = known / largest if largest > 0.0 else math.inf
+    return (
+        f"T is close to zero: it is known to {known:.1e} N, which is {share:.0e} of the largest T ({wanted:.0e} was "
+        f"requested) and {known / transmitted:.0e} of what a half-space would transmit",
+    )
+
+
+def large_strain_note(contacts: Contacts) -> tuple[str, ...]:
+    """Return a note where the approach is so large against the layer's thickness that small strain does not hold."""
+    layer, base = contacts.problem.layer, contacts.problem.substrate
+    share = float(np.max(contacts.approaches)) / layer.thickness
+    radius = math.sqrt(np.max(contacts.contact_areas) / math.pi)
+    yields = base is not None and (base.young < STIFF * layer.young or layer.thickness < THICK * radius)
+    if share <= LINEAR_UP_TO or yields:
+        return ()
+    return (
+        f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
+        f"model is valid up to about {LINEAR_UP_TO:g}; the effect finite_strain reaches 0.9",
+    )

@@ -1,0 +1,36 @@
+"""Which approaches the load leaves unknown, and which forces it prescribes in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from linear_bem.arrays import Array
+from linear_bem.problem import Load
+
+Groups = list[tuple[list[int], float]]
+"""Balls that share one unknown approach, and their total force times `LayeredKernel.singular` [m^2]."""
+
+
+def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups:
+    """Return the groups of a load; balls are counted by their place in ``touching``."""
+    if load.kind == "force":
+        return [([k], load.values[i] * singular) for k, i in enumerate(touching)]
+    if load.kind == "total_force":
+        return [(list(range(len(touching))), load.values[0] * singular)]
+    return []
+
+
+def unloaded(load: Load) -> list[int]:
+    """Return the balls of prescribed force 0, which rest on the surface that the others deform."""
+    return [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
+
+
+def force_error(load: Load, forces: Array) -> float:
+    """Return the largest error of the prescribed forces over the largest of them; 0 for prescribed approaches."""
+    if load.kind == "approach":
+        return 0.0
+    prescribed = np.array(load.values)
+    reached = forces if load.kind == "force" else np.sum(forces, keepdims=True)
+    return float(np.max(np.abs(reached - prescribed)) / np.max(prescribed))
