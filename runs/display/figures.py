@@ -93,12 +93,6 @@ def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, mo
     _save(figure, folder, "tangential_force", ("png", "svg"))
 
 
-def keep_surface(folder: Path, fields: Any) -> None:
-    """Write surface.npz, the top surface that ``draw_surface`` draws: the picture survives a killed run."""
-    if fields is not None:
-        surface.keep(folder, fields)
-
-
 def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
     """Write surface.png: contact pressure from above and a section through the balls; nothing without a surface."""
     top = surface.load(folder)

@@ -42,6 +42,17 @@ def console() -> Console:
     return Console(width=width, force_terminal=False, color_system=None, no_color=True, soft_wrap=width >= WIDE)
 
 
+def say(out: Console, *lines: str, style: str = "") -> None:
+    """Print lines as they are."""
+    for line in lines:
+        out.print(line, style=style, highlight=False, markup=False)
+
+
+def notes(*accounts: Mapping[str, Any]) -> list[str]:
+    """Return the notes of some results ("solved"), each once."""
+    return [f"note: {note}" for note in dict.fromkeys(note for solved in accounts for note in solved["notes"])]
+
+
 def ball_table(balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> Table:
     """Return the state of every ball."""
     table = _table(

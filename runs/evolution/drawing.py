@@ -123,7 +123,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     last = path[-1]["cycle"]
     cycles = np.linspace(0.0, last, FRAMES)
     sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
-    x = positions_at(path, sigma)
+    x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
     with look():
         figure, (axis,) = _figure(1, _size(_frame(path, radii), 3.6))
         _set_frame(axis, path, radii)
