@@ -9,6 +9,7 @@ from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import answer, compare_steps
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
+from runs.display.rows import LEGEND
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
@@ -72,7 +73,7 @@ def _show(session: Session, document: Document) -> None:
         mark = "digits in parentheses" if compact else "\u00b1"
         tables.say(
             out,
-            f"{tables.LEGEND}; T and Q over E R\u00b2 (E: Young's modulus of the layer)",
+            f"{LEGEND}; T and Q over E R\u00b2 (E: Young's modulus of the layer)",
             "S_Q, S_D: T finite over T linear at the same normal force and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )

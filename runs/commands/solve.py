@@ -7,6 +7,7 @@ from typing import Any
 from linear_bem.result import Result, Step
 from runs.display import figures, tables
 from runs.display.numbers import bodies, leading_ball
+from runs.display.rows import LEGEND
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
@@ -51,5 +52,5 @@ def _show(session: Session, document: Document) -> None:
         leading = leading_ball(balls)
         out.print(tables.path_table(steps, leading, session.scale, f"load path of ball {leading}"))
     if len(balls) > 1:
-        tables.say(out, tables.LEGEND)
+        tables.say(out, LEGEND)
     tables.say(out, *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"]))

@@ -13,9 +13,9 @@ from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs.display import surface
 from runs.display.numbers import Scale, attraction, leading_ball
-from runs.process.files import replacing
+from runs.display.style import BLUE, GREEN, ORANGE, blank, save_figure
 
-LINEAR, FINITE, APPROACH = "#0072b2", "#d55e00", "#009e73"
+LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -29,7 +29,8 @@ def draw_comparison(
     """
     ball = leading_ball(balls)
     path = [row for row in rows if row["ball"] == ball]
-    figure, (forces, factors) = _figure(2)
+    figure = blank(9.6, 4.0)
+    forces, factors = figure.subplots(1, 2)
     load = np.array([row["normal_force"] for row in path]) / scale.force
     for model, color, marker in (("linear", LINEAR, "s"), ("finite", FINITE, "o")):
         force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / scale.force for row in path]
@@ -77,20 +78,21 @@ def draw_comparison(
         factors.legend(frameon=False)
     else:
         factors.text(0.5, 0.5, "no tangential force to compare", transform=factors.transAxes, ha="center")
-    _save(figure, folder, "tangential_force", ("png", "svg"))
+    save_figure(figure, folder, "tangential_force")
 
 
 def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
     """Write tangential_force.png and .svg: T(Q) of one model."""
     ball = leading_ball(steps[-1]["balls"])
     states = [step["balls"][ball] for step in steps]
-    figure, (forces,) = _figure(1)
+    figure = blank(4.8, 4.0)
+    forces = figure.subplots()
     force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / scale.force for state in states]
     error = [_float(state["tangential_force_error"]) / scale.force for state in states]
     load = [state["normal_force"] / scale.force for state in states]
     forces.errorbar(load, force, error, color=FINITE, marker="o", ms=4, capsize=3, label=NAMES.get(model, model))
     _label_forces(forces)
-    _save(figure, folder, "tangential_force", ("png", "svg"))
+    save_figure(figure, folder, "tangential_force")
 
 
 def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
@@ -98,10 +100,11 @@ def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, An
     top = surface.load(folder)
     if top is None:
         return
-    figure, (above, section) = _stacked()
+    figure = blank(7.0, 7.0)
+    above, section = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
     _draw_pressure(figure, above, top, balls, scale)
     _draw_section(section, top, problem, balls, scale)
-    _save(figure, folder, "surface", ("png",))
+    save_figure(figure, folder, "surface", ("png",))
 
 
 def _draw_pressure(
@@ -176,31 +179,6 @@ def _label_forces(axes: Any) -> None:
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes.set_title("T > 0: attraction, T < 0: separation", loc="right", fontsize=10)
     axes.legend(frameon=False)
-
-
-def _figure(panels: int) -> tuple[Any, Any]:
-    figure = _blank(4.8 * panels, 4.0)
-    return figure, np.atleast_1d(figure.subplots(1, panels))
-
-
-def _stacked() -> tuple[Any, Any]:
-    figure = _blank(7.0, 7.0)
-    return figure, figure.subplots(2, 1, height_ratios=(1.6, 1.0))
-
-
-def _blank(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load, no display needed)
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Any, folder: Path, stem: str, kinds: Sequence[str]) -> None:
-    for kind in kinds:
-        with replacing(folder / f"{stem}.{kind}") as draft:
-            figure.savefig(draft, dpi=160, format=kind)
 
 
 def _vector(value: Any) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The common look of the study's figures: fonts, colours for colour-blind readers, marked features."""
+"""The common look of figures: fonts, colours for colour-blind readers, marked features."""
 
 from __future__ import annotations
 
@@ -35,23 +35,26 @@ def look() -> Iterator[None]:
         yield
 
 
+def blank(width: float, height: float) -> Any:
+    """Return an empty figure, sides in inches, that needs no display."""
+    from matplotlib.figure import Figure  # noqa: PLC0415  (slow to load)
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
 def panels(*widths: float, height: float = 4.2) -> tuple[Any, Any]:
     """Return a figure and its panels side by side, ``widths`` and ``height`` in inches."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=(sum(widths), height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank(sum(widths), height)
     axes = figure.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
     figure.get_layout_engine().set(w_pad=0.1, wspace=0.03)
     return figure, axes
 
 
-def save_figure(figure: Any, folder: Path, stem: str) -> None:
-    """Write STEM.svg and STEM.png; the SVG keeps its text as text and carries no date."""
-    for kind, more in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 160})):
+def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("svg", "png")) -> None:
+    """Write STEM.svg and STEM.png, or some kinds alone; the SVG carries no date."""
+    for kind in kinds:
         with replacing(folder / f"{stem}.{kind}") as draft:
-            figure.savefig(draft, format=kind, **more)
+            figure.savefig(draft, format=kind, **({"dpi": 160} if kind == "png" else {"metadata": {"Date": None}}))
 
 
 def map_colors() -> dict[str, Any]:
