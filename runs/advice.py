@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Paraboloid, Sphere
@@ -73,19 +74,17 @@ class Adviser:
 
     def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
         """Return by which part of T another problem's T differs along it."""
-        exact = self._exact()
         x, y = solve(problem, Run(self._precision)).balls[self.ball].tangential_force
-        return (x * exact[0] + y * exact[1]) / (exact[0] ** 2 + exact[1] ** 2) - 1.0
+        exact_x, exact_y = self._exact
+        return (x * exact_x + y * exact_y) / (exact_x**2 + exact_y**2) - 1.0
 
     @property
     def _precision(self) -> float:
         return max(SHARE * self.accuracy, 1e-4)
 
+    @cached_property
     def _exact(self) -> tuple[float, float]:
-        if not hasattr(self, "_force"):
-            solved = MODELS["linear_bem"].solve(self.problem, Run(self._precision))
-            self._force = solved.balls[self.ball].tangential_force
-        return self._force
+        return MODELS["linear_bem"].solve(self.problem, Run(self._precision)).balls[self.ball].tangential_force
 
     def _judged(self, change: float) -> bool:
         return abs(change) > self.accuracy

@@ -13,6 +13,8 @@ import typer
 from runs import studies
 from runs.models import ModelName
 from runs.process import ranks
+from runs.scene.scene_file import read_scene
+from runs.session.session import Options
 
 app = typer.Typer(
     name="thirdbody",
@@ -57,8 +59,6 @@ def solve(
 ) -> None:
     """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
     from runs.commands.solve import solve_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     solve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh))
 
@@ -69,8 +69,6 @@ def compare(
 ) -> None:
     """Set the finite-strain load path against the linear model at equal forces and equal approaches."""
     from runs.commands.compare import compare_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     compare_scene(read_scene(scene), Options(as_json, out, fresh))
 
@@ -89,8 +87,6 @@ def evolve(
 ) -> None:
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     evolve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh), tables)
 
@@ -99,7 +95,6 @@ def evolve(
 def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
     """Say what would be simulated and what not, how large it is and how long it takes."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
 
     plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
 

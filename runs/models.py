@@ -76,17 +76,19 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
     return solve(problem, **_accuracy(run.tangential_force))
 
 
+def load_path(problem: Problem) -> Sequence[float]:
+    """Return the load fractions that are answered where no steps are asked for."""
+    from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
+
+    return answered_fractions(problem.load.kind)
+
+
 def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
     """Return a solver of a linear model that answers at every load fraction of its run, each by itself."""
 
     def along(problem: Problem, run: Run) -> Result:
-        fractions = run.steps
-        if fractions is None:
-            from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
-
-            fractions = answered_fractions(problem.load.kind)
         steps = []
-        for fraction in fractions:
+        for fraction in load_path(problem) if run.steps is None else run.steps:
             values = [fraction * value for value in problem.load.values]
             result = solve(problem.with_load(problem.load.kind, values), run)
             steps.append(Step(result.balls, {"fraction": fraction}))

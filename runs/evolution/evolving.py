@@ -18,7 +18,6 @@ from runs.evolution.drift import Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.providers import DIRECT_ACCURACY, Provider, provider
 from runs.evolution.record import Record, events, gathered_at, summary
-from runs.evolution.start import start
 from runs.process import ranks, signals
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
@@ -60,6 +59,7 @@ class Evolution:
         self.session, self.problem, self.tables = session, session.problem, tables or TABLES
         self.sliding = session.scene.reciprocation
         self.balls = HardBalls.of(self.problem)
+        self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.end = self.sliding.cycles * self.sliding.path_per_cycle / self.sliding.friction
         self.steps = 0
@@ -107,8 +107,7 @@ class Evolution:
         return document(True) | found
 
     def _member(self, record: Record, number: int) -> Document:
-        nominal = np.array([ball.position for ball in self.problem.balls])
-        found = summary(record.moments, self.balls, nominal)
+        found = summary(record.moments, self.balls, self._nominal)
         gathered = gathered_at(record.moments, self.balls)
         return {
             "seed": self.sliding.seed + number,
@@ -117,13 +116,20 @@ class Evolution:
             "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
         }
 
+    def _start(self, seed: int) -> Array:
+        """Return the positions (balls, 2) [m] of a member: moved at random by up to the perturbation, then parted."""
+        x, shift = self._nominal, self.sliding.perturbation
+        if shift > 0.0:
+            x = x + shift * np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
+        return self.balls.restored(x, np.ones(len(x)), np.zeros(0, dtype=np.intp))
+
     def _follow(self, record: Record, given: Provider, seed: int, keep: Callable[[], None]) -> None:
         if record.ended:
             return
         drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
-            path = drift.path(start(self.problem, self.balls, self.sliding.perturbation, seed), self.end)
+            path = drift.path(self._start(seed), self.end)
         else:
             path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step)
         written = time.monotonic()

@@ -24,7 +24,7 @@ from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
 from runs.process import ranks
-from runs.process.files import replacing
+from runs.process.files import write_text
 from runs.process.json_values import plain, to_json
 
 Array = NDArray[np.float64]
@@ -111,8 +111,7 @@ class PairTable:
             self.data[part].append(found)
         if ranks.is_root():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(self.path) as draft:
-                draft.write_text(to_json(self.data), encoding="utf-8")
+            write_text(self.path, to_json(self.data))
             tell(f"pair table: {words} ({found['seconds']:.1f} s); {self.missing} runs to go")
 
     def _placed(self, places: tuple[tuple[float, float], ...], approach: float) -> Problem:
