@@ -16,6 +16,7 @@ from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable
 from runs.models import Model, Run
 from runs.process import ranks
+from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
 
 PAIR_ACCURACY = 1e-3
@@ -36,7 +37,7 @@ class Provider:
 
     forces: Forces
     notes: tuple[str, ...]
-    table: dict[str, Any] | None = None
+    table: Document | None = None
     cheap: bool = True
     difference: float = DIFFERENCE
 
@@ -73,10 +74,10 @@ def provider(
     if ranks.is_root() and table.missing:
         tell(f"pair table {table.path}: {table.missing} runs of {model.name} to go")
     table.complete(tell)
-    worst = max(table.data["additivity"], key=lambda row: float(row["coupled"]))
+    worst = table.worst()
     note = (
-        f"forces from the pair table {table.path.name}: on {worst['arrangement']} T differs from the full model by "
-        f"{100.0 * worst['coupled']:.2g} % of the largest (bare sum of pair forces: {100.0 * worst['bare_sum']:.2g} %)"
+        f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "
+        f"{100.0 * worst.coupled:.2g} % of the largest (bare sum of pair forces: {100.0 * worst.bare_sum:.2g} %)"
     )
     return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
 
