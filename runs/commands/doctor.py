@@ -1,4 +1,4 @@
-"""The command ``doctor``: what is installed, what is wrong, and the command that mends it."""
+"""The command ``doctor``: what is installed, what is wrong with it, and the command that repairs it."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ marks = ("libblas", "openblas", "libmkl_rt", "libmkl_core", "libblis", "libatlas
 report["blas"] = sorted(f for f in files if ".so" in f and any(mark in f.rsplit("/", 1)[-1] for mark in marks))
 print(json.dumps(report))
 """
-"""Imports each package in a process of its own: a broken one must not take the doctor with it."""
+"""Imports the packages in a process of its own, as importing a broken one may end the process."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked for: what was found, what is wrong with it ("": nothing), and what mends it.
+    """One item that was checked: what was found, what is wrong with it ("": nothing), and the remedy.
 
     ``blocks``: the finite-element models cannot run with this fault.
     """
@@ -88,11 +88,11 @@ def examine(*, as_json: bool) -> int:
         out.print(f"{mark:6}{finding.name:10}{finding.found}", highlight=False, markup=False, soft_wrap=True)
         if finding.fault:
             out.print(f"{'':16}{finding.fault}", highlight=False, markup=False, soft_wrap=True)
-            out.print(f"{'':16}mend it: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
+            out.print(f"{'':16}repair: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
     if blocked:
-        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: mend what is wrong above"
+        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: repair what is wrong above"
     else:
-        verdict = "every model can run" + (", better with what is mended above" if wrong else "")
+        verdict = "every model can run" + (", better with the repairs above" if wrong else "")
     out.print(verdict, highlight=False)
     return 1 if blocked else 0
 

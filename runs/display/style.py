@@ -10,7 +10,7 @@ from typing import Any
 from runs.process.files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#666666"
-"""Okabe and Ito's colours, told apart with every kind of colour vision."""
+"""Okabe and Ito's colours, distinguishable with every kind of colour vision."""
 SETTINGS = {
     "font.size": 10,
     "figure.dpi": 100,
@@ -28,7 +28,7 @@ SETTINGS = {
 
 @contextlib.contextmanager
 def look() -> Iterator[None]:
-    """Draw and save inside this context: fonts, spines and legends alike in every figure."""
+    """Draw and save inside this context: the same fonts, spines and legends in every figure."""
     import matplotlib as mpl  # noqa: PLC0415  (slow to load)
 
     with mpl.rc_context(SETTINGS):
@@ -66,7 +66,7 @@ def map_colors() -> dict[str, Any]:
 
 
 def checked_signs(axes: Any, points: Sequence[tuple[float, float, float]]) -> None:
-    """Mark what the full solver says at points (x, y, T): triangles up attract, triangles down separate."""
+    """Mark the sign of the full solver's T at points (x, y, T): triangles up attract, triangles down separate."""
     for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
         x, y = [p[0] for p in points if p[2] * sign > 0.0], [p[1] for p in points if p[2] * sign > 0.0]
         style = {"color": "black", "mfc": "none", "ms": 7, "clip_on": False, "zorder": 4}

@@ -43,8 +43,8 @@ NARROW = {"Q / E R²": "Q/E R²", "T linear / E R²": "T linear", "T finite / E 
 def console() -> Console:
     """Return the console of standard output.
 
-    As wide as the terminal or ``COLUMNS``; wide enough for every table where neither tells. A launcher of
-    several ranks hands each a pseudo-terminal that is not the reader's: no width, no colours there.
+    As wide as the terminal or ``COLUMNS``; wide enough for every table where neither is known. A launcher of
+    several ranks gives each a pseudo-terminal that is not the reader's: its width is ignored, and no colours are used.
     """
     if ranks.rank_and_size()[1] == 1 and sys.stdout.isatty():
         return Console()

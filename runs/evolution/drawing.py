@@ -22,7 +22,7 @@ STEEL, EDGE = "#c9d3dc", "#3a4650"
 FRAMES, SECONDS = 60, 6.0
 """Frames of an animation, and how long it takes."""
 ALIKE = 0.03
-"""Way over the whole path's within which two configurations look alike."""
+"""Displacement over that of the whole path below which two configurations look the same."""
 NAMED = 8
 """Largest number of curves that a legend names."""
 NEIGHBOURS = 1.5
@@ -47,7 +47,7 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
             continue
         if apart:
             formed.append(float(moved[k]))
-        elif len(formed) > 1:  # groups that form one after the other, as good as together
+        elif len(formed) > 1:  # groups that form almost at once count as one event
             formed[-1] = float(moved[k])
     wanted = [*(formed if len(formed) < count else formed[:1]), float(moved[-1])]
     while len(wanted) < count:

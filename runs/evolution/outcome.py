@@ -1,4 +1,4 @@
-"""What came of an evolution: rest or not, the equilibrium next to its end, errors of positions and of forces."""
+"""The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from runs.process.json_values import Document
 Array = NDArray[np.float64]
 
 COARSER = 10.0
-"""Tolerance of the second run, over that of the first, whose difference tells the error of positions."""
+"""Tolerance of a second run over that of the first; their difference is the error of the positions."""
 FURTHEST = 12.0
 """Distance over the touching one up to which the equilibria of a pair are looked for."""
 
@@ -78,7 +78,7 @@ def momentum(moments: Sequence[Moment]) -> float:
 
 
 def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> Document:
-    """Return the equilibrium next to ``end``, its stability and its distance from the end [m]; or why there is none.
+    """Return the equilibrium nearest to ``end``, its stability and its distance from the end [m]; or why there is none.
 
     ``difference`` as in `runs.evolution.equilibria.find`.
     """

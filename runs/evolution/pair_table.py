@@ -1,4 +1,4 @@
-"""A table of what one ball and two balls do, computed once by any model, kept in a file and resumable.
+"""A table of the states of one ball and of pairs, computed once by any model, kept in a file and resumable.
 
 The file belongs to a material, a ball, an approach, a model and its accuracy, not to a scene: every scene with the same
 layer, ball and approach shares it.
@@ -28,7 +28,7 @@ from runs.process.json_values import Document, plain, to_json
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
-"""Problem, folder where a run that takes minutes keeps what it needs to go on after a kill, load fractions answered."""
+"""Problem, folder in which a run of minutes keeps what it needs to resume, load fractions that are answered."""
 
 FORMAT = 1
 """Changes whenever older tables must not be used any more."""
@@ -155,7 +155,7 @@ class PairTable:
             if ranks.is_root():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(self.path, to_json(self.data))
-                tell(f"pair table: {words} ({seconds:.1f} s); {self.missing} runs to go")
+                tell(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}")
 
         if states.single is None:
             states.single = self._single()
@@ -176,7 +176,7 @@ class PairTable:
     def _solved(
         self, places: tuple[tuple[float, float], ...], approach: float, steps: Sequence[float] = (1.0,)
     ) -> Result:
-        """Return the model's answer; its workspace, there for a run of minutes, is gone once it is complete."""
+        """Return the model's answer; the workspace of a run of minutes is deleted once that is complete."""
         problem = self._placed(places, approach)
         if not self.slow:
             return self.solve(problem, None, steps)
@@ -263,6 +263,11 @@ class PairTable:
     def worst(self) -> Additivity:
         """Return the arrangement on which the forces are farthest from the model's."""
         return max(self.states.additivity, key=lambda found: found.coupled)
+
+
+def runs_left(count: int) -> str:
+    """Return "1 run to go"."""
+    return f"{count} run{'' if count == 1 else 's'} to go"
 
 
 def _common_ball(problem: Problem) -> tuple[Ball, float]:

@@ -1,4 +1,4 @@
-"""The path as it is kept: the moments worth keeping, their JSON, and what happened between them."""
+"""The path as it is kept: the moments worth keeping, their JSON, and when balls touched and parted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NEIGHBOURS = 1.2
 
 @dataclass(frozen=True)
 class Continuation:
-    """Where a path goes on exactly as if it had not stopped: sigma [m], positions (balls, 2) [m], next step [m]."""
+    """Where a path resumes exactly as if it had not stopped: sigma [m], positions (balls, 2) [m], next step [m]."""
 
     sigma: float
     positions: Array
@@ -35,7 +35,7 @@ class Continuation:
 
 @dataclass
 class Record:
-    """The kept moments of one path; ``continuation`` is where it goes on, None at its start and at its end."""
+    """The kept moments of one path; ``continuation`` is where it resumes, None at its start and at its end."""
 
     moments: list[Moment] = field(default_factory=list)
     continuation: Continuation | None = None
@@ -64,7 +64,7 @@ class Record:
         return bool(self.moments) and self.continuation is None
 
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
-        """Keep the moment if it is worth it, and where the path goes on in any case."""
+        """Keep the moment if it is worth it, and in any case where the path resumes."""
         self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step)
         if self.moments and not last:
             before = self.moments[-1]

@@ -1,4 +1,4 @@
-"""What ``evolve`` prints and draws at its end."""
+"""What ``evolve`` prints and draws when it ends."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def show(session: Session, document: Document) -> None:
 
 
 def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document) -> list[str]:
-    """Return what came of the run, one sentence each."""
+    """Return the outcome of the run, one sentence each."""
     end = document["path"][-1]
     lines = [outcome.rest_sentence(document["rest"], len(end["contacts"]), end["cycle"])]
     smallest = min(ball.radius for ball in problem.balls)
@@ -76,7 +76,7 @@ def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document
 
 def _balance(found: Mapping[str, Any], smallest: float) -> str:
     if found["verdict"] == "none":
-        return f"no equilibrium next to the end: {found['reason']}"
+        return f"no equilibrium found near the final positions: {found['reason']}"
     away = number(found["distance_from_end"] / smallest, 2)
     rates = ""
     if found["growth"]:

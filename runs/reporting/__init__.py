@@ -47,7 +47,7 @@ def page_of(folder: Folder) -> str:
     head += paragraph(state, class_="note") if state else ""
     parts.append(section("Reproduce", code(folder.repeat()), _scene(folder)))
     if folder.log:
-        parts.append(section("Log", folded("What the run told while it went", code(folder.log))))
+        parts.append(section("Log", folded("Messages of the run", code(folder.log))))
     version = importlib.metadata.version("thirdbody")
     foot = paragraph(f"Written by thirdbody {version} report. Forces are those on the ball; T > 0 is attraction.")
     return (

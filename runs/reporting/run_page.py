@@ -158,7 +158,7 @@ def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
 
 
 def _accuracy(solved: Mapping[str, Any]) -> str:
-    """Return what accuracy was asked and reached, and on which meshes; nothing where the model does not tell."""
+    """Return the accuracy asked for and reached, and the meshes used; nothing where a model does not refine."""
     told = solved.get("accuracy") or {}
     if not told:
         return ""

@@ -1,4 +1,4 @@
-"""What a run tells while it goes: one line per load step on standard error, and every finished step handed on."""
+"""Progress of a run: one line per load step on standard error; every finished step is passed on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _setting(info: Mapping[str, Any]) -> str:
 
 
 class Progress:
-    """Observer of a load path: all ranks call it, ``root`` alone speaks and hands steps to ``take``.
+    """Observer of a load path: all ranks call it; ``root`` prints and passes steps to ``take``.
 
     ``draw`` gets the surface after every step; where there is none, the surface is not gathered.
     """
@@ -49,7 +49,7 @@ class Progress:
         self._cuts = 0
 
     def started(self, info: Mapping[str, Any]) -> None:
-        """Tell size and setting of the run."""
+        """Print size and setting of the run."""
         signals.check()
         if self.root:
             words = _setting(info)
@@ -76,7 +76,7 @@ class Progress:
         signals.check()
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
-        """Hand the step on and tell it: what was told is written, however soon the run is killed.
+        """Pass the step on, then print it: a step that was printed is on disk.
 
         ``surface`` gathers the deformed surface on rank 0 (collective).
         """

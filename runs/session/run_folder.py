@@ -1,4 +1,4 @@
-"""The output folder of one run: written as the run goes, refused to any other run, continued by the same one."""
+"""The output folder of one run: written during the run, resumed by the same run, refused to any other."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ class Session:
 
     @property
     def root(self) -> bool:
-        """Whether this rank speaks and writes."""
+        """Whether this rank prints and writes."""
         return ranks.is_root()
 
     @property
