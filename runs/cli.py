@@ -131,10 +131,10 @@ def render(
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
 ) -> None:
     """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
-    from runs.commands.render import Wish, read_size, render_run  # noqa: PLC0415
+    from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
 
     views = {} if view is None else {"views": tuple(view)}
-    render_run(run, Wish(field, step=step, out=out, animation=animation, size=read_size(size), **views))
+    render_run(run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), **views))
 
 
 @app.command()

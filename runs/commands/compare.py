@@ -45,10 +45,7 @@ def _compute(session: Session) -> Document | None:
         session.save(document, rows)
         return document
 
-    def keep(so_far: Result) -> None:
-        save(so_far)
-
-    result = session.solve(session.saved.get("finite", {}).get("steps", []), keep)
+    result = session.solve(session.saved.get("finite", {}).get("steps", []), save)
     if not session.root:
         return None
     document = save(result)

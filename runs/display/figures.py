@@ -16,6 +16,8 @@ from runs.display.numbers import Scale, attraction, leading_ball
 from runs.display.style import BLUE, GREEN, ORANGE, blank, save_figure
 
 LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
+BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
+"""Markers and error bars of every curve."""
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -32,19 +34,12 @@ def draw_comparison(
     figure = blank(9.6, 4.0)
     forces, factors = figure.subplots(1, 2)
     load = np.array([row["normal_force"] for row in path]) / scale.force
-    for model, color, marker in (("linear", LINEAR, "s"), ("finite", FINITE, "o")):
+    for model, label, color, marker in (
+        ("linear", "linear (small strain)", LINEAR, "s"), ("finite", "finite strain", FINITE, "o"),
+    ):  # fmt: skip
         force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / scale.force for row in path]
         error = [_float(row[f"tangential_{model}_error"]) / scale.force for row in path]
-        forces.errorbar(
-            load,
-            force,
-            error,
-            color=color,
-            marker=marker,
-            ms=4,
-            capsize=3,
-            label=f"{model} strain" if model == "finite" else "linear (small strain)",
-        )
+        forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
     _label_forces(forces)
     depth = np.array([row["approach"] for row in path]) / scale.radius
     beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
@@ -56,17 +51,8 @@ def draw_comparison(
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
         if not np.any(np.isfinite(ratio)):
             continue  # one ball, or no tangential force above its error
-        factors.errorbar(
-            depth + (beside if key == "approach" else 0.0),
-            ratio,
-            error,
-            color=color,
-            marker=marker,
-            ms=4,
-            capsize=3,
-            ls="none" if between else "-",
-            label=label,
-        )
+        at, line = depth + (beside if key == "approach" else 0.0), "none" if between else "-"
+        factors.errorbar(at, ratio, error, color=color, marker=marker, ls=line, label=label, **BARS)
         x = [row["approach"] / scale.radius for row in between]
         factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
@@ -90,7 +76,7 @@ def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, mo
     force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / scale.force for state in states]
     error = [_float(state["tangential_force_error"]) / scale.force for state in states]
     load = [state["normal_force"] / scale.force for state in states]
-    forces.errorbar(load, force, error, color=FINITE, marker="o", ms=4, capsize=3, label=NAMES.get(model, model))
+    forces.errorbar(load, force, error, color=FINITE, marker="o", label=NAMES.get(model, model), **BARS)
     _label_forces(forces)
     save_figure(figure, folder, "tangential_force")
 
@@ -112,13 +98,7 @@ def _draw_pressure(
 ) -> None:
     points = top.points / scale.radius
     mesh = axes.tripcolor(
-        points[:, 0],
-        points[:, 1],
-        top.triangles,
-        top.pressure / scale.young,
-        shading="gouraud",
-        cmap="magma_r",
-        vmin=0.0,
+        *points[:, :2].T, top.triangles, top.pressure / scale.young, shading="gouraud", cmap="magma_r", vmin=0.0
     )
     figure.colorbar(mesh, ax=axes, label="contact pressure $p / E_1$", shrink=0.8)
     for ball in balls:

@@ -113,7 +113,7 @@ class Session:
         default = Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
         return RunFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
 
-    def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], None]) -> Result:
+    def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
         """Run the model over its load path and return its result with the notes of this run.
 
         ``saved`` are the JSON objects of the steps on disk; ``keep`` gets the unfinished result after every step, on
