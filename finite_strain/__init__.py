@@ -56,7 +56,8 @@ def solve(
     folder
         Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
     observer
-        Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
+        Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks. ``step_done`` gets the
+        step and a function that gathers the whole scene's deformed top surface on rank 0 (collective).
     fields
         Which fields are written into the folder and on which steps; by default all on every step.
     seconds, unknowns

@@ -164,7 +164,7 @@ class Refinement:
                 record.steps.append(step.to_dict())
                 record.seconds = spent + time.monotonic() - began
                 self._save()
-                self.observer.step_done(step, TopSurface(run.own.model).gathered())
+                self.observer.step_done(step, lambda: TopSurface(run.own.model).gathered())
             else:
                 self._save()
 

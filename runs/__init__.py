@@ -1,4 +1,4 @@
-"""What a person runs: command line, scenes, comparison of models, tables, figures and output folders."""
+"""What users run: command line, scenes, comparison of models, tables, figures and output folders."""
 
 import os as _os
 

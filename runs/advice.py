@@ -1,7 +1,7 @@
 """What ``plan`` advises: which absent effects would matter and by how much, and which present ones do not.
 
 Every change is of the tangential force on the ball that feels the largest, computed with the linear model both ways;
-that of finite strain alone comes from a fit (`runs.comparison.strengthening_fit`), as it is too dear to compute.
+only that of finite strain comes from a fit (`runs.comparison.strengthening_fit`), as computing it takes minutes.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Paraboloid, Sphere
@@ -20,20 +21,20 @@ from runs.display.numbers import number
 from runs.models import MODELS, Run, without
 
 USUAL = 0.02
-"""Relative accuracy of T that a change is held against where the scene asks for none."""
+"""Relative accuracy of T that a change is compared with where the scene asks for none."""
 SHARE = 0.05
 """Part of that accuracy to which the changes are computed."""
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Moduli of a substrate over the layer's that are tried where the scene has a rigid base."""
 PATIENCE = 60.0
-"""Seconds that the advice may take: scenes whose linear solution takes longer get the parts that cost nothing."""
+"""Time [s] that the advice may take: scenes whose linear solution takes longer get only what needs no solution."""
 FRICTION = 0.3
 """Coefficient of friction that a drift is quoted for."""
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One effect: whether the scene has it, by which part it changes T, how sure that is, and what to do."""
+    """One effect: whether the scene has it, its relative change of T and the error of that, and what to do."""
 
     effect: str
     present: bool
@@ -44,7 +45,7 @@ class Advice:
 
 
 class Adviser:
-    """Looks ahead for one scene; ``ahead`` is its linear solution, ``accuracy`` what T is asked to."""
+    """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T."""
 
     def __init__(self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...]) -> None:
         self.given = problem
@@ -72,20 +73,18 @@ class Adviser:
         return found
 
     def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
-        """Return by which part of T another problem's T differs along it."""
-        exact = self._exact()
+        """Return the relative change of T, along its direction, that another problem would bring."""
         x, y = solve(problem, Run(self._precision)).balls[self.ball].tangential_force
-        return (x * exact[0] + y * exact[1]) / (exact[0] ** 2 + exact[1] ** 2) - 1.0
+        exact_x, exact_y = self._exact
+        return (x * exact_x + y * exact_y) / (exact_x**2 + exact_y**2) - 1.0
 
     @property
     def _precision(self) -> float:
         return max(SHARE * self.accuracy, 1e-4)
 
+    @cached_property
     def _exact(self) -> tuple[float, float]:
-        if not hasattr(self, "_force"):
-            solved = MODELS["linear_bem"].solve(self.problem, Run(self._precision))
-            self._force = solved.balls[self.ball].tangential_force
-        return self._force
+        return MODELS["linear_bem"].solve(self.problem, Run(self._precision)).balls[self.ball].tangential_force
 
     def _judged(self, change: float) -> bool:
         return abs(change) > self.accuracy
@@ -207,7 +206,7 @@ class Adviser:
             nearest, change = ring, left
         radius = self.problem.balls[self.ball].radius
         if nearest == rings[-1]:
-            yield Advice("neighbours", True, None, None, True, "neighbours: the farthest one is needed too")
+            yield Advice("neighbours", True, None, None, True, "all neighbours matter, even the farthest")
         else:
             text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {_percent(change)} in all"
             yield Advice("neighbours", True, change, None, False, f"{text}; the ball can do without")

@@ -13,6 +13,8 @@ import typer
 from runs import studies
 from runs.models import ModelName
 from runs.process import ranks
+from runs.scene.scene_file import read_scene
+from runs.session.session import Options
 
 app = typer.Typer(
     name="thirdbody",
@@ -29,7 +31,7 @@ OutOption = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/<scene>-<command>.")
 ]
 FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Drop what the output folder holds of this run and start anew.")
+    bool, typer.Option("--fresh", help="Delete what the output folder holds of this run and start again.")
 ]
 ModelOption = Annotated[
     ModelName | None,
@@ -57,8 +59,6 @@ def solve(
 ) -> None:
     """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
     from runs.commands.solve import solve_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     solve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh))
 
@@ -67,10 +67,8 @@ def solve(
 def compare(
     scene: SceneArgument, as_json: JsonOption = False, out: OutOption = None, fresh: FreshOption = False
 ) -> None:
-    """Set the finite-strain load path against the linear model at equal forces and equal approaches."""
+    """Compare the finite-strain load path with the linear model at equal forces and equal approaches."""
     from runs.commands.compare import compare_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     compare_scene(read_scene(scene), Options(as_json, out, fresh))
 
@@ -89,17 +87,14 @@ def evolve(
 ) -> None:
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
-    from runs.session.session import Options  # noqa: PLC0415
 
     evolve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh), tables)
 
 
 @app.command()
 def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
-    """Say what would be simulated and what not, how large it is and how long it takes."""
+    """Show what would be simulated and what not, its size, and how long it takes."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
-    from runs.scene.scene_file import read_scene  # noqa: PLC0415
 
     plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
 
@@ -118,7 +113,7 @@ def study(
     ] = False,
     publish: Annotated[bool, typer.Option("--publish", help="Write the answer into the study's README.")] = False,
 ) -> None:
-    """Make a study's tables and figures anew. Parts that an unfinished run has saved are not computed again."""
+    """Compute a study and write its tables and figures. Parts that are saved already are not computed again."""
     options = studies.Options(quick, out, fresh, studies.read_shard(shard), tables, publish)
     studies.run_study(name, options)
 
@@ -136,10 +131,10 @@ def render(
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
 ) -> None:
     """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
-    from runs.commands.render import Wish, read_size, render_run  # noqa: PLC0415
+    from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
 
     views = {} if view is None else {"views": tuple(view)}
-    render_run(run, Wish(field, step=step, out=out, animation=animation, size=read_size(size), **views))
+    render_run(run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), **views))
 
 
 @app.command()
@@ -155,7 +150,7 @@ def report(
 
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
-    """Say which Python, DOLFINx, PETSc, MPI, BLAS and gmsh are found, what is wrong, and what mends it."""
+    """List the Python, DOLFINx, PETSc, MPI, BLAS and gmsh that are found, what is wrong with them, and the remedy."""
     from runs.commands.doctor import examine  # noqa: PLC0415
 
     raise typer.Exit(examine(as_json=as_json))
@@ -167,7 +162,7 @@ def main() -> None:
     from runs.process.forwarding import forward_whole_lines  # noqa: PLC0415
 
     if not ranks.is_root():
-        sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (rank 0 speaks for all)
+        sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (only rank 0 prints)
     elif ranks.launched():
         forward_whole_lines()
     run_to_end(app)

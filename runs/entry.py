@@ -1,4 +1,4 @@
-"""The console script: starts the command line, or says what a bare installation lacks for it."""
+"""The console script: starts the command line, or names the packages that it lacks."""
 
 from __future__ import annotations
 

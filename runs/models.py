@@ -1,4 +1,4 @@
-"""Every model, the effects it has, and how it is called: the one place where models differ for a user."""
+"""The models: the effects that each has, and how it is called."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ModelName(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Run:
-    """What a model is given beside the problem.
+    """What a model needs beside the problem.
 
     Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, and the load
     fractions at which answers are wanted (None: those that a load path passes from first touch).
@@ -48,7 +48,7 @@ Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] 
 
 @dataclass(frozen=True)
 class Model:
-    """A model: effects it has, effects it is asked for by, and effects it leaves out when asked for by name."""
+    """A model: the effects that it has, those that call for it, and those that it leaves out where it is named."""
 
     name: str
     summary: str
@@ -76,17 +76,19 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
     return solve(problem, **_accuracy(run.tangential_force))
 
 
+def load_path(problem: Problem) -> Sequence[float]:
+    """Return the load fractions that are answered where no steps are asked for."""
+    from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
+
+    return answered_fractions(problem.load.kind)
+
+
 def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
     """Return a solver of a linear model that answers at every load fraction of its run, each by itself."""
 
     def along(problem: Problem, run: Run) -> Result:
-        fractions = run.steps
-        if fractions is None:
-            from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
-
-            fractions = answered_fractions(problem.load.kind)
         steps = []
-        for fraction in fractions:
+        for fraction in load_path(problem) if run.steps is None else run.steps:
             values = [fraction * value for value in problem.load.values]
             result = solve(problem.with_load(problem.load.kind, values), run)
             steps.append(Step(result.balls, {"fraction": fraction}))
@@ -144,7 +146,7 @@ MODELS = {
 
 
 def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
-    """Return the model for ``scene``, the problem as that model sees it, and what the reader must know.
+    """Return the model for ``scene``, the problem as that model sees it, and notes for the reader.
 
     Without ``asked``, the first model that has every effect of the scene. Asking for a model by name may
     leave out an effect that this model replaces by a simpler law; a note says so. Raises

@@ -1,4 +1,4 @@
-"""The command ``doctor``: what is installed, what is wrong, and the command that mends it."""
+"""The command ``doctor``: what is installed, what is wrong with it, and the command that repairs it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import importlib.metadata
 import json
 import os
 import platform
+import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from runs.display import tables
 from runs.process import ranks
@@ -31,35 +31,65 @@ OLDEST_DOLFINX = (0, 5, 2)
 LAUNCHED_BY_MPI = ("OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX_", "PMI_", "PRTE_", "ORTE_")
 PROBE = """
 import importlib, json, sys
-names, report = sys.argv[1].split(","), {"python": sys.version.split()[0]}
-for name in names:
+found = {}
+for name in sys.argv[1].split(","):
     try:
         module = importlib.import_module(name)
         file = getattr(module, "__file__", None) or ""
-        report[name] = {"version": str(getattr(module, "__version__", "")), "file": file}
+        found[name] = {"version": str(getattr(module, "__version__", "")), "file": file}
     except BaseException as error:
-        report[name] = {"error": f"{type(error).__name__}: {error}"}
-if "error" not in report.get("petsc4py", {"error": ""}):
+        found[name] = {"error": f"{type(error).__name__}: {error}"}
+if "version" in found.get("petsc4py", {}):
     from petsc4py import PETSc
-    report["petsc4py"] |= {"petsc": ".".join(map(str, PETSc.Sys.getVersion())), "scalar": PETSc.ScalarType.__name__}
-if "error" not in report.get("mpi4py", {"error": ""}):
+    found["petsc4py"] |= {"library": ".".join(map(str, PETSc.Sys.getVersion())), "scalar": PETSc.ScalarType.__name__}
+if "version" in found.get("mpi4py", {}):
     from mpi4py import MPI
-    report["mpi4py"]["library"] = MPI.Get_library_version().split(",")[0].strip("\\0 \\n")
-if "error" not in report.get("numpy", {"error": ""}):
+    found["mpi4py"]["library"] = MPI.Get_library_version().split(",")[0].strip("\\0 \\n")
+if "version" in found.get("numpy", {}):
     import numpy
     numpy.linalg.solve(numpy.eye(2), numpy.ones(2))
 with open("/proc/self/maps") as maps:
     files = {line.split()[-1] for line in maps if "/" in line}
 marks = ("libblas", "openblas", "libmkl_rt", "libmkl_core", "libblis", "libatlas", "libflexiblas")
-report["blas"] = sorted(f for f in files if ".so" in f and any(mark in f.rsplit("/", 1)[-1] for mark in marks))
-print(json.dumps(report))
+blas = sorted(f for f in files if ".so" in f and any(mark in f.rsplit("/", 1)[-1] for mark in marks))
+print(json.dumps({"python": sys.version.split()[0], "packages": found, "blas": blas}))
 """
-"""Imports each package in a process of its own: a broken one must not take the doctor with it."""
+"""Imports the packages in a process of its own, as importing a broken one may end the process."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package as some Python imports it, or the error; ``library`` is PETSc's version, or the name of the MPI."""
+
+    version: str = ""
+    file: str = ""
+    error: str = ""
+    library: str = ""
+    scalar: str = ""
+
+    @property
+    def folder(self) -> str:
+        """Where it lies."""
+        return str(Path(self.file).parent)
+
+    @property
+    def of_debian(self) -> bool:
+        """Whether it is Debian's own."""
+        return "/dist-packages/" in self.file or self.file.startswith("/usr/lib/")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one Python imports: its version, packages by name, and the files of the BLAS that numpy loads."""
+
+    python: str
+    packages: Mapping[str, Package]
+    blas: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked for: what was found, what is wrong with it ("": nothing), and what mends it.
+    """One item that was checked: what was found, what is wrong with it ("": nothing), and the remedy.
 
     ``blocks``: the finite-element models cannot run with this fault.
     """
@@ -88,11 +118,11 @@ def examine(*, as_json: bool) -> int:
         out.print(f"{mark:6}{finding.name:10}{finding.found}", highlight=False, markup=False, soft_wrap=True)
         if finding.fault:
             out.print(f"{'':16}{finding.fault}", highlight=False, markup=False, soft_wrap=True)
-            out.print(f"{'':16}mend it: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
+            out.print(f"{'':16}repair: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
     if blocked:
-        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: mend what is wrong above"
+        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: repair what is wrong above"
     else:
-        verdict = "every model can run" + (", better with what is mended above" if wrong else "")
+        verdict = "every model can run" + (", better with the repairs above" if wrong else "")
     out.print(verdict, highlight=False)
     return 1 if blocked else 0
 
@@ -105,18 +135,20 @@ def look(python: str = sys.executable) -> list[Finding]:
     return [*found, _launcher(), _pictures(report)]
 
 
-def probe(python: str, names: Sequence[str]) -> dict[str, Any]:
-    """Return version and file, or the error, of each package as ``python`` imports them, in this order."""
+def probe(python: str, names: Sequence[str]) -> Report:
+    """Return what ``python`` imports, the packages in this order."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHED_BY_MPI)}
     try:
         done = subprocess.run(
             [python, "-c", PROBE, ",".join(names)], capture_output=True, text=True, timeout=120, env=env, check=False
         )
-        return dict(json.loads(done.stdout.splitlines()[-1]))
+        said = json.loads(done.stdout.splitlines()[-1])
+        packages = {name: Package(**package) for name, package in said["packages"].items()}
+        return Report(said["python"], packages, said["blas"])
     except (OSError, subprocess.TimeoutExpired, ValueError, IndexError) as error:
         last = done.stderr.strip().splitlines()[-1:] if isinstance(error, ValueError | IndexError) else [str(error)]
-        failure = {"error": f"{python} ended while importing: {(last or ['no message'])[0]}"}
-        return {"python": "", "blas": [], **dict.fromkeys(names, failure)}
+        failure = Package(error=f"{python} ended while importing: {(last or ['no message'])[0]}")
+        return Report("", dict.fromkeys(names, failure))
 
 
 def sudo() -> str:
@@ -128,89 +160,75 @@ def _install(package: str) -> str:
     return f"{sudo()}apt-get install --no-install-recommends {package}"
 
 
-def _python(python: str, report: dict[str, Any]) -> Finding:
-    found = f"{report['python'] or platform.python_version()}, {python}"
-    if "error" not in report["dolfinx"]:
-        return Finding("Python", found)
-    if python != SYSTEM_PYTHON and Path(SYSTEM_PYTHON).exists():
+def _python(python: str, report: Report) -> Finding:
+    found = f"{report.python or platform.python_version()}, {python}"
+    if report.packages["dolfinx"].error and python != SYSTEM_PYTHON and Path(SYSTEM_PYTHON).exists():
         system = probe(SYSTEM_PYTHON, ["dolfinx"])
-        if "error" not in system["dolfinx"]:
-            has = f"{SYSTEM_PYTHON} (Python {system['python']}) has DOLFINx {system['dolfinx']['version']}"
+        if not system.packages["dolfinx"].error:
+            has = f"{SYSTEM_PYTHON} (Python {system.python}) has DOLFINx {system.packages['dolfinx'].version}"
             return Finding("Python", found, f"this Python has no DOLFINx, {has}: use that one", OVER_SYSTEM_PYTHON)
     return Finding("Python", found)
 
 
-def _numpy(report: dict[str, Any], python: str) -> Finding:
-    numpy, dolfinx = report["numpy"], report["dolfinx"]
-    if "error" in numpy:
-        return Finding("numpy", "none", numpy["error"], _install("python3-numpy"))
-    found = f"{numpy['version']}, {_folder(numpy)}"
-    if "error" in dolfinx and "numpy" in dolfinx["error"] and not _of_debian(numpy):
-        return Finding(
-            "numpy", found, "not the numpy that DOLFINx was built for", f"{python} -m pip uninstall -y numpy"
-        )
-    if "error" not in dolfinx and _of_debian(dolfinx) and not _of_debian(numpy):
-        fault = f"a wheel beside Debian's DOLFINx ({_folder(dolfinx)}), which was built for Debian's numpy"
-        return Finding("numpy", found, fault, f"{python} -m pip uninstall -y numpy")
+def _numpy(report: Report, python: str) -> Finding:
+    numpy, dolfinx = report.packages["numpy"], report.packages["dolfinx"]
+    if numpy.error:
+        return Finding("numpy", "none", numpy.error, _install("python3-numpy"))
+    found, remedy = f"{numpy.version}, {numpy.folder}", f"{python} -m pip uninstall -y numpy"
+    if "numpy" in dolfinx.error and not numpy.of_debian:
+        return Finding("numpy", found, "not the numpy that DOLFINx was built for", remedy)
+    if dolfinx.of_debian and not numpy.of_debian:
+        fault = f"a wheel beside Debian's DOLFINx ({dolfinx.folder}), which was built for Debian's numpy"
+        return Finding("numpy", found, fault, remedy)
     return Finding("numpy", found)
 
 
-def _package(name: str, report: dict[str, Any], python: str) -> Finding:
-    this, dolfinx = report[name], report["dolfinx"]
+def _package(name: str, report: Report, python: str) -> Finding:
+    this, dolfinx = report.packages[name], report.packages["dolfinx"]
     has_system = os.path.realpath(python) == os.path.realpath(SYSTEM_PYTHON)
-    if "error" in this:
-        return Finding(name, "none", this["error"], _install(PACKAGES[name]) if has_system else OVER_SYSTEM_PYTHON)
-    version = this["version"] or _distribution_version(name)
-    found = f"{version}, {_folder(this)}".removeprefix(", ")
+    if this.error:
+        return Finding(name, "none", this.error, _install(PACKAGES[name]) if has_system else OVER_SYSTEM_PYTHON)
+    version = this.version or _distribution_version(name)
+    found = f"{version}, {this.folder}".removeprefix(", ")
     if name == "petsc4py":
-        found = f"PETSc {this['petsc']}, {this['scalar']}, {_folder(this)}"
-        if "complex" in this["scalar"]:
+        found = f"PETSc {this.library}, {this.scalar}, {this.folder}"
+        if "complex" in this.scalar:
             return Finding(name, found, "PETSc is built for complex numbers", _install("python3-dolfinx-real"))
     if name == "mpi4py":
-        found = f"{this['library']}; mpi4py {found}"
+        found = f"{this.library}; mpi4py {found}"
     if name == "dolfinx" and _numbers(version) < OLDEST_DOLFINX:
         oldest = ".".join(map(str, OLDEST_DOLFINX))
         return Finding(name, found, f"older than {oldest}, the oldest that is supported", _install(PACKAGES[name]))
-    if name == "h5py" and "error" not in dolfinx and _of_debian(dolfinx) and not _of_debian(this):
+    if name == "h5py" and dolfinx.of_debian and not this.of_debian:
         fault = "a wheel with an HDF5 of its own beside Debian's DOLFINx: it fails once DOLFINx is loaded"
         remedy = f"{python} -m pip uninstall -y h5py; {_install(PACKAGES[name])}"
         return Finding(name, found, fault, remedy)
     return Finding(name, found)
 
 
-def _blas(report: dict[str, Any]) -> Finding:
-    found = ", ".join(report["blas"]) or "none found"
-    if any("/blas/libblas.so" in library for library in report["blas"]):
+def _blas(report: Report) -> Finding:
+    found = ", ".join(report.blas) or "none found"
+    if any("/blas/libblas.so" in library for library in report.blas):
         fault = "the reference BLAS: direct solvers take 5 to 6 times longer"
         return Finding("BLAS", found, fault, _install("libopenblas0-serial"), blocks=False)
     return Finding("BLAS", found)
 
 
-def _pictures(report: dict[str, Any]) -> Finding:
-    this = report["pyvista"]
-    if "error" not in this:
-        return Finding("pyvista", f"{this['version']}, {_folder(this)}")
+def _pictures(report: Report) -> Finding:
+    this = report.packages["pyvista"]
+    if not this.error:
+        return Finding("pyvista", f"{this.version}, {this.folder}")
     found = f"none: only `thirdbody render` needs it ({INSTALL_PICTURES})"
-    if "No module named 'pyvista'" in this["error"]:
+    if "No module named 'pyvista'" in this.error:
         return Finding("pyvista", found)
-    return Finding("pyvista", "broken", this["error"], INSTALL_PICTURES, blocks=False)
+    return Finding("pyvista", "broken", this.error, INSTALL_PICTURES, blocks=False)
 
 
 def _launcher() -> Finding:
-    from shutil import which  # noqa: PLC0415
-
-    launcher = which("mpirun")
+    launcher = shutil.which("mpirun")
     if launcher is None:
         return Finding("mpirun", "none", "several ranks cannot be started", _install("openmpi-bin"), blocks=False)
     return Finding("mpirun", os.path.realpath(launcher))
-
-
-def _of_debian(package: dict[str, Any]) -> bool:
-    return "/dist-packages/" in package["file"] or package["file"].startswith("/usr/lib/")
-
-
-def _folder(package: dict[str, Any]) -> str:
-    return str(Path(package["file"]).parent)
 
 
 def _distribution_version(name: str) -> str:

@@ -12,7 +12,7 @@ from linear_bem.result import Result
 from runs.advice import USUAL, Adviser
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
-from runs.models import MODELS, Model, Run, choose, standing, without
+from runs.models import MODELS, Model, Run, choose, load_path, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.scene.effects import EFFECTS
@@ -42,8 +42,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     plans = [_model_plan(model, scene, problem, ahead)]
     if asked is None and model.plan is not None:
         # compare solves it twice at every step of its load path: at its normal forces and at its approaches
-        path = model.plan(problem, scene.tangential_force, scene.budget, scene.steps)["load_steps"]
-        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, 2 * path))
+        states = 2 * len(scene.steps or load_path(problem))
+        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
     advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
     document = {
         "scene": as_given(scene.data),

@@ -30,7 +30,7 @@ FRAME = (960, 600)
 
 
 @dataclass(frozen=True)
-class Wish:
+class RenderOptions:
     """What the command line asks for: field, views, step (None: the last), folder, animation, size in pixels."""
 
     field: str = "von_mises"
@@ -41,30 +41,30 @@ class Wish:
     size: tuple[int, int] = SIZE
 
 
-def render_run(run: Path, wish: Wish) -> list[Path]:
+def render_run(run: Path, options: RenderOptions) -> list[Path]:
     """Draw a run's written fields and return the files that were made."""
     if not ranks.is_root():
         return []
-    _check(wish)
+    _check(options)
     files = step_files(run)
-    last = wish.step if wish.step is not None else max(files)
+    last = options.step if options.step is not None else max(files)
     if last not in files:
         raise InvalidProblem(f"--step {last}: {run} holds steps {', '.join(map(str, sorted(files)))}")
     _check_vtk()
-    out = wish.out or run / PICTURES
+    out = options.out or run / PICTURES
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputUnusable(f"{out}: cannot be made: {error.strerror or error}; name another --out") from None
-    shown = _Shown(read_step(files[last], last, wish.field), wish)
+    shown = _Shown(read_step(files[last], last, options.field), options)
     made = []
-    for view in wish.views:
-        path = out / f"{wish.field}_{view}_step_{last:04d}.png"
-        sheet.save_png(shown.sheet(shown.last, view, wish.size), path)
+    for view in options.views:
+        path = out / f"{options.field}_{view}_step_{last:04d}.png"
+        sheet.save_png(shown.sheet(shown.last, view, options.size), path)
         made.append(path)
         tell(f"drawn: {path}")
     path_so_far = [n for n in sorted(files) if n <= last]
-    if wish.animation and len(path_so_far) > 1:
+    if options.animation and len(path_so_far) > 1:
         made += _animate(shown, [files[n] for n in path_so_far], path_so_far, out)
     return made
 
@@ -80,15 +80,15 @@ def read_size(text: str) -> tuple[int, int]:
 class _Shown:
     """A field as it is shown on every sheet of a run: the colours' ends are those of the last step."""
 
-    def __init__(self, last: WrittenStep, wish: Wish) -> None:
-        self.last, self.wish = last, wish
-        self.coloring = COLORINGS[wish.field]
+    def __init__(self, last: WrittenStep, options: RenderOptions) -> None:
+        self.last, self.options = last, options
+        self.coloring = COLORINGS[options.field]
         values = self._values(last)
         seen = Window.around(last).contains(last.points)
         self.limits = self.coloring.limits(values[seen])
 
     def _values(self, step: WrittenStep) -> NDArray[np.float64]:
-        return self.coloring.number(step.fields[self.wish.field])
+        return self.coloring.number(step.fields[self.options.field])
 
     def sheet(self, step: WrittenStep, view: str, size: tuple[int, int]) -> NDArray[np.uint8]:
         """Return the sheet (height, width, 3) of one step."""
@@ -99,17 +99,17 @@ class _Shown:
         deepest = max(step.balls, key=lambda ball: ball.approach)
         caption = f"step {step.number}:  D = {number(deepest.approach / deepest.radius, 3)} R"
         legend = sheet.Legend(
-            self.coloring, self.limits, step.units[self.wish.field], seen, caption, step.dimensionless
+            self.coloring, self.limits, step.units[self.options.field], seen, caption, step.dimensionless
         )
         return sheet.compose(picture, legend, size)
 
 
 def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: Path) -> list[Path]:
-    view = shown.wish.views[0]
-    steps = (read_step(path, n, shown.wish.field) for path, n in zip(files, numbers, strict=True))
-    size = (min(FRAME[0], shown.wish.size[0]), min(FRAME[1], shown.wish.size[1]))
+    view = shown.options.views[0]
+    steps = (read_step(path, n, shown.options.field) for path, n in zip(files, numbers, strict=True))
+    size = (min(FRAME[0], shown.options.size[0]), min(FRAME[1], shown.options.size[1]))
     sheets = [shown.sheet(step, view, size) for step in steps]
-    path = out / f"{shown.wish.field}_{view}.gif"
+    path = out / f"{shown.options.field}_{view}.gif"
     sheet.save_gif(sheets, path)
     made = [path]
     if sheet.save_mp4(sheets, path.with_suffix(".mp4")):
@@ -119,13 +119,13 @@ def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: 
     return made
 
 
-def _check(wish: Wish) -> None:
+def _check(options: RenderOptions) -> None:
     faults = []
-    if wish.field not in COLORINGS:
-        faults.append(f"--field {wish.field}: is none of {', '.join(COLORINGS)}")
-    faults += [f"--view {view}: is none of {', '.join(VIEWS)}" for view in wish.views if view not in VIEWS]
-    if min(wish.size) < 200 or max(wish.size) > 8000:
-        faults.append(f"--size {wish.size[0]}x{wish.size[1]}: each side must have 200 to 8000 pixels")
+    if options.field not in COLORINGS:
+        faults.append(f"--field {options.field}: is none of {', '.join(COLORINGS)}")
+    faults += [f"--view {view}: is none of {', '.join(VIEWS)}" for view in options.views if view not in VIEWS]
+    if min(options.size) < 200 or max(options.size) > 8000:
+        faults.append(f"--size {options.size[0]}x{options.size[1]}: each side must have 200 to 8000 pixels")
     if faults:
         raise InvalidProblem(*faults)
 

@@ -1,4 +1,4 @@
-"""What a comparison says between its load steps: S_Q, S_D and Q as functions of the approach, with errors.
+"""A comparison between its load steps: S_Q, S_D and Q as functions of the approach, with errors.
 
 Near no load S leaves 1 like a power series in x = sqrt(D) and Q starts as x^3 (Hertz), so (S - 1) / x and Q / x^3 are
 smooth: cubic splines through the steps carry them. The error adds that of the two neighbouring steps and the greatest

@@ -10,6 +10,7 @@ from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import LoadKind, Problem
 from linear_bem.result import BallResult, Result, Solved, Step
 from runs.models import MODELS, Run, without
+from runs.process.json_values import Document
 
 ACCURACY = 1e-4
 """Relative accuracy asked of the linear T, unless the scene asks for more: its error must not show in a ratio."""
@@ -21,25 +22,25 @@ class LinearStates:
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
         self.problem = without(problem, ["finite_strain"])
         self.accuracy = min(ACCURACY, tangential_force or ACCURACY)
-        self._solved: dict[tuple[str, tuple[float, ...]], tuple[dict[str, Any], Solved | None]] = {}
-        finite = (earlier.get("finite") or {}).get("steps", [])
+        self._solved: dict[tuple[str, tuple[float, ...]], tuple[Step, Solved | None]] = {}
+        finite = earlier.get("finite", {}).get("steps", [])
         for key, kind, name in (("linear", "force", "normal_force"), ("linear_at_approach", "approach", "approach")):
-            known = (earlier.get(key) or {}).get("steps", [])
+            known = earlier.get(key, {}).get("steps", [])
             for step, state in zip(finite, known, strict=False):
                 if "failure" not in state.get("record", {}):
-                    self._solved[kind, _values(step, name)] = (dict(state), None)
+                    self._solved[kind, _values(step, name)] = (Step.from_dict(state), None)
 
-    def at_force(self, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-        """Return the linear result whose steps carry the normal forces of ``steps``."""
-        return self._along("force", "normal_force", steps)
+    def at_force(self, steps: Sequence[Mapping[str, Any]]) -> Document:
+        """Return the linear result whose steps carry the normal forces of ``steps``, both as JSON objects."""
+        return self._along("force", "normal_force", steps).to_dict()
 
-    def at_approach(self, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-        """Return the linear result whose steps have the approaches of ``steps``."""
-        return self._along("approach", "approach", steps)
+    def at_approach(self, steps: Sequence[Mapping[str, Any]]) -> Document:
+        """Return the linear result whose steps have the approaches of ``steps``, both as JSON objects."""
+        return self._along("approach", "approach", steps).to_dict()
 
-    def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> Result:
         found = [self._state(kind, _values(step, name)) for step in steps]
-        states = tuple(Step.from_dict(state) for state, _ in found)
+        states = tuple(state for state, _ in found)
         accounts = [account for _, account in found if account is not None]
         solved = Solved(
             all(a.converged for a in accounts) and not any("failure" in state.record for state in states),
@@ -49,14 +50,14 @@ class LinearStates:
             versions=accounts[-1].versions if accounts else {},
             notes=tuple(dict.fromkeys(note for a in accounts for note in a.notes)),
         )
-        return Result("linear_bem", states[-1].balls, solved, states).to_dict()
+        return Result("linear_bem", states[-1].balls, solved, states)
 
-    def _state(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[dict[str, Any], Solved | None]:
+    def _state(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[Step, Solved | None]:
         if (kind, values) not in self._solved:
             self._solved[kind, values] = self._solve(kind, values)
         return self._solved[kind, values]
 
-    def _solve(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[dict[str, Any], Solved | None]:
+    def _solve(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[Step, Solved | None]:
         record: dict[str, Any] = {"prescribed": kind}
         if max(values) <= 0.0:
             return self._nothing({**record, "failure": "no ball is pressed in"}), None
@@ -65,14 +66,14 @@ class LinearStates:
         except ThirdBodyError as error:  # one missing ratio must not end a long finite-strain run
             return self._nothing({**record, "failure": f"linear model: {error}"}), None
         record |= {"seconds": result.solved.seconds, "unknowns": result.solved.unknowns}
-        return Step(result.balls, record).to_dict(), result.solved
+        return Step(result.balls, record), result.solved
 
-    def _nothing(self, record: dict[str, Any]) -> dict[str, Any]:
+    def _nothing(self, record: dict[str, Any]) -> Step:
         nan = math.nan
         balls = tuple(
             BallResult(ball.position, ball.radius, nan, nan, (nan, nan), nan, nan, nan) for ball in self.problem.balls
         )
-        return Step(balls, record).to_dict()
+        return Step(balls, record)
 
 
 def _values(step: Mapping[str, Any], name: str) -> tuple[float, ...]:

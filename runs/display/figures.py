@@ -13,9 +13,11 @@ from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs.display import surface
 from runs.display.numbers import Scale, attraction, leading_ball
-from runs.process.files import replacing
+from runs.display.style import BLUE, GREEN, ORANGE, blank, save_figure
 
-LINEAR, FINITE, APPROACH = "#0072b2", "#d55e00", "#009e73"
+LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
+BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
+"""Markers and error bars of every curve."""
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -29,21 +31,15 @@ def draw_comparison(
     """
     ball = leading_ball(balls)
     path = [row for row in rows if row["ball"] == ball]
-    figure, (forces, factors) = _figure(2)
+    figure = blank(9.6, 4.0)
+    forces, factors = figure.subplots(1, 2)
     load = np.array([row["normal_force"] for row in path]) / scale.force
-    for model, color, marker in (("linear", LINEAR, "s"), ("finite", FINITE, "o")):
+    for model, label, color, marker in (
+        ("linear", "linear (small strain)", LINEAR, "s"), ("finite", "finite strain", FINITE, "o"),
+    ):  # fmt: skip
         force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / scale.force for row in path]
         error = [_float(row[f"tangential_{model}_error"]) / scale.force for row in path]
-        forces.errorbar(
-            load,
-            force,
-            error,
-            color=color,
-            marker=marker,
-            ms=4,
-            capsize=3,
-            label=f"{model} strain" if model == "finite" else "linear (small strain)",
-        )
+        forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
     _label_forces(forces)
     depth = np.array([row["approach"] for row in path]) / scale.radius
     beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
@@ -55,17 +51,8 @@ def draw_comparison(
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
         if not np.any(np.isfinite(ratio)):
             continue  # one ball, or no tangential force above its error
-        factors.errorbar(
-            depth + (beside if key == "approach" else 0.0),
-            ratio,
-            error,
-            color=color,
-            marker=marker,
-            ms=4,
-            capsize=3,
-            ls="none" if between else "-",
-            label=label,
-        )
+        at, line = depth + (beside if key == "approach" else 0.0), "none" if between else "-"
+        factors.errorbar(at, ratio, error, color=color, marker=marker, ls=line, label=label, **BARS)
         x = [row["approach"] / scale.radius for row in between]
         factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
@@ -77,26 +64,21 @@ def draw_comparison(
         factors.legend(frameon=False)
     else:
         factors.text(0.5, 0.5, "no tangential force to compare", transform=factors.transAxes, ha="center")
-    _save(figure, folder, "tangential_force", ("png", "svg"))
+    save_figure(figure, folder, "tangential_force")
 
 
 def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
     """Write tangential_force.png and .svg: T(Q) of one model."""
     ball = leading_ball(steps[-1]["balls"])
     states = [step["balls"][ball] for step in steps]
-    figure, (forces,) = _figure(1)
+    figure = blank(4.8, 4.0)
+    forces = figure.subplots()
     force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / scale.force for state in states]
     error = [_float(state["tangential_force_error"]) / scale.force for state in states]
     load = [state["normal_force"] / scale.force for state in states]
-    forces.errorbar(load, force, error, color=FINITE, marker="o", ms=4, capsize=3, label=NAMES.get(model, model))
+    forces.errorbar(load, force, error, color=FINITE, marker="o", label=NAMES.get(model, model), **BARS)
     _label_forces(forces)
-    _save(figure, folder, "tangential_force", ("png", "svg"))
-
-
-def keep_surface(folder: Path, fields: Any) -> None:
-    """Write surface.npz, the top surface that ``draw_surface`` draws: the picture survives a killed run."""
-    if fields is not None:
-        surface.keep(folder, fields)
+    save_figure(figure, folder, "tangential_force")
 
 
 def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
@@ -104,10 +86,11 @@ def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, An
     top = surface.load(folder)
     if top is None:
         return
-    figure, (above, section) = _stacked()
+    figure = blank(7.0, 7.0)
+    above, section = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
     _draw_pressure(figure, above, top, balls, scale)
     _draw_section(section, top, problem, balls, scale)
-    _save(figure, folder, "surface", ("png",))
+    save_figure(figure, folder, "surface", ("png",))
 
 
 def _draw_pressure(
@@ -115,13 +98,7 @@ def _draw_pressure(
 ) -> None:
     points = top.points / scale.radius
     mesh = axes.tripcolor(
-        points[:, 0],
-        points[:, 1],
-        top.triangles,
-        top.pressure / scale.young,
-        shading="gouraud",
-        cmap="magma_r",
-        vmin=0.0,
+        *points[:, :2].T, top.triangles, top.pressure / scale.young, shading="gouraud", cmap="magma_r", vmin=0.0
     )
     figure.colorbar(mesh, ax=axes, label="contact pressure $p / E_1$", shrink=0.8)
     for ball in balls:
@@ -182,31 +159,6 @@ def _label_forces(axes: Any) -> None:
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes.set_title("T > 0: attraction, T < 0: separation", loc="right", fontsize=10)
     axes.legend(frameon=False)
-
-
-def _figure(panels: int) -> tuple[Any, Any]:
-    figure = _blank(4.8 * panels, 4.0)
-    return figure, np.atleast_1d(figure.subplots(1, panels))
-
-
-def _stacked() -> tuple[Any, Any]:
-    figure = _blank(7.0, 7.0)
-    return figure, figure.subplots(2, 1, height_ratios=(1.6, 1.0))
-
-
-def _blank(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load, no display needed)
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Any, folder: Path, stem: str, kinds: Sequence[str]) -> None:
-    for kind in kinds:
-        with replacing(folder / f"{stem}.{kind}") as draft:
-            figure.savefig(draft, dpi=160, format=kind)
 
 
 def _vector(value: Any) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The common look of the study's figures: fonts, colours for colour-blind readers, marked features."""
+"""The common look of figures: fonts, colours for colour-blind readers, marked features."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from runs.process.files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#666666"
-"""Okabe and Ito's colours, told apart with every kind of colour vision."""
+"""Okabe and Ito's colours, distinguishable with every kind of colour vision."""
 SETTINGS = {
     "font.size": 10,
     "figure.dpi": 100,
@@ -28,30 +28,33 @@ SETTINGS = {
 
 @contextlib.contextmanager
 def look() -> Iterator[None]:
-    """Draw and save inside this context: fonts, spines and legends alike in every figure."""
+    """Draw and save inside this context: the same fonts, spines and legends in every figure."""
     import matplotlib as mpl  # noqa: PLC0415  (slow to load)
 
     with mpl.rc_context(SETTINGS):
         yield
 
 
+def blank(width: float, height: float) -> Any:
+    """Return an empty figure, sides in inches, that needs no display."""
+    from matplotlib.figure import Figure  # noqa: PLC0415  (slow to load)
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
 def panels(*widths: float, height: float = 4.2) -> tuple[Any, Any]:
     """Return a figure and its panels side by side, ``widths`` and ``height`` in inches."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=(sum(widths), height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank(sum(widths), height)
     axes = figure.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
     figure.get_layout_engine().set(w_pad=0.1, wspace=0.03)
     return figure, axes
 
 
-def save_figure(figure: Any, folder: Path, stem: str) -> None:
-    """Write STEM.svg and STEM.png; the SVG keeps its text as text and carries no date."""
-    for kind, more in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 160})):
+def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("svg", "png")) -> None:
+    """Write STEM.svg and STEM.png, or some kinds alone; the SVG carries no date."""
+    for kind in kinds:
         with replacing(folder / f"{stem}.{kind}") as draft:
-            figure.savefig(draft, format=kind, **more)
+            figure.savefig(draft, format=kind, **({"dpi": 160} if kind == "png" else {"metadata": {"Date": None}}))
 
 
 def map_colors() -> dict[str, Any]:
@@ -63,7 +66,7 @@ def map_colors() -> dict[str, Any]:
 
 
 def checked_signs(axes: Any, points: Sequence[tuple[float, float, float]]) -> None:
-    """Mark what the full solver says at points (x, y, T): triangles up attract, triangles down separate."""
+    """Mark the sign of the full solver's T at points (x, y, T): triangles up attract, triangles down separate."""
     for sign, marker, what in ((1.0, "^", "attraction"), (-1.0, "v", "separation")):
         x, y = [p[0] for p in points if p[2] * sign > 0.0], [p[1] for p in points if p[2] * sign > 0.0]
         style = {"color": "black", "mfc": "none", "ms": 7, "clip_on": False, "zorder": 4}

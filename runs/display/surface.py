@@ -65,7 +65,7 @@ def section(top: Surface, positions: Sequence[Sequence[float]]) -> tuple[NDArray
     origin, direction = _line(positions)
     normal = np.array([-direction[1], direction[0]])
     offset = (top.points[:, :2] - origin) @ normal
-    # a line that runs exactly along edges crosses none of them: put it beside the points by a hair
+    # a line that runs exactly along edges crosses none of them: move it off the points by a tiny distance
     span = float(np.ptp(top.points[:, :2], axis=0).max())
     offset = np.where(np.abs(offset) < 1e-9 * span, 1e-9 * span, offset)
     edges = np.unique(np.sort(top.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)

@@ -6,8 +6,8 @@ ball moves along T. Quasi-statically, per unit of sliding path s,
 
     dx_i/ds = T_i / (f Q_i),     s = 4 x amplitude per cycle.
 
-With sigma = s/f as the independent variable f is gone from the equations: it sets the clock and
-nothing else. f is an *effective* coefficient of friction or rolling; the source gives none.
+With sigma = s/f as the independent variable f drops out of the equations: it changes only the time scale.
+f is an *effective* coefficient of friction or rolling; the source gives none.
 
 The direction of the main motion does not enter. A force across the motion drifts a sliding ball as above; for a
 force along it, Coulomb's law alone gives no drift to first order (friction is saturated on that line already), and

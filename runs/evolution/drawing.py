@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runs.display.style import BLUE, GREY, ORANGE, look, save_figure
+from runs.display.style import BLUE, GREY, ORANGE, blank, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at
 from runs.process.files import replacing
@@ -22,7 +22,7 @@ STEEL, EDGE = "#c9d3dc", "#3a4650"
 FRAMES, SECONDS = 60, 6.0
 """Frames of an animation, and how long it takes."""
 ALIKE = 0.03
-"""Way over the whole path's within which two configurations look alike."""
+"""Displacement over that of the whole path below which two configurations look the same."""
 NAMED = 8
 """Largest number of curves that a legend names."""
 NEIGHBOURS = 1.5
@@ -47,7 +47,7 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
             continue
         if apart:
             formed.append(float(moved[k]))
-        elif len(formed) > 1:  # groups that form one after the other, as good as together
+        elif len(formed) > 1:  # groups that form almost at once count as one event
             formed[-1] = float(moved[k])
     wanted = [*(formed if len(formed) < count else formed[:1]), float(moved[-1])]
     while len(wanted) < count:
@@ -75,7 +75,7 @@ def draw_top_views(
             nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
             _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
             _set_frame(axis, path, radii)
-            axis.set_title(f"{_round(nearest['cycle'])} cycles", fontsize=9)
+            axis.set_title(f"{nearest['cycle']:.3g} cycles", fontsize=9)
         _draw_direction(axes[0], direction)
         figure.suptitle(
             "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
@@ -93,7 +93,8 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     gaps = np.array([balls.gaps(np.array(m["positions"])) + balls.distances for m in path])
     near = np.flatnonzero(gaps[0] <= NEIGHBOURS * np.min(gaps[0]))
     with look():
-        figure, (axis,) = _figure(1, (5.6, 3.8))
+        figure = blank(5.6, 3.8)
+        axis = figure.subplots()
         colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(near)))
         for k, color in zip(near, colors, strict=True):
             i, j = balls.pairs[k]
@@ -123,9 +124,10 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     last = path[-1]["cycle"]
     cycles = np.linspace(0.0, last, FRAMES)
     sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
-    x = positions_at(path, sigma)
+    x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
     with look():
-        figure, (axis,) = _figure(1, _size(_frame(path, radii), 3.6))
+        figure = blank(*_size(_frame(path, radii), 3.6))
+        axis = figure.subplots()
         _set_frame(axis, path, radii)
         writer = PillowWriter(fps=round(FRAMES / SECONDS))
         with replacing(folder / "evolution.gif") as draft:
@@ -223,24 +225,11 @@ def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:
     return float(scale * extent[0]) + 0.6, float(scale * extent[1]) + 0.7
 
 
-def _figure(panels: int, size: tuple[float, float]) -> tuple[Any, Any]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(1, panels, squeeze=False)[0]
-
-
 def _grid(count: int, frame: tuple[Array, Array]) -> tuple[Any, list[Any]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
     columns = min(3, count)
     lines = math.ceil(count / columns)
     width, height = _size(frame, 2.3)
-    figure = Figure(figsize=(columns * width, lines * height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank(columns * width, lines * height)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for spare in axes[count:]:
         spare.set_axis_off()
@@ -249,7 +238,3 @@ def _grid(count: int, frame: tuple[Array, Array]) -> tuple[Any, list[Any]]:
 
 def _digits(last: float) -> int:
     return max(0, 1 - math.floor(math.log10(max(last, 1e-9))))
-
-
-def _round(cycle: float) -> str:
-    return f"{cycle:.3g}"

@@ -32,8 +32,8 @@ LANDED = 1e-7
 class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
-    ``resting``: nothing moves any more. ``step`` [m] is the length of the next step: with it the path goes on exactly
-    as if it had not stopped.
+    ``contacts`` numbers the pairs in contact, ``pushes`` [N] are theirs. ``resting``: nothing moves any more. ``step``
+    [m] is the length of the next step: with it the path goes on exactly as if it had not stopped.
     """
 
     sigma: float

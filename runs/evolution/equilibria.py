@@ -43,7 +43,7 @@ DIFFERENCE = 1e-5
 OVERLAP = 1e-9
 """Overlap over touching distance that a step may leave to be restored."""
 NEUTRAL = 1e-6
-"""Largest growth rate over the largest rate of all that is told neither from growth nor from decay."""
+"""Growth rate over the largest rate of all below which it is neither growth nor decay."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ def rigid_motions(x: Array) -> Array:
 def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIFFERENCE) -> Equilibrium:
     """Return the equilibrium next to ``start`` with the contacts that hold there; raises `NotConverged`.
 
-    Pairs that land on the way are held; pushes that come out negative part their contact, and the search goes on
-    without it. ``difference`` of the secants is over the smallest touching distance.
+    Pairs that touch on the way are held together; a contact whose push comes out negative is opened, and the search
+    continues without it. ``difference`` of the secants is over the smallest touching distance.
     """
     state = forces(start)
     held = _holding(balls, start, state.tangential, state.normal)
@@ -100,7 +100,7 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         x = balls.restored(x, state.normal, held)
         state = forces(x)
         jacobian = balls.jacobian(x, held)
-        # mutual forces have no resultant and no moment: what a model leaves of them is error, which no move would mend
+        # mutual forces have no resultant and no moment: a model's are errors, which no move of the balls would remove
         rigid = np.linalg.qr(rigid_motions(x))[0]
         force = state.tangential.ravel() - rigid @ (rigid.T @ state.tangential.ravel())
         pushes = _pushes(jacobian, force)
@@ -137,8 +137,8 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         if float(np.max(np.abs(x - start))) > FURTHEST * touch:
             break
     raise NotConverged(
-        f"equilibria: none within {float(np.max(np.abs(x - start))):.3g} m of the given positions; where the search "
-        f"ended, (T + pushes)/Q is {residual:.1e}"
+        f"equilibria: none within {1e3 * float(np.max(np.abs(x - start))):.3g} mm of the given positions; "
+        f"where the search ended, (T + pushes)/Q is {residual:.1e}"
     )
 
 

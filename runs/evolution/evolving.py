@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import platform
-import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,20 +13,16 @@ import scipy
 from numpy.typing import NDArray
 
 from linear_bem.errors import UnsupportedProblem
-from runs.evolution import outcome
-from runs.evolution.drift import Drift
+from runs.evolution import outcome, showing
+from runs.evolution.drift import Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.providers import DIRECT_ACCURACY, Provider, provider
-from runs.evolution.record import Record, events, summary
-from runs.evolution.start import start
-from runs.models import Model, choose, standing
+from runs.evolution.record import Record, events, gathered_at, summary
 from runs.process import ranks, signals
-from runs.process.json_values import as_given
-from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.progress import tell
-from runs.session.run_folder import RunFolder
-from runs.session.session import Options
+from runs.session.session import Options, Session, conduct
 
 Array = NDArray[np.float64]
 
@@ -40,78 +34,66 @@ TABLES = Path("out/pair-tables")
 """Where tables of pairs are kept for every scene."""
 
 
-class Evolution:
-    """One run of one scene by one model, from its table of forces to its end."""
+def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
+    """Let the balls of ``scene`` drift, save the run and print its outcome."""
+    conduct(open_session(scene, asked, options), lambda s: Evolution(s, tables).complete(), showing.show)
 
-    def __init__(self, scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
-        if scene.reciprocation is None:
-            raise UnsupportedProblem(
-                f"{scene.path}: evolve needs [reciprocation] (amplitude, cycles, friction); add the table, or use solve"
-            )
-        self.scene, self.options, self.tables = scene, options, tables or TABLES
-        self.sliding: ReciprocationTable = scene.reciprocation
-        self.model: Model
-        self.model, self.problem, self.notes = choose(standing(scene), asked)
-        if self.problem.size < 2:
-            raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
-        if scene.budget and not self.model.parallel:
-            unbound = f"[accuracy] {', '.join(scene.budget)}: no bound, as {self.model.name} does not mesh"
-            self.notes = (*self.notes, unbound)
-        self.balls = HardBalls.of(self.problem)
-        self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
-        self.path_per_cycle = 4.0 * self.sliding.amplitude
-        self.steps = 0
-        self.end = self.sliding.cycles * self.path_per_cycle / self.sliding.friction
 
-    def cycles(self, sigma: float) -> float:
-        """Return the number of cycles after which sliding path over friction is sigma [m]."""
-        return sigma * self.sliding.friction / self.path_per_cycle
-
-    def open(self) -> RunFolder:
-        """Return the run's folder (rank 0)."""
-        identity = {
-            "command": "evolve",
-            "format": FORMAT,
-            "model": self.model.name,
-            "problem": dataclasses.asdict(self.problem),
-            "reciprocation": self.sliding.model_dump(),
-            "tangential_force": self.scene.tangential_force,
-        }
-        if self.scene.budget and self.model.parallel:
-            identity["budget"] = self.scene.budget
-        path = self.options.out or Path("out") / f"{self.scene.path.stem}-evolve-{self.model.name}"
-        return RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
-
-    def forces(self) -> Provider:
-        """Return the model's forces; collective over its ranks."""
-        comm = ranks.world() if self.model.parallel else None
-        return provider(
-            self.model,
-            self.problem,
-            self.scene.tangential_force,
-            self.sliding.forces,
-            self.tables,
-            comm,
-            tell,
-            self.scene.budget,
+def open_session(scene: Scene, asked: str | None, options: Options) -> Session:
+    """Return the session of an evolution; raises `UnsupportedProblem` for balls that cannot drift."""
+    if scene.reciprocation is None:
+        raise UnsupportedProblem(
+            f"{scene.path}: evolve needs [reciprocation] (amplitude, cycles, friction); add the table, or use solve"
         )
+    if scene.problem.size < 2:
+        raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
+    HardBalls.of(scene.problem)  # refuses levels that no flat plate imposes
+    return Session("evolve", scene, asked, options, FORMAT)
 
-    def run(self, folder: RunFolder, given: Provider) -> dict[str, Any]:
-        """Return the finished document; what ``folder`` holds of an earlier run is not computed again."""
+
+class Evolution:
+    """The balls of one session: from the forces between them to the end of their path."""
+
+    def __init__(self, session: Session, tables: Path | None = None) -> None:
+        assert session.scene.reciprocation is not None
+        self.session, self.problem, self.tables = session, session.problem, tables or TABLES
+        self.sliding = session.scene.reciprocation
+        self.balls = HardBalls.of(self.problem)
+        self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
+        self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
+        self.end = self.sliding.cycles * self.sliding.path_per_cycle / self.sliding.friction
+        self.steps = 0
+
+    def complete(self, *, pictures: bool = True) -> Document | None:
+        """Follow the balls to their end and return the finished document on rank 0 (collective)."""
+        session = self.session
+        given = provider(
+            session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
+            session.comm, tell, session.scene.budget,
+        )  # fmt: skip
+        if not session.root:
+            return None
+        document = self._run(given)
+        session.save(document, rows(document))
+        if pictures:
+            showing.draw(session, document)
+        session.finish(document["solved"])
+        return document
+
+    def _run(self, given: Provider) -> Document:
+        """Return the finished document; what an earlier run has saved is not computed again."""
         began = time.process_time()
-        earlier = folder.saved() or {}
+        earlier = self.session.saved
         before = float(earlier.get("solved", {}).get("seconds", 0.0))
         self.steps = int(earlier.get("solved", {}).get("iterations", 0))
-        members: list[dict[str, Any]] = list(earlier.get("ensemble", []))
-        record = Record(list(earlier.get("path", [])), earlier.get("continuation"))
-        document: dict[str, Any] = {}
+        members: list[Document] = list(earlier.get("ensemble", []))
+        record = Record.from_dict(earlier, self.balls)
 
-        def note(converged: bool) -> dict[str, Any]:
-            document.update(self._document(record, members, given, converged, before + time.process_time() - began))
-            return document
+        def document(converged: bool) -> Document:
+            return self._document(record, members, given, converged, before + time.process_time() - began)
 
         def keep() -> None:
-            folder.save(note(False), [])
+            self.session.save(document(False), [])
 
         self._follow(record, given, self.sliding.seed, keep)
         members[:1] = [self._member(record, 0)]
@@ -121,32 +103,35 @@ class Evolution:
             self._follow(member, given, self.sliding.seed + number, lambda: None)
             members.append(self._member(member, number))
             keep()
-        note(True)
-        document.update(self._end(record, given))
-        document["solved"]["seconds"] = before + time.process_time() - began
-        return document
+        found = self._end(record.moments, given)
+        return document(True) | found
 
-    def _member(self, record: Record, number: int) -> dict[str, Any]:
-        at_rest = outcome.rest(record.moments)["at_rest"]
-        nominal = np.array([ball.position for ball in self.problem.balls])
-        found = summary(record.moments, self.balls, nominal, at_rest=at_rest)
-        grouped = found.pop("sigma_one_group")
+    def _member(self, record: Record, number: int) -> Document:
+        found = summary(record.moments, self.balls, self._nominal)
+        gathered = gathered_at(record.moments, self.balls)
         return {
             "seed": self.sliding.seed + number,
             **found,
-            "cycles_end": self.cycles(found["sigma_end"]),
-            "cycles_one_group": None if grouped is None else self.cycles(grouped),
+            "cycles_end": self.sliding.cycles_after(found["sigma_end"]),
+            "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
         }
 
-    def _follow(self, record: Record, given: Provider, seed: int, keep: Any) -> None:
-        if record.moments and record.continuation is None:
+    def _start(self, seed: int) -> Array:
+        """Return the positions (balls, 2) [m] of a member: moved at random by up to the perturbation, then parted."""
+        x, shift = self._nominal, self.sliding.perturbation
+        if shift > 0.0:
+            x = x + shift * np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
+        return self.balls.restored(x, np.ones(len(x)), np.zeros(0, dtype=np.intp))
+
+    def _follow(self, record: Record, given: Provider, seed: int, keep: Callable[[], None]) -> None:
+        if record.ended:
             return
         drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
-            path = drift.path(start(self.problem, self.balls, self.sliding.perturbation, seed), self.end)
+            path = drift.path(self._start(seed), self.end)
         else:
-            path = drift.path(np.array(goes_on["positions"]), self.end, goes_on["sigma"], goes_on["step"])
+            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step)
         written = time.monotonic()
         for moment in path:
             signals.check()
@@ -157,20 +142,22 @@ class Evolution:
         self.steps += drift.steps
 
     def _document(
-        self, record: Record, members: list[dict[str, Any]], given: Provider, converged: bool, seconds: float
-    ) -> dict[str, Any]:
-        path = [{"cycle": self.cycles(m["sigma"]), **m} for m in record.moments]
-        notes = [*self.notes, *given.notes]
+        self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float
+    ) -> Document:
+        cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls)
+        notes = [*self.session.notes, *given.notes]
         if not converged:
             notes.append("unfinished: the path has not come to its end; the same command continues it")
+        happened = events(record.moments, self.balls)
+        versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
         return {
-            "scene": as_given(self.scene.data),
-            "model": self.model.name,
-            "balls": outcome.without_pressures(self.problem, path[-1]) if path else [],
+            "scene": as_given(self.session.scene.data),
+            "model": self.session.model.name,
+            "balls": outcome.without_pressures(self.problem, record.moments[-1]),
             "steps": [],
-            "path": path,
-            "continuation": record.continuation,
-            "events": [{"cycle": self.cycles(e["sigma"]), **e} for e in events(path, self.balls)],
+            "path": [{"cycle": cycles(moment["sigma"]), **moment} for moment in kept["path"]],
+            "continuation": kept["continuation"],
+            "events": [{"cycle": cycles(e.sigma), "sigma": e.sigma, "pair": e.pair, "kind": e.kind} for e in happened],
             "ensemble": members,
             "solved": {
                 "converged": converged,
@@ -178,83 +165,32 @@ class Evolution:
                 "unknowns": 2 * self.problem.size,
                 "seconds": seconds,
                 "ranks": ranks.rank_and_size()[1],
-                "versions": {
-                    "python": platform.python_version(),
-                    "numpy": np.__version__,
-                    "scipy": scipy.__version__,
-                },
+                "versions": versions,
                 "notes": notes,
                 "certificate": {},
             },
         }
 
-    def _end(self, record: Record, given: Provider) -> dict[str, Any]:
+    def _end(self, moments: list[Moment], given: Provider) -> Document:
         """Return what is worked out once the path is complete."""
-        moments = record.moments
         forces, balls = given.forces, self.balls
-        begin, end = (np.array(moments[k]["positions"]) for k in (0, -1))
-        found: dict[str, Any] = {
-            "rest": outcome.rest(moments),
+        begin, end = moments[0].positions, moments[-1].positions
+        found: Document = {
+            "rest": outcome.rest(moments[-1]),
             "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance, self.sliding.rest),
             "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
             "pair_equilibria": outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None,
-            "momentum": _momentum(moments),
+            "momentum": outcome.momentum(moments),
             "pair_table": given.table,
             "direct_check": None,
         }
-        if self.model.name != "finite_strain":
-            rows, states = outcome.direct_check(self.problem, forces, moments, DIRECT_ACCURACY)
-            found["direct_check"] = rows
-            if states and self.model.name == "linear_bem":
+        model = self.session.model.name
+        if model != "finite_strain":
+            checks, states = outcome.direct_check(self.problem, forces, moments, DIRECT_ACCURACY)
+            found["direct_check"] = checks
+            if states and model == "linear_bem":
                 found["balls"] = states
         return found
-
-
-def _momentum(moments: list[dict[str, Any]]) -> float:
-    """Return the largest |sum of T| over the largest |T| on the path: the weighted centroid's drift."""
-    worst = 0.0
-    for moment in moments:
-        force = np.array(moment["tangential_force"])
-        largest = float(np.max(np.hypot(*force.T)))
-        worst = max(worst, float(np.hypot(*force.sum(axis=0))) / largest if largest > 0.0 else 0.0)
-    return worst
-
-
-def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
-    """Let the balls of ``scene`` drift, save the run and print its outcome."""
-    evolution = Evolution(scene, asked, options, tables)
-    if not evolution.model.parallel and not ranks.is_root():
-        return
-    folder = evolution.open() if ranks.is_root() else None
-    try:
-        _evolve(evolution, folder)
-    finally:
-        if folder is not None:
-            folder.close()
-
-
-def _evolve(evolution: Evolution, folder: RunFolder | None) -> None:
-    from runs.evolution.showing import draw, show  # noqa: PLC0415
-
-    finished: Mapping[str, Any] | None = folder.finished() if folder is not None else None
-    if evolution.model.parallel:
-        ranks.world()
-        finished = ranks.share(finished)
-    if finished is None:
-        if folder is not None:
-            folder.log(" ".join(sys.argv))
-        given = evolution.forces()
-        if folder is not None:
-            finished = evolution.run(folder, given)
-            folder.save(finished, rows(finished))
-            draw(folder.path, evolution, finished)
-            folder.log(f"finished in {finished['solved']['seconds']:.1f} s of processor time")
-            folder.finish()
-    else:
-        tell("this run is complete already: its saved result is shown (--fresh computes anew)")
-    if folder is not None and finished is not None:
-        show(evolution, finished)
-        tell(f"results are in {folder.path}")
 
 
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

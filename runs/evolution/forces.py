@@ -36,10 +36,10 @@ def at(problem: Problem, positions: Array) -> Problem:
 
 
 class DirectForces:
-    """The full linear model at every positions asked for: exact for many balls and any sizes.
+    """The full linear model at any positions: exact for many balls of any sizes.
 
     Each state starts from the one before (`linear_bem.ContactSequence`), so that states agree to ``accuracy``, not to
-    the last digit, between runs that came by different ways.
+    the last digit, between runs that reached them by different paths.
     """
 
     def __init__(self, problem: Problem, accuracy: float) -> None:

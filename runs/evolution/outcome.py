@@ -1,4 +1,4 @@
-"""What came of an evolution: rest or not, the equilibrium next to its end, errors of positions and of forces."""
+"""The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ from numpy.typing import NDArray
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from runs.evolution import equilibria
-from runs.evolution.drift import Drift
-from runs.evolution.forces import Forces, State, at
+from runs.evolution.drift import Drift, Moment
+from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
-from runs.evolution.record import Record, positions_at
+from runs.evolution.record import Record, arrays, positions_at
+from runs.process.json_values import Document
 
 Array = NDArray[np.float64]
 
 COARSER = 10.0
-"""Tolerance of the second run, over that of the first, whose difference tells the error of positions."""
+"""Tolerance of a second run over that of the first; their difference is the error of the positions."""
 FURTHEST = 12.0
 """Distance over the touching one up to which the equilibria of a pair are looked for."""
 
 
-def rest(moments: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def rest(end: Moment) -> Document:
     """Return whether nothing moves any more, and what is left: largest (T + pushes)/Q and |T|/Q."""
-    end = moments[-1]
-    force = np.hypot(*np.array(end["tangential_force"]).T)
-    left = float(np.max(force / resistances(np.array(end["normal_force"]))))
-    return {"at_rest": end["resting"], "speed": end["speed"], "force_over_load": left}
+    left = float(np.max(np.hypot(*end.state.tangential.T) / resistances(end.state.normal)))
+    return {"at_rest": end.resting, "speed": end.speed, "force_over_load": left}
 
 
 def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str:
@@ -44,36 +43,42 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str
 
 
 def position_error(
-    moments: Sequence[Mapping[str, Any]], forces: Forces, balls: HardBalls, begin: Array, tolerance: float, rest: float
+    moments: Sequence[Moment], forces: Forces, balls: HardBalls, begin: Array, tolerance: float, rest: float
 ) -> float:
     """Return the largest difference [m] of any position at any kept moment from a run with a coarser tolerance."""
     coarse = Record()
-    end = float(moments[-1]["sigma"])
+    end = moments[-1].sigma
     drift = Drift(forces, balls, COARSER * tolerance, rest)
     for moment in drift.path(begin, end):
         coarse.take(moment, balls, last=moment.resting or moment.sigma >= end)
-    sigma = np.array([m["sigma"] for m in moments])
-    fine = np.array([m["positions"] for m in moments])
+    fine, rough = arrays(moments), arrays(coarse.moments)
     # kept moments differ between the runs: linear interpolation must not count as an error of either
-    both = np.union1d(sigma, [m["sigma"] for m in coarse.moments])
-    close = _interpolation_error(coarse.moments, balls)
-    difference = positions_at(coarse.moments, both) - positions_at(moments, both)
-    ends = np.abs(positions_at(coarse.moments, sigma[-1:])[0] - fine[-1])
-    return float(max(np.max(ends), np.max(np.abs(difference)) - close))
+    both = np.union1d(fine[0], rough[0])
+    difference = positions_at(both, *rough) - positions_at(both, *fine)
+    ends = np.abs(positions_at(fine[0][-1:], *rough)[0] - fine[1][-1])
+    return float(max(np.max(ends), np.max(np.abs(difference)) - _interpolation_error(*rough)))
 
 
-def _interpolation_error(moments: Sequence[Mapping[str, Any]], balls: HardBalls) -> float:
+def _interpolation_error(sigma: Array, x: Array) -> float:
     """Return a bound of what linear interpolation between kept moments adds [m], from every second of them."""
-    if len(moments) < 3:
+    if len(x) < 3:
         return 0.0
-    sigma = np.array([m["sigma"] for m in moments])
-    x = np.array([m["positions"] for m in moments])
-    skipped = positions_at(moments[::2], sigma[1:-1:2])
+    skipped = positions_at(sigma[1:-1:2], sigma[::2], x[::2])
     return float(np.max(np.abs(skipped - x[1:-1:2]))) / 4.0
 
 
-def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> dict[str, Any]:
-    """Return the equilibrium next to ``end``, its stability and its distance from the end [m]; or why there is none.
+def momentum(moments: Sequence[Moment]) -> float:
+    """Return the largest |sum of T| over the largest |T| on the path: the weighted centroid's drift."""
+    worst = 0.0
+    for moment in moments:
+        force = moment.state.tangential
+        largest = float(np.max(np.hypot(*force.T)))
+        worst = max(worst, float(np.hypot(*force.sum(axis=0))) / largest if largest > 0.0 else 0.0)
+    return worst
+
+
+def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> Document:
+    """Return the equilibrium nearest to ``end``, its stability and its distance from the end [m]; or why there is none.
 
     ``difference`` as in `runs.evolution.equilibria.find`.
     """
@@ -93,7 +98,7 @@ def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float)
     }
 
 
-def pair_equilibria(forces: Forces, balls: HardBalls) -> list[dict[str, Any]]:
+def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
     """Return every distance [m] at which two balls rest, and whether they come back to it."""
     touch = float(balls.distances[0])
     found = equilibria.of_pair(forces, touch, FURTHEST * touch)
@@ -101,18 +106,17 @@ def pair_equilibria(forces: Forces, balls: HardBalls) -> list[dict[str, Any]]:
 
 
 def direct_check(
-    problem: Problem, forces: Forces, moments: Sequence[Mapping[str, Any]], accuracy: float
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    problem: Problem, forces: Forces, moments: Sequence[Moment], accuracy: float
+) -> tuple[list[Document], list[Document]]:
     """Return how far the forces are from the full linear model at start and end, and the end's balls by that model."""
     from linear_bem import solve  # noqa: PLC0415
 
-    rows: list[dict[str, Any]] = []
-    balls: list[dict[str, Any]] = []
+    rows: list[Document] = []
+    balls: list[Document] = []
     for name, moment in (("start", moments[0]), ("end", moments[-1])):
-        x = np.array(moment["positions"])
-        state: State = forces(x)
+        state = forces(moment.positions)
         try:
-            full = solve(at(problem, x), tangential_force=accuracy)
+            full = solve(at(problem, moment.positions), tangential_force=accuracy)
         except NotConverged as error:
             rows.append({"at": name, "share": math.nan, "reason": str(error)})
             balls = []
@@ -130,16 +134,17 @@ def direct_check(
     return rows, balls
 
 
-def without_pressures(problem: Problem, moment: Mapping[str, Any]) -> list[dict[str, Any]]:
+def without_pressures(problem: Problem, moment: Moment) -> list[Document]:
     """Return the balls of a state whose forces are known and whose pressures are not: those are null."""
+    state = moment.state
     return [
         {
-            "position": moment["positions"][i],
+            "position": moment.positions[i].tolist(),
             "radius": ball.radius,
             "approach": problem.load.values[i],
-            "normal_force": moment["normal_force"][i],
-            "tangential_force": moment["tangential_force"][i],
-            "tangential_force_error": moment["tangential_force_error"][i],
+            "normal_force": float(state.normal[i]),
+            "tangential_force": state.tangential[i].tolist(),
+            "tangential_force_error": float(state.error[i]),
             "peak_pressure": None,
             "contact_area": None,
             "tangential_force_routes": {},

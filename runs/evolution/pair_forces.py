@@ -20,7 +20,7 @@ ratios stay as they are: T follows the linear decay.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,6 +117,7 @@ class PairForces:
     def __init__(self, problem: Problem, singles: Sequence[SingleBall], law: PairLaw, share: float = 0.0) -> None:
         self.problem, self.singles, self.law, self.share = problem, list(singles), law, share
         self._kinds = [(s, [i for i, t in enumerate(self.singles) if t is s]) for s in dict.fromkeys(self.singles)]
+        self._forces, self._approaches = self._of_each_kind(SingleBall.force), self._of_each_kind(SingleBall.approach)
 
     def __call__(self, positions: Array) -> State:
         """Return the state at ``positions``; raises `NotConverged`."""
@@ -133,14 +134,11 @@ class PairForces:
         largest = float(np.max(np.hypot(*tangential.T)))
         return State(tangential, normal, np.full(len(normal), self.share * largest))
 
-    def _forces(self, approaches: Array) -> Array:
-        out = np.zeros(len(approaches))
-        for single, members in self._kinds:
-            out[members] = single.force(approaches[members])
-        return out
+    def _of_each_kind(self, relation: Callable[[SingleBall, Array], Array]) -> Callable[[Array], Array]:
+        def of_balls(values: Array) -> Array:
+            out = np.zeros(len(values))
+            for single, members in self._kinds:
+                out[members] = relation(single, values[members])
+            return out
 
-    def _approaches(self, forces: Array) -> Array:
-        out = np.zeros(len(forces))
-        for single, members in self._kinds:
-            out[members] = single.approach(forces[members])
-        return out
+        return of_balls

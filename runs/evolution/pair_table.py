@@ -1,4 +1,4 @@
-"""A table of what one ball and two balls do, computed once by any model, kept in a file and resumable.
+"""A table of the states of one ball and of pairs, computed once by any model, kept in a file and resumable.
 
 The file belongs to a material, a ball, an approach, a model and its accuracy, not to a scene: every scene with the same
 layer, ball and approach shares it.
@@ -6,13 +6,12 @@ layer, ball and approach shares it.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,12 @@ from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
 from runs.process import ranks
-from runs.process.files import replacing
-from runs.process.json_values import plain, to_json
+from runs.process.files import write_text
+from runs.process.json_values import Document, plain, to_json
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
-"""Problem, folder where a run that takes minutes keeps what it needs to go on after a kill, load fractions answered."""
+"""Problem, folder in which a run of minutes keeps what it needs to resume, load fractions that are answered."""
 
 FORMAT = 1
 """Changes whenever older tables must not be used any more."""
@@ -44,6 +43,61 @@ ARRANGEMENTS = {
     "four in a square": ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)),
 }
 """Touching balls, in sums of their radii, on which additivity is measured."""
+
+
+@dataclass(frozen=True)
+class SingleStates:
+    """One ball alone: approaches [m], normal forces [N], and the time [s] that they took."""
+
+    approaches: tuple[float, ...]
+    normal_forces: tuple[float, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class PairState:
+    """Two balls at a distance [m]: Q of each, T towards the other and its error [N]."""
+
+    distance: float
+    normal_force: float
+    tangential_force: float
+    tangential_force_error: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Additivity:
+    """Three or four balls: the largest T and its error [N], and over it what simpler laws are off by.
+
+    ``coupled``: T of the coupled pairs that `runs.evolution.pair_forces` takes, ``coupled_load`` their Q over Q,
+    ``bare_sum``: T as the sum of pair forces.
+    """
+
+    arrangement: str
+    tangential_force: float
+    tangential_force_error: float
+    coupled: float
+    coupled_load: float
+    bare_sum: float
+    seconds: float
+
+
+@dataclass
+class States:
+    """What a table holds so far."""
+
+    single: SingleStates | None = None
+    pairs: list[PairState] = field(default_factory=list)
+    additivity: list[Additivity] = field(default_factory=list)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> States:
+        """Return the states of a table's JSON object."""
+        return cls(
+            SingleStates(**data["single"]) if data["single"] else None,
+            [PairState(**row) for row in data["pairs"]],
+            [Additivity(**row) for row in data["additivity"]],
+        )
 
 
 class PairTable:
@@ -61,9 +115,9 @@ class PairTable:
         identity = {
             "format": FORMAT,
             "model": model,
-            "layer": dataclasses.asdict(problem.layer),
-            "substrate": dataclasses.asdict(problem.substrate) if problem.substrate else None,
-            "finite_strain": dataclasses.asdict(problem.finite_strain) if problem.finite_strain else None,
+            "layer": asdict(problem.layer),
+            "substrate": asdict(problem.substrate) if problem.substrate else None,
+            "finite_strain": asdict(problem.finite_strain) if problem.finite_strain else None,
             "radius": self.ball.radius,
             "shape": self.ball.shape,
             "approach": self.approach,
@@ -73,47 +127,47 @@ class PairTable:
         self.identity = plain(identity, infinity="inf")
         digest = hashlib.sha256(json.dumps(self.identity, sort_keys=True).encode()).hexdigest()[:12]
         self.path = folder / f"{model}-{digest}.json"
-        self.data: dict[str, Any] = self._read()
+        self.states = self._read()
 
-    def _read(self) -> dict[str, Any]:
+    def _read(self) -> States:
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            data = {}
-        if data.get("identity") != self.identity:
-            data = {"identity": self.identity, "single": None, "pairs": [], "additivity": []}
-        return data
+            return States()
+        return States.from_dict(data) if data.get("identity") == self.identity else States()
+
+    @property
+    def data(self) -> Document:
+        """The JSON object of the table."""
+        return {"identity": self.identity, **asdict(self.states)}
 
     @property
     def missing(self) -> int:
         """Number of runs that are still to be done."""
-        done = (self.data["single"] is not None) + len(self.data["pairs"]) + len(self.data["additivity"])
+        done = (self.states.single is not None) + len(self.states.pairs) + len(self.states.additivity)
         return 1 + len(self.distances) + len(ARRANGEMENTS) - done
 
     def complete(self, tell: Callable[[str], None] = lambda text: None) -> None:
         """Do the runs that are missing, one by one, and write each down (collective over the model's ranks)."""
-        self.data = ranks.share(self.data)
-        if self.data["single"] is None:
-            self._note("single", self._single(), tell, "one ball alone")
-        known = {row["distance"] for row in self.data["pairs"]}
-        for distance in self.distances:
-            if distance not in known:
-                words = f"centre distance {distance / self.touch:.3g} (R1 + R2)"
-                self._note("pairs", self._pair(distance), tell, words)
-        for name, places in ARRANGEMENTS.items():
-            if name not in {row["arrangement"] for row in self.data["additivity"]}:
-                self._note("additivity", self._additivity(name, places), tell, name)
+        self.states = states = ranks.share(self.states)
 
-    def _note(self, part: str, found: dict[str, Any], tell: Callable[[str], None], words: str) -> None:
-        if part == "single":
-            self.data[part] = found
-        else:
-            self.data[part].append(found)
-        if ranks.is_root():
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(self.path) as draft:
-                draft.write_text(to_json(self.data), encoding="utf-8")
-            tell(f"pair table: {words} ({found['seconds']:.1f} s); {self.missing} runs to go")
+        def keep(words: str, seconds: float) -> None:
+            if ranks.is_root():
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                write_text(self.path, to_json(self.data))
+                tell(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}")
+
+        if states.single is None:
+            states.single = self._single()
+            keep("one ball alone", states.single.seconds)
+        for distance in self.distances:
+            if distance not in {pair.distance for pair in states.pairs}:
+                states.pairs.append(self._pair(distance))
+                keep(f"centre distance {distance / self.touch:.3g} (R1 + R2)", states.pairs[-1].seconds)
+        for name, places in ARRANGEMENTS.items():
+            if name not in {found.arrangement for found in states.additivity}:
+                states.additivity.append(self._additivity(name, places))
+                keep(name, states.additivity[-1].seconds)
 
     def _placed(self, places: tuple[tuple[float, float], ...], approach: float) -> Problem:
         balls = tuple(replace(self.ball, position=place) for place in places)
@@ -122,7 +176,7 @@ class PairTable:
     def _solved(
         self, places: tuple[tuple[float, float], ...], approach: float, steps: Sequence[float] = (1.0,)
     ) -> Result:
-        """Return the model's answer; its workspace, there for a run of minutes, is gone once it is complete."""
+        """Return the model's answer; the workspace of a run of minutes is deleted once that is complete."""
         problem = self._placed(places, approach)
         if not self.slow:
             return self.solve(problem, None, steps)
@@ -132,27 +186,27 @@ class PairTable:
             shutil.rmtree(workspace, ignore_errors=True)
         return result
 
-    def _single(self) -> dict[str, Any]:
+    def _single(self) -> SingleStates:
         begun = time.perf_counter()
         path = self._solved(((0.0, 0.0),), DEPTHS[-1] * self.approach, [d / DEPTHS[-1] for d in DEPTHS]).steps
         states = sorted((s.balls[0].approach, s.balls[0].normal_force) for s in path if s.balls[0].normal_force > 0.0)
         if len(states) < 4:
             raise NotConverged(f"pair table: the single ball's load path has only {len(states)} states")
         approaches, forces = zip(*states, strict=True)
-        return {"approaches": approaches, "normal_forces": forces, "seconds": time.perf_counter() - begun}
+        return SingleStates(approaches, forces, time.perf_counter() - begun)
 
-    def _pair(self, distance: float) -> dict[str, Any]:
+    def _pair(self, distance: float) -> PairState:
         begun = time.perf_counter()
         balls = self._solved(((-0.5 * distance, 0.0), (0.5 * distance, 0.0)), self.approach).balls
-        return {
-            "distance": distance,
-            "normal_force": 0.5 * (balls[0].normal_force + balls[1].normal_force),
-            "tangential_force": 0.5 * (balls[0].tangential_force[0] - balls[1].tangential_force[0]),
-            "tangential_force_error": max(ball.tangential_force_error for ball in balls),
-            "seconds": time.perf_counter() - begun,
-        }
+        return PairState(
+            distance,
+            normal_force=0.5 * (balls[0].normal_force + balls[1].normal_force),
+            tangential_force=0.5 * (balls[0].tangential_force[0] - balls[1].tangential_force[0]),
+            tangential_force_error=max(ball.tangential_force_error for ball in balls),
+            seconds=time.perf_counter() - begun,
+        )
 
-    def _additivity(self, name: str, places: tuple[tuple[float, float], ...]) -> dict[str, Any]:
+    def _additivity(self, name: str, places: tuple[tuple[float, float], ...]) -> Additivity:
         begun = time.perf_counter()
         scaled = tuple((x * self.touch, y * self.touch) for x, y in places)
         problem = self._placed(scaled, self.approach)
@@ -162,15 +216,15 @@ class PairTable:
         largest = float(np.max(np.hypot(*true.T)))
         coupled = PairForces(problem, [self.single()] * len(balls), self.law())(positions)
         load = np.array([ball.normal_force for ball in balls])
-        return {
-            "arrangement": name,
-            "tangential_force": largest,
-            "tangential_force_error": max(ball.tangential_force_error for ball in balls),
-            "coupled": float(np.max(np.abs(coupled.tangential - true))) / largest,
-            "coupled_load": float(np.max(np.abs(coupled.normal - load) / load)),
-            "bare_sum": float(np.max(np.abs(self._bare_sum(positions) - true))) / largest,
-            "seconds": time.perf_counter() - begun,
-        }
+        return Additivity(
+            name,
+            tangential_force=largest,
+            tangential_force_error=max(ball.tangential_force_error for ball in balls),
+            coupled=float(np.max(np.abs(coupled.tangential - true))) / largest,
+            coupled_load=float(np.max(np.abs(coupled.normal - load) / load)),
+            bare_sum=float(np.max(np.abs(self._bare_sum(positions) - true))) / largest,
+            seconds=time.perf_counter() - begun,
+        )
 
     def _bare_sum(self, positions: Array) -> Array:
         """Return the sum of pair forces (balls, 2) [N], each as if the other balls were not there."""
@@ -186,14 +240,15 @@ class PairTable:
 
     def single(self) -> SingleBall:
         """Return the relation of force and approach of one ball."""
-        return SingleBall(self.data["single"]["approaches"], self.data["single"]["normal_forces"])
+        assert self.states.single is not None
+        return SingleBall(self.states.single.approaches, self.states.single.normal_forces)
 
     def law(self) -> PairLaw:
         """Return influence and pull over distance."""
-        rows = sorted(self.data["pairs"], key=lambda row: row["distance"])
-        distances = np.array([row["distance"] for row in rows])
-        load = np.array([row["normal_force"] for row in rows])
-        pull = np.array([row["tangential_force"] for row in rows]) / load**2
+        pairs = sorted(self.states.pairs, key=lambda pair: pair.distance)
+        distances = np.array([pair.distance for pair in pairs])
+        load = np.array([pair.normal_force for pair in pairs])
+        pull = np.array([pair.tangential_force for pair in pairs]) / load**2
         influence = (self.approach - self.single().approach(load)) / load
         k, c, k_size, c_size = PairLaw(self.problem).linear(distances)
         return PairLaw(
@@ -203,8 +258,16 @@ class PairTable:
 
     def forces(self) -> PairForces:
         """Return the forces of the problem's balls at any positions."""
-        share = max(row["coupled"] for row in self.data["additivity"])
-        return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), share)
+        return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled)
+
+    def worst(self) -> Additivity:
+        """Return the arrangement on which the forces are farthest from the model's."""
+        return max(self.states.additivity, key=lambda found: found.coupled)
+
+
+def runs_left(count: int) -> str:
+    """Return "1 run to go"."""
+    return f"{count} run{'' if count == 1 else 's'} to go"
 
 
 def _common_ball(problem: Problem) -> tuple[Ball, float]:

@@ -1,4 +1,4 @@
-"""Which forces a model gives to an evolution: made once, then asked thousands of times."""
+"""The forces that a model gives to an evolution: set up once, then evaluated thousands of times."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from linear_bem.result import Result
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
-from runs.evolution.pair_table import DEPTHS, PairTable
+from runs.evolution.pair_table import DEPTHS, PairTable, runs_left
 from runs.models import Model, Run
 from runs.process import ranks
+from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
 
 PAIR_ACCURACY = 1e-3
@@ -24,19 +25,19 @@ DIRECT_ACCURACY = 1e-2
 """Relative accuracy of T at every step, where the scene asks for none."""
 
 DIRECT_DIFFERENCE = 1e-3
-"""Difference over the touching distance that stands out from what states of that accuracy differ by."""
+"""Length of secants over the touching distance across which T changes by more than states of that accuracy differ."""
 
 
 @dataclass(frozen=True)
 class Provider:
-    """Forces, the sentences that say what they are, the table behind them, and whether they can be asked at leisure.
+    """Forces, notes on what they are, the table that they come from, and whether they are cheap to evaluate.
 
     ``difference`` is the length over the touching distance of the secants that give derivatives of T.
     """
 
     forces: Forces
     notes: tuple[str, ...]
-    table: dict[str, Any] | None = None
+    table: Document | None = None
     cheap: bool = True
     difference: float = DIFFERENCE
 
@@ -71,12 +72,12 @@ def provider(
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
     if ranks.is_root() and table.missing:
-        tell(f"pair table {table.path}: {table.missing} runs of {model.name} to go")
+        tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}")
     table.complete(tell)
-    worst = max(table.data["additivity"], key=lambda row: float(row["coupled"]))
+    worst = table.worst()
     note = (
-        f"forces from the pair table {table.path.name}: on {worst['arrangement']} T differs from the full model by "
-        f"{100.0 * worst['coupled']:.2g} % of the largest (bare sum of pair forces: {100.0 * worst['bare_sum']:.2g} %)"
+        f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "
+        f"{100.0 * worst.coupled:.2g} % of the largest (bare sum of pair forces: {100.0 * worst.bare_sum:.2g} %)"
     )
     return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
 

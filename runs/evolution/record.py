@@ -1,16 +1,18 @@
-"""The path as it is kept: moments worth keeping, in JSON's shape, and what happened on it."""
+"""The path as it is kept: the moments worth keeping, their JSON, and when balls touched and parted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runs.evolution.drift import Moment
+from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
+from runs.process.json_values import Document
 
 Array = NDArray[np.float64]
 
@@ -22,89 +24,151 @@ NEIGHBOURS = 1.2
 """Starting distance over the smallest one up to which two balls are neighbours."""
 
 
+@dataclass(frozen=True)
+class Continuation:
+    """Where a path resumes exactly as if it had not stopped: sigma [m], positions (balls, 2) [m], next step [m]."""
+
+    sigma: float
+    positions: Array
+    step: float
+
+
 @dataclass
 class Record:
-    """The kept moments of one path; ``continuation`` is where it goes on."""
+    """The kept moments of one path; ``continuation`` is where it resumes, None at its start and at its end."""
 
-    moments: list[dict[str, Any]] = field(default_factory=list)
-    continuation: dict[str, Any] | None = None
+    moments: list[Moment] = field(default_factory=list)
+    continuation: Continuation | None = None
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any], balls: HardBalls) -> Record:
+        """Return the record of a saved document, with its keys "path" and "continuation"; empty where they are not."""
+        goes_on = document.get("continuation")
+        if goes_on is not None:
+            goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"])
+        return cls([_from_dict(moment, balls) for moment in document.get("path", [])], goes_on)
+
+    def to_dict(self, balls: HardBalls) -> Document:
+        """Return the JSON object that `from_dict` reads."""
+        goes_on = self.continuation
+        return {
+            "path": [to_dict(moment, balls) for moment in self.moments],
+            "continuation": None
+            if goes_on is None
+            else {"sigma": goes_on.sigma, "positions": goes_on.positions.tolist(), "step": goes_on.step},
+        }
+
+    @property
+    def ended(self) -> bool:
+        """Whether the path has come to its end."""
+        return bool(self.moments) and self.continuation is None
 
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
-        """Keep the moment if it is worth it, and where the path goes on in any case."""
-        x = moment.positions
-        self.continuation = None if last else {"sigma": moment.sigma, "positions": x.tolist(), "step": moment.step}
-        contacts = balls.pairs[moment.contacts].tolist()
+        """Keep the moment if it is worth it, and in any case where the path resumes."""
+        self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step)
         if self.moments and not last:
             before = self.moments[-1]
-            moved = float(np.max(np.abs(x - np.array(before["positions"]))))
-            if moved < WORTH_KEEPING * float(np.min(balls.distances, initial=1.0)) and contacts == before["contacts"]:
+            moved = float(np.max(np.abs(moment.positions - before.positions)))
+            worth_keeping = WORTH_KEEPING * float(np.min(balls.distances, initial=1.0))
+            if moved < worth_keeping and np.array_equal(moment.contacts, before.contacts):
                 return
-        if self.moments and moment.sigma <= self.moments[-1]["sigma"]:
+        if self.moments and moment.sigma <= self.moments[-1].sigma:
             self.moments.pop()
-        self.moments.append(
-            {
-                "sigma": moment.sigma,
-                "positions": x.tolist(),
-                "tangential_force": moment.state.tangential.tolist(),
-                "tangential_force_error": moment.state.error.tolist(),
-                "normal_force": moment.state.normal.tolist(),
-                "contacts": contacts,
-                "pushes": moment.pushes.tolist(),
-                "speed": moment.speed,
-                "resting": moment.resting,
-            }
-        )
+        self.moments.append(moment)
 
 
-def positions_at(moments: Sequence[Mapping[str, Any]], sigma: Array) -> Array:
-    """Return positions (times, balls, 2) [m] at any sigma, linear between kept moments, at rest after the last."""
-    at = np.array([m["sigma"] for m in moments])
-    x = np.array([m["positions"] for m in moments])
-    flat = x.reshape(len(x), -1)
-    return np.stack([np.interp(sigma, at, column) for column in flat.T], axis=1).reshape(len(sigma), *x.shape[1:])
+def to_dict(moment: Moment, balls: HardBalls) -> Document:
+    """Return the JSON object of a moment, without the next step."""
+    return {
+        "sigma": moment.sigma,
+        "positions": moment.positions.tolist(),
+        "tangential_force": moment.state.tangential.tolist(),
+        "tangential_force_error": moment.state.error.tolist(),
+        "normal_force": moment.state.normal.tolist(),
+        "contacts": balls.pairs[moment.contacts].tolist(),
+        "pushes": moment.pushes.tolist(),
+        "speed": moment.speed,
+        "resting": moment.resting,
+    }
 
 
-def events(moments: Sequence[Mapping[str, Any]], balls: HardBalls) -> list[dict[str, Any]]:
-    """Return when pairs came into contact and parted: sigma [m], pair, "touch" or "part"; contacts at the start too.
+def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:
+    numbers = {(i, j): number for number, (i, j) in enumerate(balls.pairs.tolist())}
+    state = State(*(np.array(data[key]) for key in ("tangential_force", "normal_force", "tangential_force_error")))
+    contacts = np.array([numbers[i, j] for i, j in data["contacts"]], dtype=np.intp)
+    return Moment(
+        data["sigma"], np.array(data["positions"]), state, contacts, np.array(data["pushes"]), data["speed"],
+        np.nan, data["resting"],
+    )  # fmt: skip
+
+
+def positions_at(sigma: Array, at: Array, x: Array) -> Array:
+    """Return positions (times, balls, 2) [m] at any sigma, linear between moments ``at``, at rest after the last.
+
+    ``x`` (moments, balls, 2) [m] are the positions at the moments.
+    """
+    columns = x.reshape(len(x), -1).T
+    return np.stack([np.interp(sigma, at, column) for column in columns], axis=1).reshape(len(sigma), *x.shape[1:])
+
+
+def arrays(moments: Sequence[Moment]) -> tuple[Array, Array]:
+    """Return sigma (moments,) [m] and positions (moments, balls, 2) [m]."""
+    return np.array([m.sigma for m in moments]), np.array([m.positions for m in moments])
+
+
+@dataclass(frozen=True)
+class Event:
+    """A pair of balls that comes into contact or parts at ``sigma`` [m]."""
+
+    sigma: float
+    pair: tuple[int, int]
+    kind: Literal["touch", "part"]
+
+
+def events(moments: Sequence[Moment], balls: HardBalls) -> list[Event]:
+    """Return when pairs came into contact and parted, contacts at the start too.
 
     A pair has parted when its gap exceeds a thousandth of the touching distance.
     """
     together: set[tuple[int, int]] = set()
-    out: list[dict[str, Any]] = []
+    out: list[Event] = []
     for moment in moments:
-        now = {(int(i), int(j)) for i, j in moment["contacts"]}
-        gaps = balls.gaps(np.array(moment["positions"]))
+        now = {(int(i), int(j)) for i, j in balls.pairs[moment.contacts]}
+        gaps = balls.gaps(moment.positions)
         apart = {(int(i), int(j)) for i, j in balls.pairs[gaps > APART * balls.distances]}
-        out += [{"sigma": moment["sigma"], "pair": list(pair), "kind": "touch"} for pair in sorted(now - together)]
-        out += [{"sigma": moment["sigma"], "pair": list(pair), "kind": "part"} for pair in sorted(together & apart)]
+        out += [Event(moment.sigma, pair, "touch") for pair in sorted(now - together)]
+        out += [Event(moment.sigma, pair, "part") for pair in sorted(together & apart)]
         together = (together | now) - apart
     return out
 
 
-def summary(moments: Sequence[Mapping[str, Any]], balls: HardBalls, nominal: Array, *, at_rest: bool) -> dict[str, Any]:
+def gathered_at(moments: Sequence[Moment], balls: HardBalls) -> float | None:
+    """Return sigma [m] from which all balls are one group; None where they never are."""
+    return next((m.sigma for m in moments if len(balls.groups(m.positions)) == 1), None)
+
+
+def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Document:
     """Return the end of a path in a few numbers, for comparing members of an ensemble.
 
     Neighbours are those of the ``nominal`` positions (balls, 2) [m], before any perturbation.
     """
-    x = np.array(moments[-1]["positions"])
-    contacts = moments[-1]["contacts"]
-    touches = [e for e in events(moments, balls) if e["kind"] == "touch"]
-    grouped = next((m["sigma"] for m in moments if len(balls.groups(np.array(m["positions"]))) == 1), None)
-    sizes = [sorted((len(g) for g in balls.groups(np.array(m["positions"]))), reverse=True) for m in moments]
+    end = moments[-1]
+    x = end.positions
+    touches = [event for event in events(moments, balls) if event.kind == "touch"]
+    sizes = [sorted((len(group) for group in balls.groups(m.positions)), reverse=True) for m in moments]
     first = balls.gaps(nominal) + balls.distances
     beside = np.flatnonzero(first <= NEIGHBOURS * np.min(first))
     centred = x - x.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
     return {
-        "at_rest": at_rest,
-        "sigma_end": moments[-1]["sigma"],
-        "sigma_one_group": grouped,
+        "at_rest": end.resting,
+        "sigma_end": end.sigma,
         "group_sizes": [now for k, now in enumerate(sizes) if k == 0 or now != sizes[k - 1]],
         "neighbours": len(beside),
         "neighbours_kept": int(np.sum(balls.gaps(x, beside) <= APART * balls.distances[beside])),
-        "first_pairs": [e["pair"] for e in touches[:4]],
-        "contacts": len(contacts),
-        "groups": sorted((len(g) for g in balls.groups(x)), reverse=True),
+        "first_pairs": [list(event.pair) for event in touches[:4]],
+        "contacts": len(end.contacts),
+        "groups": sizes[-1],
         "narrow_over_wide": float(spread[0] / spread[1]) if spread[1] > 0.0 else 1.0,
         "positions": x.tolist(),
     }

@@ -1,50 +1,50 @@
-"""What ``evolve`` prints and draws at its end."""
+"""What ``evolve`` prints and draws when it ends."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
+from linear_bem.problem import Problem
 from runs.display import tables
-from runs.display.numbers import Scale, number
+from runs.display.numbers import number
 from runs.evolution import drawing, outcome
-from runs.process.json_values import to_json
+from runs.evolution.hard_balls import HardBalls
+from runs.process.json_values import Document
+from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.session.session import Session
 
 
-def draw(folder: Path, evolution: Any, document: Mapping[str, Any]) -> None:
+def draw(session: Session, document: Document) -> None:
     """Write every picture of the run."""
-    radii = [ball.radius for ball in evolution.problem.balls]
-    drawing.draw_top_views(folder, document, evolution.balls, radii, evolution.sliding.direction)
-    drawing.draw_distances(folder, document, evolution.balls)
-    drawing.draw_animation(folder, document, radii, evolution.sliding.direction)
+    assert session.scene.reciprocation is not None
+    folder, direction = session.out, session.scene.reciprocation.direction
+    balls, radii = HardBalls.of(session.problem), [ball.radius for ball in session.problem.balls]
+    drawing.draw_top_views(folder, document, balls, radii, direction)
+    drawing.draw_distances(folder, document, balls)
+    drawing.draw_animation(folder, document, radii, direction)
     drawing.draw_ensemble(folder, document, radii)
 
 
-def show(evolution: Any, document: Mapping[str, Any]) -> None:
-    """Print the end of the path as a table and sentences, or the whole document as JSON."""
-    if evolution.options.as_json:
-        sys.stdout.write(to_json(document))
-        return
+def show(session: Session, document: Document) -> None:
+    """Print the end of the path as a table and sentences."""
+    assert session.scene.reciprocation is not None
     out = tables.console()
     end = document["path"][-1]
-    title = f"{evolution.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
-    out.print(tables.ball_table(document["balls"], Scale.of(evolution.problem), title))
-    for sentence in sentences(evolution, document):
-        out.print(sentence, highlight=False, markup=False)
-    for note in document["solved"]["notes"]:
-        out.print(f"note: {note}", highlight=False, markup=False)
+    title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
+    out.print(tables.ball_table(document["balls"], session.scale, title))
+    tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document))
+    tables.say(out, *tables.notes(document["solved"]))
 
 
-def sentences(evolution: Any, document: Mapping[str, Any]) -> list[str]:
-    """Return what came of the run, one sentence each."""
-    end, sliding = document["path"][-1], evolution.sliding
+def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document) -> list[str]:
+    """Return the outcome of the run, one sentence each."""
+    end = document["path"][-1]
     lines = [outcome.rest_sentence(document["rest"], len(end["contacts"]), end["cycle"])]
-    smallest = min(ball.radius for ball in evolution.problem.balls)
+    smallest = min(ball.radius for ball in problem.balls)
     lines.append(
-        f"friction {sliding.friction:g} sets the clock alone: {number(end['sigma'])} m of sliding path over friction, "
-        f"{number(1e3 * evolution.path_per_cycle)} mm of path a cycle"
+        f"friction {sliding.friction:g} changes only the time scale: {number(end['sigma'])} m of sliding path over "
+        f"friction, {number(1e3 * sliding.path_per_cycle)} mm of path a cycle"
     )
     lines.append(
         f"positions are known to {number(document['position_error'] / smallest, 2)} R (against a tolerance ten times "
@@ -76,7 +76,7 @@ def sentences(evolution: Any, document: Mapping[str, Any]) -> list[str]:
 
 def _balance(found: Mapping[str, Any], smallest: float) -> str:
     if found["verdict"] == "none":
-        return f"no equilibrium next to the end: {found['reason']}"
+        return f"no equilibrium found near the final positions: {found['reason']}"
     away = number(found["distance_from_end"] / smallest, 2)
     rates = ""
     if found["growth"]:

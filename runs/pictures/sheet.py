@@ -1,4 +1,4 @@
-"""A drawn step on its sheet: colour bar with unit, scale bar, caption; and sheets in a row as an animation."""
+"""A drawn step on its sheet: colour bar with unit, scale bar, caption; and a sequence of sheets as an animation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FRAME_SECONDS, _LAST_SECONDS = 0.35, 2.0
 
 @dataclass(frozen=True)
 class Legend:
-    """What a sheet says: coloring with its limits and unit, width of the drawing [m], caption."""
+    """What a sheet shows beside the drawing: coloring with its limits and unit, width of the drawing [m], caption."""
 
     coloring: Coloring
     limits: tuple[float, float]

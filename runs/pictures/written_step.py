@@ -78,7 +78,7 @@ def read_step(path: Path, number: int, field: str) -> WrittenStep:
                 if name not in there:
                     raise OutputUnusable(
                         f"{path}: holds no field {name} (there are {', '.join(there)}); name another --field, "
-                        "or add it to [output] fields and run anew"
+                        "or add it to [output] fields and run the scene again"
                     )
             balls = zip(
                 *(file.attrs[f"ball_{name}"][:] for name in ("positions", "radii", "approaches", "shapes")), strict=True
@@ -100,7 +100,7 @@ def read_step(path: Path, number: int, field: str) -> WrittenStep:
     except (OSError, KeyError, ValueError) as error:
         if isinstance(error, OutputUnusable):
             raise
-        raise OutputUnusable(f"{path}: cannot be read ({error}); run the scene anew") from None
+        raise OutputUnusable(f"{path}: cannot be read ({error}); run the scene again") from None
 
 
 def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:

@@ -19,7 +19,7 @@ BAD_INPUT = (InvalidProblem, UnsupportedProblem, OutputUnusable)
 def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     """Run ``task`` and exit: 0, its own code, 1 for a failure, 2 for bad input, 130 when interrupted.
 
-    Every rank runs this. Rank 0 speaks; ranks that never joined MPI end with 0, so that the launcher
+    Every rank runs this. Rank 0 prints; ranks that never joined MPI end with 0, so that the launcher
     does not cut rank 0 short: its code is the job's.
     """
     signals.listen()

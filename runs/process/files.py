@@ -1,11 +1,14 @@
-"""Files that are written as a whole or not at all."""
+"""Files that are written whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from linear_bem.errors import OutputUnusable
 
@@ -21,3 +24,20 @@ def replacing(target: Path) -> Iterator[Path]:
         with contextlib.suppress(OSError):
             draft.unlink()
         raise OutputUnusable(f"{target}: cannot be written: {error.strerror or error}; name another --out") from None
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write a text file that survives a crash of the machine once this has returned; raises `OutputUnusable`."""
+    with replacing(target) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows of plain values under the names of all their keys; a row may lack some."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(target, text.getvalue())

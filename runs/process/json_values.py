@@ -7,6 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+Document = dict[str, Any]
+"""A JSON object as it is saved and printed: numbers in SI."""
+
 
 def plain(value: Any, infinity: str | None = None) -> Any:
     """Return ``value`` as JSON can hold it; nan becomes None, and so does infinity unless a word stands for it."""
@@ -27,7 +30,7 @@ def _finite(value: float, infinity: str | None) -> float | str | None:
     return float(value) if math.isfinite(value) else None
 
 
-def as_given(scene: Mapping[str, Any]) -> dict[str, Any]:
+def as_given(scene: Mapping[str, Any]) -> Document:
     """Return a scene's tables as JSON can hold them and the reader takes them back."""
     return dict(plain(scene, infinity="inf"))
 

@@ -22,7 +22,7 @@ _farewell: Any = None
 
 
 def rank_and_size() -> tuple[int, int]:
-    """Return this process's rank and the number of ranks, as the launcher's environment tells them."""
+    """Return this process's rank and the number of ranks, from the launcher's environment."""
     return _told() or (0, 1)
 
 
@@ -41,7 +41,7 @@ def _told() -> tuple[int, int] | None:
 
 
 def is_root() -> bool:
-    """Return whether this process is the one that speaks and writes."""
+    """Return whether this process is the one that prints and writes."""
     return rank_and_size()[0] == 0
 
 

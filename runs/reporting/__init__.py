@@ -8,15 +8,16 @@ from html import escape
 from pathlib import Path
 
 from runs.process import ranks
-from runs.process.files import replacing
+from runs.process.files import write_text
 from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import code, folded, paragraph, section, tag
 from runs.reporting.pictures import figure, pictures_of
-from runs.reporting.style import STYLE
 from runs.session.progress import tell
 
 NAME = "report.html"
+STYLE = Path(__file__).with_name("report.css")
+"""One column that fits a phone, light and dark; wide tables scroll in their own box."""
 KINDS = {
     "solve": "One scene, one model",
     "compare": "Finite against small strain",
@@ -30,9 +31,7 @@ def report_folder(path: Path, out: Path | None = None) -> None:
     if not ranks.is_root():
         return
     target = out or path / NAME
-    page = page_of(read_folder(path))
-    with replacing(target) as draft:
-        draft.write_text(page, encoding="utf-8")
+    write_text(target, page_of(read_folder(path)))
     tell(f"the report is {target} ({target.stat().st_size / 1e6:.1f} MB, no other file is needed to read it)")
 
 
@@ -48,13 +47,13 @@ def page_of(folder: Folder) -> str:
     head += paragraph(state, class_="note") if state else ""
     parts.append(section("Reproduce", code(folder.repeat()), _scene(folder)))
     if folder.log:
-        parts.append(section("Log", folded("What the run told while it went", code(folder.log))))
+        parts.append(section("Log", folded("Messages of the run", code(folder.log))))
     version = importlib.metadata.version("thirdbody")
     foot = paragraph(f"Written by thirdbody {version} report. Forces are those on the ball; T > 0 is attraction.")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n<body>\n"
         f"<header>{head}</header>\n<main>\n{chr(10).join(part for part in parts if part)}\n</main>\n"
         f"<footer>{foot}</footer>\n</body>\n</html>\n"
     )

@@ -1,4 +1,4 @@
-"""What lies in the folder of a run or a study, and the command that makes it anew."""
+"""What lies in the folder of a run or a study, and the command that reproduces it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Folder:
         return [json.loads(path.read_text(encoding="utf-8")) for path in sorted((self.path / "cases").glob("*.json"))]
 
     def repeat(self) -> str:
-        """Return the command line that makes it anew."""
+        """Return the command line that reproduces it."""
         if self.command == "study":
             quick = " --quick" if self.identity.get("quick") else ""
             return f"{_launcher(self.ranks())}thirdbody study {self.identity['study']}{quick}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from runs.display.numbers import number
+from runs.display.numbers import number, with_error
 
 LONG = 60
 """Characters from which a cell's text may wrap."""
@@ -29,9 +29,9 @@ def facts(items: Mapping[str, str]) -> str:
     return tag("dl", cells, class_="facts")
 
 
-def table(rows: Sequence[Mapping[str, Any]], caption: str, columns: Mapping[str, str] | None = None) -> str:
-    """Return rows as a table in a box that scrolls; ``columns`` maps keys to headings, by default all keys."""
-    columns = columns or {key: heading(key) for row in rows for key in row}
+def table(rows: Sequence[Mapping[str, Any]], caption: str) -> str:
+    """Return rows as a table in a box that scrolls, under the names of their keys; a pair is a value with its error."""
+    columns = {key: heading(key) for row in rows for key in row}
     wordy = {key for key in columns if any(_is_words(row.get(key)) for row in rows)}
     head = "".join(
         tag("th", escape(title), scope="col", **({"class_": "words"} if key in wordy else {}))
@@ -43,6 +43,8 @@ def table(rows: Sequence[Mapping[str, Any]], caption: str, columns: Mapping[str,
 
 
 def _cell(value: Any) -> str:
+    if isinstance(value, tuple):
+        value = with_error(*value)
     if isinstance(value, str):
         return _words(value) if _is_words(value) else tag("td", escape(value))
     if isinstance(value, float):

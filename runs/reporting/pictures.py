@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 from html import escape
 from pathlib import Path
@@ -78,11 +79,8 @@ def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:
 
 
 def _ratio(data: bytes) -> float:
-    """Return width over height of a PNG or a GIF; 1 for any other."""
-    if data[:4] == b"\x89PNG":
-        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
-    elif data[:3] == b"GIF":
-        width, height = (int.from_bytes(data[at : at + 2], "little") for at in (6, 8))
-    else:
-        return 1.0
-    return width / height
+    """Return width over height of a raster picture."""
+    from PIL import Image  # noqa: PLC0415  (comes with matplotlib)
+
+    width, height = Image.open(io.BytesIO(data)).size
+    return float(width / height)

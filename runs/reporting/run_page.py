@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
-from runs.display.tables import LEGEND, ROUNDOFF, mesh_words
+from runs.display.rows import LEGEND, ball_rows, comparison_rows, path_rows
+from runs.display.tables import mesh_words
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
 
@@ -37,13 +38,14 @@ def content(folder: Folder) -> list[str]:
 
 def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     scale, balls = scale_of(folder), document["balls"]
-    ball = balls[leading_ball(balls)]
-    parts = [facts(_state(balls, leading_ball(balls), scale) | _account(document["solved"]))]
+    leading = leading_ball(balls)
+    parts = [facts(_state(balls, leading, scale) | _account(document["solved"]))]
     parts += [_notes(document["solved"]["notes"])]
-    parts.append(section("Balls", _balls(balls, scale)))
+    parts.append(_balls(balls, scale))
     if len(document["steps"]) > 1:
-        parts.append(section("Load path", _path(document["steps"], leading_ball(balls), scale)))
-    routes = ball.get("tangential_force_routes") or {}
+        path = path_rows(document["steps"], leading, scale)
+        parts.append(section("Load path", table(path, f"Ball {leading}; {LEGEND}")))
+    routes = balls[leading].get("tangential_force_routes") or {}
     if routes:
         rows = [{"route": name.replace("_", " "), "Tx [N]": v[0], "Ty [N]": v[1]} for name, v in routes.items()]
         parts.append(section("T by several formulas", table(rows, "The same force by other routes")))
@@ -60,27 +62,14 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     if rows:
         for name, key in STRENGTHS:
             state[f"{name}, at full load"] = with_error(rows[-1][key], rows[-1][f"{key}_error"])
-    shown = [
-        {
-            "step": row["step"],
-            "D / R": row["approach"] / scale.radius,
-            "Q / E R²": row["normal_force"] / scale.force,
-            "T linear / E R²": _along(row["tangential_linear"], balls, ball, scale),
-            "T finite / E R²": with_error(
-                _along(row["tangential_finite"], balls, ball, scale), row["tangential_finite_error"] / scale.force
-            ),
-            "T / Q": row["tangential_ratio"],
-            **{name: with_error(row[key], row[f"{key}_error"]) for name, key in STRENGTHS},
-        }
-        for row in rows
-    ]
+    shown = comparison_rows(document["comparison"], balls, ball, scale)
     notes = dict.fromkeys([*finite["solved"]["notes"], *document["linear"]["solved"]["notes"]])
     return [
         paragraph(document["answer"], class_="answer"),
         facts(state | _account(finite["solved"])),
         _notes(list(notes)),
         section("Finite against small strain", table(shown, f"Ball {ball}; {LEGEND}; S: finite over linear T")),
-        section("Balls", _balls(balls, scale)),
+        _balls(balls, scale),
         _accuracy(finite["solved"]),
         _versions(finite["solved"]),
     ]
@@ -134,8 +123,9 @@ def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale) -> dict
     shown = {
         "approach D": f"{number(ball['approach'] / scale.radius)} R",
         "normal force Q": f"{number(load / scale.force)} E R²",
-        "contact radius": f"{number(math.sqrt(ball['contact_area'] / math.pi) / scale.radius, 3)} R",
     }
+    if ball["contact_area"] is not None:  # models without pressures do not know it
+        shown["contact radius"] = f"{number(math.sqrt(ball['contact_area'] / math.pi) / scale.radius, 3)} R"
     if len(balls) > 1:
         kind = "attraction" if force > 0.0 else "separation"
         shown |= {
@@ -164,57 +154,11 @@ def _notes(notes: Sequence[str]) -> str:
 
 
 def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
-    rows = [
-        {
-            "ball": i,
-            "x / R": ball["position"][0] / scale.radius,
-            "y / R": ball["position"][1] / scale.radius,
-            "D / R": ball["approach"] / scale.radius,
-            "Q [N]": ball["normal_force"],
-            "Q / E R²": ball["normal_force"] / scale.force,
-            **{
-                f"T{c} [N]": _seen(v, ball["tangential_force"])
-                for c, v in zip("xy", ball["tangential_force"], strict=True)
-            },
-            "± [N]": ball["tangential_force_error"],
-            "peak pressure / E": ball["peak_pressure"] / scale.young,
-        }
-        for i, ball in enumerate(balls)
-    ]
-    return table(rows, "State at full load; forces are those on the ball")
-
-
-def _seen(component: float, force: Sequence[float]) -> float:
-    return component if abs(component) > ROUNDOFF * math.hypot(*force) else 0.0
-
-
-def _path(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> str:
-    rows = []
-    for index, step in enumerate(steps, start=1):
-        state = step["balls"][ball]
-        force = attraction(step["balls"], ball, state["tangential_force"])
-        rows.append(
-            {
-                "step": index,
-                "D / R": state["approach"] / scale.radius,
-                "Q / E R²": state["normal_force"] / scale.force,
-                "T / E R²": with_error(force / scale.force, state["tangential_force_error"] / scale.force),
-                "T / Q": force / state["normal_force"] if state["normal_force"] > 0.0 else None,
-                "iterations": step.get("record", {}).get("iterations"),
-                "cut-backs": step.get("record", {}).get("cuts"),
-            }
-        )
-    return table(rows, f"Ball {ball}; {LEGEND}")
-
-
-def _along(force: Sequence[float] | None, balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> float | None:
-    if force is None or any(c is None for c in force):
-        return None
-    return attraction(balls, ball, force) / scale.force
+    return section("Balls", table(ball_rows(balls, scale), "State at full load; forces are those on the ball"))
 
 
 def _accuracy(solved: Mapping[str, Any]) -> str:
-    """Return what accuracy was asked and reached, and on which meshes; nothing where the model does not tell."""
+    """Return the accuracy asked for and reached, and the meshes used; nothing where a model does not refine."""
     told = solved.get("accuracy") or {}
     if not told:
         return ""

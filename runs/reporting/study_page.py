@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,8 @@ def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
     reader.add_render_rule("image", image)
     html = reader.render(_without_title(text))
     html = html.replace("<p><figure>", "<figure>").replace("</figure></p>", "</figure>")
-    return _boxed(html), shown
+    count = itertools.count(1)
+    return re.sub(r"<table>.*?</table>", lambda t: box(t[0], f"table {next(count)}"), html, flags=re.DOTALL), shown
 
 
 def title(text: str) -> str:
@@ -43,15 +46,6 @@ def _without_title(text: str) -> str:
     lines = text.splitlines()
     first = next((i for i, line in enumerate(lines) if line.startswith("# ")), None)
     return "\n".join(line for i, line in enumerate(lines) if i != first)
-
-
-def _boxed(html: str) -> str:
-    """Put every table into its own scrolling box."""
-    parts = html.split("<table>")
-    for i, part in enumerate(parts[1:], start=1):
-        inside, rest = part.split("</table>", 1)
-        parts[i] = box(f"<table>{inside}</table>", f"table {i}") + rest
-    return "".join(parts)
 
 
 def account(folder: Folder) -> str:

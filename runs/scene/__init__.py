@@ -1,1 +1,1 @@
-"""Scene files: their keys, units, and what is said about faults."""
+"""Scene files: their keys, units, and messages about faults."""

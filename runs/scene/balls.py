@@ -1,4 +1,4 @@
-"""The scene's table [balls]: which keys each shape takes, and the balls that they say."""
+"""The scene's table [balls]: the keys that each shape takes, and the balls that they describe."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHAPE_KEYS = {
     "cone": ("slope", "tip_radius"),
     "punch": ("radius", "edge_radius"),
 }
-"""What each shape needs and takes, besides positions."""
+"""Keys that each shape needs, besides positions; it takes no others."""
 
 
 class BallsTable(Table):

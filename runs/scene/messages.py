@@ -1,4 +1,4 @@
-"""What is wrong with a scene, in words: table, key, rule, value received and remedy."""
+"""Messages about faults of a scene: table, key, rule, value received and remedy."""
 
 from __future__ import annotations
 
@@ -75,14 +75,14 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
 
 
 def concerns(text: str, doubtful: set[str]) -> bool:
-    """Return whether a problem's fault speaks of a stand-in ("table.key") instead of what the scene says."""
+    """Return whether a problem's fault concerns a stand-in ("table.key") instead of a key as written."""
     match = PROBLEM_FAULT.fullmatch(text)
     if match is None:
         return False
     table, key = match["table"], match["key"]
     of_balls = {"balls.positions", "balls.radius"} & doubtful
     if "balls.shape" in doubtful and key in {"radius", *RARER_EXAMPLES["balls"]}:
-        return True  # which of them a ball needs is for its shape to say
+        return True  # the shape decides which of them a ball needs
     if key == "steps" and any(name.startswith("load.") for name in doubtful):
         return True
     return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful

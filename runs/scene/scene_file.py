@@ -193,7 +193,7 @@ def read_scene(path: Path) -> Scene:
 def _validate(data: dict[str, Any]) -> tuple[PlainTables | None, list[str], set[str]]:
     """Return the tables, the faults of their keys, and the keys that are stand-ins for faulty ones.
 
-    A faulty key is replaced by a harmless value, so that what the other keys say is still checked.
+    A faulty key is replaced by a harmless value, so that the other keys are still checked.
     """
     try:
         return Tables.model_validate(data), [], set()

@@ -25,7 +25,7 @@ DIMENSIONS = {
 
 
 def fault(text: str) -> PydanticCustomError:
-    """Return the validation error that says ``text``, braces and all."""
+    """Return the validation error with the message ``text``, which may hold braces."""
     return PydanticCustomError("quantity", "{text}", {"text": text})
 
 
@@ -104,7 +104,7 @@ def one_or_many(value: object, parse: Callable[[object], float]) -> float | tupl
 
 
 def listed(value: object) -> tuple[object, ...]:
-    """Return the items of a list as they are written: what they mean is another key's to say."""
+    """Return the items of a list as they are written: their unit depends on another key."""
     if not isinstance(value, list):
         raise fault("must be a list")
     return tuple(value)

@@ -1,1 +1,1 @@
-"""One run: its folder, its progress, and how it goes on after an interruption."""
+"""One run: its folder, its progress, and how it resumes after an interruption."""

@@ -1,4 +1,4 @@
-"""What a run tells while it goes: one line per load step on standard error, and every finished step handed on."""
+"""Progress of a run: one line per load step on standard error; every finished step is passed on."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from runs.process import signals
 
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
 MODELLED = ("whole model", "half model", "quarter model")
-StepTaker = Callable[[Step, Any], None]
 
 
 def tell(text: str) -> None:
@@ -29,18 +28,28 @@ def _setting(info: Mapping[str, Any]) -> str:
 
 
 class Progress:
-    """Observer of a load path: all ranks call it, ``root`` alone speaks and hands steps to ``take``."""
+    """Observer of a load path: all ranks call it; ``root`` prints and passes steps to ``take``.
+
+    ``draw`` gets the surface after every step; where there is none, the surface is not gathered.
+    """
 
     def __init__(
-        self, scale: Scale, goal: float | None, *, root: bool, take: StepTaker, log: Callable[[str], None]
+        self,
+        scale: Scale,
+        goal: float | None,
+        *,
+        root: bool,
+        take: Callable[[Step], None],
+        log: Callable[[str], None] = lambda text: None,
+        draw: Callable[[Any], None] | None = None,
     ) -> None:
         self.scale, self.goal, self.root = scale, goal, root
-        self.take, self.log = take, log
+        self.take, self.log, self.draw = take, log, draw
         self._began = self._step_began = time.monotonic()
         self._cuts = 0
 
     def started(self, info: Mapping[str, Any]) -> None:
-        """Tell size and setting of the run."""
+        """Print size and setting of the run."""
         signals.check()
         if self.root:
             words = _setting(info)
@@ -66,12 +75,18 @@ class Progress:
         """Look for an interruption at every iteration."""
         signals.check()
 
-    def step_done(self, step: Step, fields: Any) -> None:
-        """Hand the step on and tell it: what was told is written, however soon the run is killed."""
+    def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
+        """Pass the step on, then print it: a step that was printed is on disk.
+
+        ``surface`` gathers the deformed surface on rank 0 (collective).
+        """
+        now = time.monotonic()
+        top = surface() if self.draw is not None else None
         if self.root:
-            now = time.monotonic()
             text = self._line(step) + f"   {duration(now - self._step_began)}, {duration(now - self._began)} in all"
-            self.take(step, fields)
+            self.take(step)
+            if self.draw is not None:
+                self.draw(top)
             tell(text)
             self.log(text)
             self._step_began = time.monotonic()

@@ -1,20 +1,17 @@
-"""The output folder of one run: written as the run goes, refused to any other run, continued by the same one."""
+"""The output folder of one run: written during the run, resumed by the same run, refused to any other."""
 
 from __future__ import annotations
 
-import csv
 import fcntl
-import io
 import json
-import os
 import shutil
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import IO, Any
 
 from linear_bem.errors import OutputUnusable
-from runs.process.files import replacing
+from runs.process.files import write_csv, write_text
 from runs.process.json_values import plain, to_json
 
 MARK = "run.json"
@@ -75,7 +72,7 @@ class RunFolder:
             )
         if self._mark() is None:
             self._write_mark("running")
-        self._write("scene.toml", scene_text)
+        write_text(self.path / "scene.toml", scene_text)
 
     def _take_lock(self) -> None:
         self._lock = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
@@ -106,7 +103,7 @@ class RunFolder:
         return data if isinstance(data, dict) else None
 
     def _write_mark(self, state: str) -> None:
-        self._write(MARK, to_json({"identity": self.identity, "state": state}))
+        write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
     def saved(self) -> dict[str, Any] | None:
         """Return what an earlier run of the same identity has saved so far."""
@@ -119,12 +116,8 @@ class RunFolder:
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each is at every moment whole, the old one or the new one."""
-        self._write("result.json", to_json(document))
-        self._write("steps.csv", _csv([_flat(row) for row in rows]))
-
-    def save_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write a table of plain values as CSV."""
-        self._write(name, _csv(rows))
+        write_text(self.path / "result.json", to_json(document))
+        write_csv(self.path / "steps.csv", [_flat(row) for row in rows])
 
     def finish(self) -> None:
         """Mark the run as complete: the same command then prints what is saved."""
@@ -145,12 +138,6 @@ class RunFolder:
             self._lock.close()
             self._lock = None
 
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self.path / name) as draft, open(draft, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     flat = {}
@@ -160,15 +147,6 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
         elif not isinstance(value, dict | list):
             flat[key] = value
     return flat
-
-
-def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def difference(old: Any, new: Any, where: str = "") -> str:

@@ -1,4 +1,4 @@
-"""What solving and comparing share: the scene, its model, its folder, and the load path as it grows."""
+"""One run of a command: its model, its folder, what an earlier run left there, and its end on screen and on disk."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ import dataclasses
 import importlib.metadata
 import platform
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from linear_bem.errors import MissingDependency
 from linear_bem.result import Result, Solved, Step
+from runs.display import surface
 from runs.display.numbers import Scale, duration
-from runs.models import Model, Run, choose
+from runs.models import Model, Run, choose, standing
 from runs.process import ranks
+from runs.process.json_values import Document, to_json
 from runs.scene.scene_file import Scene
 from runs.session.progress import Progress, tell
 from runs.session.run_folder import RunFolder
@@ -33,66 +36,55 @@ class Options:
 
 
 class Session:
-    """One run of one model on one scene, with its output folder on rank 0.
+    """One run of one command by one model on one scene; the output folder is rank 0's.
 
-    Raises what bad input raises before anything slow is loaded.
+    ``complete``: an earlier run has come to its end; ``saved`` is what it left on disk, complete or not (rank 0 alone).
+    ``version`` is that of what the command saves: runs of another one are neither continued nor shown. Raises what bad
+    input raises before anything slow is loaded.
     """
 
-    def __init__(self, command: str, scene: Scene, asked: str | None, options: Options) -> None:
+    def __init__(
+        self, command: str, scene: Scene, asked: str | None, options: Options, version: int | None = None
+    ) -> None:
         self.command, self.scene, self.options = command, scene, options
-        self.model, self.problem, self.notes = choose(scene, asked)
+        evolves = command == "evolve"
+        self.model, self.problem, notes = choose(standing(scene) if evolves else scene, asked)
+        self.notes = (*notes, *_without_effect(scene, self.model))
         self.scale = Scale.of(self.problem)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
-        self.plan: dict[str, Any] = {}
-        if self.model.plan is not None:  # names what the model lacks, cheaply
+        self.plan: Document = {}
+        if self.model.plan is not None and not evolves:  # names what the model lacks, cheaply
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
-        if self.problem.elements is not None and not self.model.parallel:
-            self.notes = (*self.notes, f"[elements] left out: {self.model.name} has no finite elements")
-        if scene.output is not None and not self.model.parallel:
-            self.notes = (*self.notes, f"[output] left out: {self.model.name} has no fields inside the layer to write")
-        if scene.budget and not self.model.parallel:
-            self.notes = (
-                *self.notes,
-                f"[accuracy] {', '.join(scene.budget)}: no bound, as {self.model.name} does not mesh",
-            )
-        self.idle = not self.model.parallel and not ranks.is_root()
         self.folder: RunFolder | None = None
-        self.finished: dict[str, Any] | None = None
-        self.earlier: dict[str, Any] | None = None
+        self.saved: Document = {}
+        self.complete = False
         if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
-            self.finished, self.earlier = self._open_folder()
+            self.folder = self._open_folder(version)
+            finished = self.folder.finished()
+            self.saved, self.complete = finished or self.folder.saved() or {}, finished is not None
+            if not self.complete:
+                self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         self.comm = _world_if_there() if self.model.parallel else None
-        self.finished, self.earlier = ranks.share((self.finished, self.earlier))
+        self.complete = ranks.share(self.complete)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.folder is not None:
+            self.folder.close()
 
     @property
     def root(self) -> bool:
-        """Whether this rank speaks and writes."""
+        """Whether this rank prints and writes."""
         return ranks.is_root()
 
-    def _open_folder(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-        identity: dict[str, Any] = {
-            "command": self.command,
-            "format": _element_format() if self.model.parallel else None,
-            "model": self.model.name,
-            "problem": dataclasses.asdict(self.problem),
-            "tangential_force": self.scene.tangential_force,
-        }
-        if self.scene.output is not None and self.model.parallel:
-            identity["output"] = self.scene.output.model_dump()
-        if self.scene.budget and self.model.parallel:
-            identity["budget"] = self.scene.budget
-        if self.scene.steps is not None:
-            identity["steps"] = self.scene.steps
-        path = self.options.out or self._default_folder()
-        self.folder = RunFolder(path, identity, self.scene.text, fresh=self.options.fresh)
-        finished = self.folder.finished()
-        if finished is None:
-            self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
-        return finished, self.folder.saved()
-
-    def _default_folder(self) -> Path:
-        name = f"{self.scene.path.stem}-{self.command}"
-        return Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
+    @property
+    def idle(self) -> bool:
+        """Whether this rank has nothing to do: rank 0 alone solves models without finite elements."""
+        return not self.model.parallel and not self.root
 
     @property
     def out(self) -> Path:
@@ -100,11 +92,42 @@ class Session:
         assert self.folder is not None
         return self.folder.path
 
-    def solve(self, take: Callable[[Step, Any], None]) -> Result:
-        """Run the model over its load path; ``take`` gets every finished step on rank 0."""
+    def _open_folder(self, version: int | None) -> RunFolder:
+        scene, parallel = self.scene, self.model.parallel
+        identity: Document = {
+            "command": self.command,
+            "format": _element_format() if version is None and parallel else version,
+            "model": self.model.name,
+            "problem": dataclasses.asdict(self.problem),
+            "tangential_force": scene.tangential_force,
+        }
+        if scene.reciprocation is not None:
+            identity["reciprocation"] = scene.reciprocation.model_dump()
+        elif scene.output is not None and parallel:
+            identity["output"] = scene.output.model_dump()
+        if scene.budget and parallel:
+            identity["budget"] = scene.budget
+        if scene.steps is not None:
+            identity["steps"] = scene.steps
+        name = f"{scene.path.stem}-{self.command}"
+        default = Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
+        return RunFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
+
+    def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
+        """Run the model over its load path and return its result with the notes of this run.
+
+        ``saved`` are the JSON objects of the steps on disk; ``keep`` gets the unfinished result after every step, on
+        rank 0.
+        """
+        steps = [Step.from_dict(step) for step in saved]
+
+        def take(step: Step) -> None:
+            steps[:] = path_so_far(steps, step)
+            keep(unfinished(self.model, steps))
+
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
-        progress = Progress(self.scale, goal, root=self.root, take=take, log=log)
+        progress = Progress(self.scale, goal, root=self.root, take=take, log=log, draw=self._keep_surface)
         if self.root and self.plan:
             size, time = f"about {self.plan['unknowns']} unknowns", duration(self.plan["seconds"])
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
@@ -112,21 +135,60 @@ class Session:
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
         scene = self.scene
         run = Run(scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps)
-        return self.model.solve(self.problem, run)
+        result = self.model.solve(self.problem, run)
+        solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
+        return dataclasses.replace(result, solved=solved)
 
-    def with_notes(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Return a result's JSON object with what this run's reader must know among its notes."""
-        document["solved"]["notes"] = [*self.notes, *document["solved"]["notes"]]
-        return document
+    def _keep_surface(self, top: Any) -> None:
+        surface.keep(self.out, top)  # the picture survives a killed run
 
-    def say_where(self, already: bool) -> None:
-        """Tell where the results are."""
-        if already:
-            tell(
-                f"this run is complete already: its saved result is shown (--fresh computes anew); it is in {self.out}"
-            )
+    def save(self, document: Document, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Write what there is so far (rank 0)."""
+        assert self.folder is not None
+        self.folder.save(document, rows)
+
+    def finish(self, solved: Mapping[str, Any], answer: str = "") -> None:
+        """Mark the run as complete, once all its files are there (rank 0); ``solved`` is its JSON object."""
+        assert self.folder is not None
+        versions = ", ".join(f"{k} {v}" for k, v in solved["versions"].items())
+        self.folder.log(f"{answer}\nfinished in {solved['seconds']:.1f} s; {versions}".lstrip())
+        self.folder.finish()
+
+
+def conduct(
+    session: Session, compute: Callable[[Session], Document | None], show: Callable[[Session, Document], None]
+) -> None:
+    """Compute what is not complete yet, and show it or print its JSON.
+
+    ``compute`` runs on all ranks that have something to do and returns the finished document on rank 0.
+    """
+    with session:
+        if session.idle:
+            return
+        already = session.complete
+        document = session.saved if already else compute(session)
+        if not session.root or document is None:
+            return
+        if session.options.as_json:
+            sys.stdout.write(to_json(document))
         else:
-            tell(f"results are in {self.out}")
+            show(session, document)
+        shown = "this run is complete already: its saved result is shown (--fresh computes anew); it is"
+        tell(f"{shown if already else 'results are'} in {session.out}")
+
+
+def _without_effect(scene: Scene, model: Model) -> list[str]:
+    """Return a note for every table and key of a scene that a model has no use for."""
+    if model.parallel:
+        return []
+    notes = []
+    if scene.problem.elements is not None:
+        notes.append(f"[elements] left out: {model.name} has no finite elements")
+    if scene.output is not None:
+        notes.append(f"[output] left out: {model.name} has no fields inside the layer to write")
+    if scene.budget:
+        notes.append(f"[accuracy] {', '.join(scene.budget)}: no bound, as {model.name} does not mesh")
+    return notes
 
 
 def _world_if_there() -> Any:
@@ -138,41 +200,30 @@ def _world_if_there() -> Any:
         return None  # the model itself names everything that is missing
 
 
-def path_so_far(saved: Sequence[Mapping[str, Any]], step: Step) -> list[dict[str, Any]]:
+def path_so_far(saved: Sequence[Step], step: Step) -> list[Step]:
     """Return the saved steps, with ``step`` in the place of the old one there and of what follows on its mesh.
 
     What a coarser mesh answered deeper down stays until a finer one gets there.
     """
 
-    def depth(data: Mapping[str, Any]) -> float:
-        return float(data["record"].get("fraction") or max(float(ball["approach"]) for ball in data["balls"]))
+    def depth(state: Step) -> float:
+        return float(state.record.get("fraction") or max(ball.approach for ball in state.balls))
 
-    def mesh(data: Mapping[str, Any]) -> int:
-        return int(data["record"].get("mesh", 0))
+    def mesh(state: Step) -> int:
+        return int(state.record.get("mesh", 0))
 
-    new = step.to_dict()
-    before = [dict(old) for old in saved if depth(old) < depth(new) * (1.0 - 1e-9)]
-    coarser = [dict(old) for old in saved if depth(old) > depth(new) * (1.0 + 1e-9) and mesh(old) < mesh(new)]
-    return [*before, new, *coarser]
+    before = [old for old in saved if depth(old) < depth(step) * (1.0 - 1e-9)]
+    coarser = [old for old in saved if depth(old) > depth(step) * (1.0 + 1e-9) and mesh(old) < mesh(step)]
+    return [*before, step, *coarser]
 
 
-def unfinished(model: Model, steps: Sequence[Mapping[str, Any]]) -> Result:
+def unfinished(model: Model, steps: Sequence[Step]) -> Result:
     """Return the result of a load path that has not come to its end."""
-    states = tuple(Step.from_dict(step) for step in steps)
     note = "unfinished: the load path has not come to its end; the same command continues it"
-    iterations = sum(int(step.record.get("iterations", 0)) for step in states)
-    seconds = sum(float(step.record.get("seconds", 0.0)) for step in states)
+    iterations = sum(int(step.record.get("iterations", 0)) for step in steps)
+    seconds = sum(float(step.record.get("seconds", 0.0)) for step in steps)
     solved = Solved(False, iterations, 0, seconds, ranks.rank_and_size()[1], notes=(note,))
-    return Result(model.name, states[-1].balls, solved, states)
-
-
-def rows_of(steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one flat row per step and ball."""
-    return [
-        {"step": i, "ball": j, **{k: v for k, v in ball.items() if k != "tangential_force_routes"}}
-        for i, step in enumerate(steps, start=1)
-        for j, ball in enumerate(step["balls"])
-    ]
+    return Result(model.name, steps[-1].balls, solved, tuple(steps))
 
 
 def _versions() -> str:

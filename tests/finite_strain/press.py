@@ -28,8 +28,8 @@ class StopAfter(Recorder):
         super().__init__()
         self.last = last
 
-    def step_done(self, step: Any, fields: Any) -> None:
-        super().step_done(step, fields)
+    def step_done(self, step: Any, surface: Any) -> None:
+        super().step_done(step, surface)
         if step.record["step"] == self.last:
             raise Stopped
 

@@ -192,6 +192,6 @@ class Recorder:
     def newton(self, info: dict[str, Any]) -> None:
         self.residuals.append(info["residual"])
 
-    def step_done(self, step: Any, fields: Any) -> None:
+    def step_done(self, step: Any, surface: Any) -> None:
         self.steps.append(step)
-        self.surfaces.append(fields)
+        self.surfaces.append(surface())

@@ -85,7 +85,7 @@ def solve(
         if comm.rank == 0:
             folder.mkdir(parents=True, exist_ok=True)
             checkpoint.write_text(json.dumps([s.to_dict() for s in done]))
-        observer.step_done(step, _surface(problem, step) if comm.rank == 0 else None)
+        observer.step_done(step, lambda: _surface(problem, done[-1]) if comm.rank == 0 else None)
     accuracy = _accuracy(done[-1], tangential_force, seconds, unknowns)
     solved = Solved(True, 20, 1234, 1.0, comm.size, {"numpy": np.__version__}, accuracy=accuracy)
     return Result(model, done[-1].balls, solved, tuple(done))

@@ -53,12 +53,12 @@ def step(fraction: float, mesh: int) -> Step:
     return Step((ball,), {"fraction": fraction, "mesh": mesh})
 
 
-def meshes(path: list[dict[str, object]]) -> list[int]:
-    return [data["record"]["mesh"] for data in path]  # type: ignore[index]
+def meshes(path: list[Step]) -> list[int]:
+    return [state.record["mesh"] for state in path]
 
 
 def test_a_coarser_meshs_answers_stay_until_a_finer_one_gets_there() -> None:
-    path = [step(fraction, 1).to_dict() for fraction in (0.3, 0.6, 1.0)]
+    path = [step(fraction, 1) for fraction in (0.3, 0.6, 1.0)]
     path = path_so_far(path, step(0.3, 2))
     assert meshes(path) == [2, 1, 1]
     path = path_so_far(path, step(0.6, 2))
@@ -68,5 +68,5 @@ def test_a_coarser_meshs_answers_stay_until_a_finer_one_gets_there() -> None:
 
 
 def test_what_followed_on_the_same_mesh_is_replaced() -> None:
-    path = [step(fraction, 1).to_dict() for fraction in (0.3, 0.6, 1.0)]
-    assert [data["record"]["fraction"] for data in path_so_far(path, step(0.6, 1))] == [0.3, 0.6]
+    path = [step(fraction, 1) for fraction in (0.3, 0.6, 1.0)]
+    assert [state.record["fraction"] for state in path_so_far(path, step(0.6, 1))] == [0.3, 0.6]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from runs.commands.doctor import SYSTEM_PYTHON, Finding, _blas, _numpy, _package, probe
+from runs.commands.doctor import SYSTEM_PYTHON, Finding, Package, Report, _blas, _numpy, _package, probe
 from tests.launch import mpirun, python
 
 HIDE = """
@@ -23,8 +24,8 @@ if sys.prefix != sys.base_prefix:
 """
 """A sitecustomize that makes the virtual environment look like one without the finite elements' libraries."""
 
-DEBIAN = {"version": "1.0", "file": "/usr/lib/python3/dist-packages/x/__init__.py"}
-WHEEL = {"version": "2.0", "file": "/home/user/.venv/lib/python3.11/site-packages/x/__init__.py"}
+DEBIAN = Package("1.0", "/usr/lib/python3/dist-packages/x/__init__.py")
+WHEEL = Package("2.0", "/home/user/.venv/lib/python3.11/site-packages/x/__init__.py")
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def test_a_python_without_dolfinx_is_told_which_one_has_it(without_elements: dic
     assert done.returncode == 1, done.stderr
     assert "linear_bem and point_load can run" in done.stdout
     assert "wrong dolfinx" in done.stdout
-    if "error" not in probe(SYSTEM_PYTHON, ["dolfinx"])["dolfinx"]:
+    if not probe(SYSTEM_PYTHON, ["dolfinx"]).packages["dolfinx"].error:
         assert f"{SYSTEM_PYTHON} (Python" in done.stdout
         assert f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv" in done.stdout
 
@@ -86,32 +87,37 @@ def fault(finding: Finding) -> str:
     return f"{finding.fault} -> {finding.remedy}" if finding.fault else ""
 
 
+def among(**packages: Package) -> Report:
+    return Report("3.11.2", packages)
+
+
 def test_wheels_beside_debians_dolfinx_are_faults() -> None:
-    report = {"dolfinx": DEBIAN, "h5py": WHEEL, "numpy": WHEEL}
+    report = among(dolfinx=DEBIAN, h5py=WHEEL, numpy=WHEEL)
     assert "fails once DOLFINx is loaded" in fault(_package("h5py", report, "python"))
     assert "python -m pip uninstall -y h5py" in fault(_package("h5py", report, "python"))
     assert "python -m pip uninstall -y numpy" in fault(_numpy(report, "python"))
-    assert not fault(_package("h5py", {**report, "h5py": DEBIAN}, "python"))
-    assert not fault(_numpy({**report, "numpy": DEBIAN}, "python"))
+    assert not fault(_package("h5py", among(dolfinx=DEBIAN, h5py=DEBIAN), "python"))
+    assert not fault(_numpy(among(dolfinx=DEBIAN, numpy=DEBIAN), "python"))
 
 
 def test_an_old_or_complex_build_is_a_fault() -> None:
-    old = {"dolfinx": {**DEBIAN, "version": "0.4.1"}}
-    assert "older than 0.5.2" in fault(_package("dolfinx", old, "python"))
-    assert not fault(_package("dolfinx", {"dolfinx": {**DEBIAN, "version": "0.10.0.post1"}}, "python"))
-    petsc = {**DEBIAN, "petsc": "3.18.5", "scalar": "complex128"}
-    assert "complex" in fault(_package("petsc4py", {"dolfinx": DEBIAN, "petsc4py": petsc}, "python"))
+    old = replace(DEBIAN, version="0.4.1")
+    assert "older than 0.5.2" in fault(_package("dolfinx", among(dolfinx=old), "python"))
+    new = replace(DEBIAN, version="0.10.0.post1")
+    assert not fault(_package("dolfinx", among(dolfinx=new), "python"))
+    petsc = replace(DEBIAN, library="3.18.5", scalar="complex128")
+    assert "complex" in fault(_package("petsc4py", among(dolfinx=DEBIAN, petsc4py=petsc), "python"))
 
 
 def test_the_reference_blas_is_slow_but_blocks_nothing() -> None:
-    reference = _blas({"blas": ["/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0"]})
+    reference = _blas(Report("", {}, ["/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0"]))
     assert "apt-get install --no-install-recommends libopenblas0-serial" in fault(reference)
     assert not reference.blocks
-    assert not fault(_blas({"blas": ["/usr/lib/x86_64-linux-gnu/openblas-serial/libblas.so.3"]}))
+    assert not fault(_blas(Report("", {}, ["/usr/lib/x86_64-linux-gnu/openblas-serial/libblas.so.3"])))
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it() -> None:
-    report = {"dolfinx": DEBIAN, "gmsh": {"error": "ModuleNotFoundError: No module named 'gmsh'"}}
+    report = among(dolfinx=DEBIAN, gmsh=Package(error="ModuleNotFoundError: No module named 'gmsh'"))
     found = _package("gmsh", report, SYSTEM_PYTHON)
     assert "No module named 'gmsh'" in found.fault
     prefix = "" if os.geteuid() == 0 else "sudo "

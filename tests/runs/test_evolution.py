@@ -163,7 +163,7 @@ def test_a_finer_tolerance_moves_the_end_by_less_than_the_stated_error(foam: Pro
         record.take(moment, balls, last=moment.sigma >= 0.3)
     stated = position_error(record.moments, forces, balls, start, TOLERANCE, REST)
     finer = list(Drift(forces, balls, 0.5 * TOLERANCE, REST).path(start, 0.3))[-1].positions
-    change = float(np.max(np.abs(finer - np.array(record.moments[-1]["positions"]))))
+    change = float(np.max(np.abs(finer - record.moments[-1].positions)))
     assert 0.0 < change < stated < 1e-3 * RADIUS
 
 
@@ -173,13 +173,14 @@ def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
     record = Record()
     for moment in path(spread(foam, problem), problem, 5.0):
         record.take(moment, balls, last=moment.resting)
-    touches = [event["pair"] for event in events(record.moments, balls)]
-    assert sorted(touches[:2]) == [[0, 1], [2, 3]]
-    assert touches[2] == [1, 2]
-    assert np.array(record.moments[-1]["positions"])[:, 1] == pytest.approx(0.0, abs=ROUNDOFF)
+    touches = [event.pair for event in events(record.moments, balls)]
+    assert sorted(touches[:2]) == [(0, 1), (2, 3)]
+    assert touches[2] == (1, 2)
+    assert record.moments[-1].positions[:, 1] == pytest.approx(0.0, abs=ROUNDOFF)
     # pictures show when groups form
-    shown = chosen_cycles([{**moment, "cycle": moment["sigma"]} for moment in record.moments], 6, balls)
-    formed = {event["sigma"] for event in events(record.moments, balls)}
+    kept = record.to_dict(balls)["path"]
+    shown = chosen_cycles([{**moment, "cycle": moment["sigma"]} for moment in kept], 6, balls)
+    formed = {event.sigma for event in events(record.moments, balls)}
     assert len(shown) == 6
     assert shown == sorted(shown)
     assert all(min(abs(sigma - at) for at in shown) <= 1e-9 * shown[-1] for sigma in formed)

@@ -61,7 +61,7 @@ def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
     balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
     figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
     assert not (tmp_path / "surface.png").exists()  # nothing to draw without a surface
-    figures.keep_surface(tmp_path, bowl())
+    surface.keep(tmp_path, bowl())
     figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
     pixels = image.imread(tmp_path / "surface.png")[..., :3]
     assert pixels.shape[0] > 500

@@ -12,7 +12,7 @@ from PIL import Image
 
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.commands import render
-from runs.commands.render import Wish, read_size, render_run
+from runs.commands.render import RenderOptions, read_size, render_run
 from runs.pictures.coloring import COLORINGS, prefixed, round_length
 from runs.pictures.written_step import read_step, step_files
 from tests.launch import python
@@ -57,7 +57,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def drawn(run: Path) -> list[Path]:
-    return render_run(run, Wish(size=(480, 300)))
+    return render_run(run, RenderOptions(size=(480, 300)))
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -114,16 +114,16 @@ def test_a_written_part_is_completed_without_a_seam(run: Path) -> None:
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:
     with pytest.raises(InvalidProblem, match=r"--step 7: .* holds steps 1, 2"):
-        render_run(run, Wish(step=7))
+        render_run(run, RenderOptions(step=7))
     with pytest.raises(InvalidProblem) as caught:
-        render_run(run, Wish(field="mises", views=("below",), size=(10, 300)))
+        render_run(run, RenderOptions(field="mises", views=("below",), size=(10, 300)))
     assert len(caught.value.faults) == 3
     with pytest.raises(InvalidProblem, match="width x height"):
         read_size("large")
     with pytest.raises(OutputUnusable, match=r"holds no field pressure .there are displacement, von_mises"):
-        render_run(run, Wish(field="pressure"))
+        render_run(run, RenderOptions(field="pressure"))
     with pytest.raises(OutputUnusable, match="holds no written fields"):
-        render_run(tmp_path, Wish())
+        render_run(tmp_path, RenderOptions())
 
 
 def test_a_missing_pyvista_is_named_with_the_command_that_mends_it(run: Path, tmp_path: Path) -> None:

@@ -173,6 +173,22 @@ def test_a_run_of_any_other_command_is_shown_by_its_tables(tmp_path: Path) -> No
         assert str(words) in text
 
 
+def test_balls_whose_pressures_no_model_knows_are_reported(tmp_path: Path) -> None:
+    ball = {
+        "position": [0.0, 0.0], "radius": 1.0, "approach": 0.1, "normal_force": 0.1, "tangential_force": [1e-3, 0.0],
+        "tangential_force_error": 1e-5, "peak_pressure": None, "contact_area": None, "tangential_force_routes": {},
+    }  # fmt: skip
+    solved = {"seconds": 1.0, "ranks": 1, "iterations": 3, "unknowns": 4, "notes": []}
+    problem = {"balls": [{"radius": 1.0}], "layer": {"young": 1.0}}
+    identity = {"command": "evolve", "model": "point_load", "problem": problem}
+    (tmp_path / MARK).write_text(json.dumps({"identity": identity, "state": "finished"}))
+    (tmp_path / "result.json").write_text(json.dumps({"balls": [ball], "steps": [], "solved": solved}))
+    text = page_of(read_folder(tmp_path))
+    assert not Page(text).faults
+    assert "normal force Q" in text
+    assert "contact radius" not in text
+
+
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
     done = mpirun(1, "-m", "runs.cli", "report", tmp_path)
     assert done.returncode == 2

@@ -1,4 +1,4 @@
-"""What an effect is to a scene file: an optional table, and what there is to say about it."""
+"""An effect as a scene file has it: an optional table with its description."""
 
 from __future__ import annotations
 

@@ -12,10 +12,10 @@ from runs.scene.units import Direction, Length, Number, Table, Whole
 class ReciprocationTable(Table):
     """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
 
-    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it sets the clock alone), ``direction`` (x, y) of
-    the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions from
-    ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
-    ``rest``: force over load below which nothing is taken to move; ``forces`` from the table of "pairs", or "direct":
+    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it changes only the time scale), ``direction``
+    (x, y) of the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions
+    from ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
+    ``rest``: force over load below which a ball counts as at rest; ``forces`` from the table of "pairs", or "direct":
     the model asked at every step.
     """
 
@@ -29,6 +29,15 @@ class ReciprocationTable(Table):
     tolerance: Number = 1e-6
     rest: Number = 1e-6
     forces: Literal["pairs", "direct"] = "pairs"
+
+    @property
+    def path_per_cycle(self) -> float:
+        """Sliding path of one cycle [m]."""
+        return 4.0 * self.amplitude
+
+    def cycles_after(self, sigma: float) -> float:
+        """Return the number of cycles after which sliding path over friction is ``sigma`` [m]."""
+        return sigma * self.friction / self.path_per_cycle
 
 
 def _faults(table: ReciprocationTable, scene: Any) -> list[str]:

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from runs.evolution.evolving import TABLES, Evolution, rows
+from runs.evolution.evolving import TABLES, Evolution, open_session
 from runs.evolution.forces import at
 from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
-from runs.evolution.showing import draw
 from runs.models import MODELS, standing
 from runs.scene.scene_file import Scene, read_scene
 from runs.session.session import Options
@@ -136,19 +135,10 @@ def evolve(
     None where it is not there and ``compute`` is false.
     """
     stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
-    evolution = Evolution(scene, model, Options(False, folder / stem, fresh))
-    kept = evolution.open()
-    try:
-        document = kept.finished()
-        if document is None and compute:
-            document = evolution.run(kept, evolution.forces())
-            kept.save(document, rows(document))
-            if pictures:
-                draw(kept.path, evolution, document)
-            kept.finish()
-    finally:
-        kept.close()
-    return document
+    with open_session(scene, model, Options(False, folder / stem, fresh)) as session:
+        if session.complete:
+            return session.saved
+        return Evolution(session).complete(pictures=pictures) if compute else None
 
 
 def distances(document: Mapping[str, Any], i: int, j: int) -> tuple[np.ndarray, np.ndarray]:

@@ -106,7 +106,7 @@ class _Attempt:
 
     def __init__(self, case: Case, folder: StudyFolder | None, comm: Any, saved: dict[str, Any] | None) -> None:
         self.case, self.folder, self.comm = case, folder, comm
-        self.steps: list[dict[str, Any]] = list((saved or {}).get("steps", []))
+        self.steps = [Step.from_dict(step) for step in (saved or {}).get("steps", [])]
         self.spent = float((saved or {}).get("cpu_seconds", 0.0)), float((saved or {}).get("wall_seconds", 0.0))
         self.began = time.process_time(), time.monotonic()
         self.stop_after = case.stop_after
@@ -144,9 +144,7 @@ class _Attempt:
             workspace = self.comm.bcast(workspace, root=0)
         goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
         while True:
-            observer = _Stopper(
-                Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
-            )
+            observer = _Stopper(Scale.of(case.problem), goal, root=self.folder is not None, take=self._take)
             observer.left = self.stop_after
             try:
                 run = Run(case.accuracy, self.comm, workspace, observer, budget=case.budget, steps=case.steps)
@@ -154,7 +152,7 @@ class _Attempt:
             except _Stopped:
                 self.stop_after = None
 
-    def _take(self, step: Step, _fields: Any) -> None:
+    def _take(self, step: Step) -> None:
         assert self.folder is not None
         self.steps[:] = path_so_far(self.steps, step)
         self.folder.save(self.case, self._record(RUNNING, self.spent[0] + time.process_time() - self.began[0]))
@@ -169,7 +167,7 @@ class _Attempt:
             "ranks": 1 if self.comm is None else self.comm.size,
             "cpu_seconds": cpu,
             "wall_seconds": self.spent[1] + time.monotonic() - self.began[1],
-            "steps": self.steps,
+            "steps": [step.to_dict() for step in self.steps],
         }
 
     def _cpu_seconds(self) -> float:
@@ -195,9 +193,9 @@ class _Stopper(Progress):
 
     left: int | None = None
 
-    def step_done(self, step: Step, fields: Any) -> None:
+    def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
         """Take the step; raise after the last one wanted."""
-        super().step_done(step, fields)
+        super().step_done(step, surface)
         if self.left is not None:
             self.left -= 1
             if self.left == 0:
