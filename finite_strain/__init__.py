@@ -44,10 +44,10 @@ def solve(
     Parameters
     ----------
     problem
-        What is pressed into what.
+        What is pressed into what. With the effect ``finite_strain`` the layer is hyperelastic and contact is in the
+        deformed configuration; without it the same code takes linear elasticity and linearised contact.
     model
-        "finite_strain" is hyperelastic with contact in the deformed configuration; "small_strain" is the
-        same code with linear elasticity and linearised contact.
+        Which of the two is expected: "finite_strain" or "small_strain"; a problem of the other one is refused.
     tangential_force
         Relative accuracy of T at full load: meshes are refined until the result's own error meets it, or until
         the next one would pass the budget. ``solved.accuracy`` tells what was reached and why it ended there.
@@ -98,7 +98,7 @@ def plan(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
-    """Return what `solve` would simulate and what it would cost, without DOLFINx."""
+    """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there."""
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,10 @@ class ModelRun:
     """A model with its load path and force meter on one mesh."""
 
     def __init__(
-        self, problem: Problem, plan: RunPlan, kinematics: Kinematics, meshed: Meshed, box: Box,
-        level: Discretisation, observer: Any, name: str,
-    ) -> None:  # fmt: skip
-        self.model = Model(problem, plan.reduction, kinematics, meshed, level.order)
+        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Any, name: str
+    ) -> None:
+        problem = plan.problem
+        self.model = Model(problem, plan.reduction, kinematics_of(problem), meshed, level.order)
         control = load_control(problem, plan.reduction)
         self.solver = NewtonSolver(self.model, control, lambda i, r: observer.newton({"iteration": i, "residual": r}))
         self.meter = ForceMeter(self.model, box)
@@ -92,10 +93,11 @@ class MeshRun:
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
         meshed = mesh_box(box, mesh_file, comm)
-        self.own = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, observer, name)
+        self.own = ModelRun(plan, meshed, box, level, observer, name)
         self.small: ModelRun | None = None
         if plan.is_paired:
-            self.small = ModelRun(plan.problem, plan, Small(), meshed, box, level, observer, f"{name}, small strain")
+            pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
+            self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
         self._began = time.monotonic()
 
     def close(self) -> None:
@@ -129,9 +131,6 @@ class MeshRun:
         }
 
 
-def kinematics_of(plan: RunPlan) -> Kinematics:
-    """Return the kinematics that the plan's model and the scene's law ask for."""
-    if plan.model == "small_strain":
-        return Small()
-    effect = plan.problem.finite_strain
-    return Finite() if effect is None else Finite(effect.law)
+def kinematics_of(problem: Problem) -> Kinematics:
+    """Return finite strain with the law of the problem's effect, small strain without the effect."""
+    return Small() if problem.finite_strain is None else Finite(problem.finite_strain.law)

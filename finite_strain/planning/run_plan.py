@@ -37,7 +37,6 @@ class RunPlan:
     """What a run consists of: ``path`` are the load fractions that the path finder passes, ``goals`` those answered."""
 
     problem: Problem
-    model: str
     reduction: Reduction
     path: tuple[float, ...]
     goals: tuple[float, ...]
@@ -47,9 +46,14 @@ class RunPlan:
     extent: Extent = field(repr=False)
 
     @property
+    def model(self) -> str:
+        """The model's name, which the problem's effect decides."""
+        return model_of(self.problem)
+
+    @property
     def is_paired(self) -> bool:
         """Whether the small-strain problem runs beside the run's own."""
-        return self.model == "finite_strain"
+        return self.problem.finite_strain is not None
 
     def box(self, level: Discretisation) -> Box:
         """Return the box that a discretisation meshes."""
@@ -109,7 +113,8 @@ def plan_run(
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
 
-    Raises `UnsupportedProblem`, naming the key, for what the model lacks.
+    ``model`` is the one that the caller expects. Raises `UnsupportedProblem`, naming the key, for what it lacks and
+    where the problem asks for the other one.
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
@@ -121,7 +126,7 @@ def plan_run(
     expected = expected_indentation(problem)
     deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
     plan = RunPlan(
-        problem, model, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
+        problem, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
         tangential_force, budget, tuple(expected), choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
     least = plan.unknowns(plan.first[-1])
@@ -133,10 +138,21 @@ def plan_run(
     return plan
 
 
+def model_of(problem: Problem) -> str:
+    """Return the model that a problem asks for: hyperelastic with the effect `finite_strain`, else small strain."""
+    return MODELS[problem.finite_strain is None]
+
+
 def _check_supported(problem: Problem, model: str) -> None:
     if model not in MODELS:
         raise UnsupportedProblem(f"model: the finite-element models are {' and '.join(MODELS)}, got {model}")
     faults = []
+    if model != model_of(problem):
+        rule, remedy = ("needs", "FiniteStrain()") if model == MODELS[0] else ("takes no problem with", "None")
+        faults.append(
+            f"finite_strain: model {model} {rule} this effect, got {problem.finite_strain}; set it to {remedy}, or "
+            f"ask for model {model_of(problem)}"
+        )
     if not 0.0 < problem.layer.thickness < math.inf:
         thickness = f"{problem.layer.thickness:g}"
         faults.append(

@@ -17,7 +17,7 @@ from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.refinement import Budget
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, balls_at, on_layer, pair
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
 from tests.launch import python
 
 KEYS = {
@@ -56,7 +56,7 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
         paths = []
         for turn in (1, -1):
             values = load.values[::turn]
-            problem = Problem(Layer(1.0, 0.45, 2.0), balls[::turn], Load(load.kind, values))
+            problem = on_layer(balls[::turn], Load(load.kind, values), 2.0, poisson=0.45)
             plan = plan_run(problem, 0.1, "finite_strain")
             paths.append((plan.path, plan.unknowns(CUBIC)))
         assert paths[0][0] == paths[1][0]
@@ -239,3 +239,19 @@ def test_a_shape_given_as_a_function_is_refused_by_its_key() -> None:
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnsupportedProblem, match="finite_strain and small_strain, got large_strain"):
         plan_run(pair(0.1), 0.02, "large_strain")
+
+
+@pytest.mark.parametrize(
+    ("problem", "model", "remedy"),
+    [
+        (pair(0.1), "small_strain", r"got FiniteStrain\(.*; set it to None, or ask for model finite_strain"),
+        (at_small_strain(pair(0.1)), "finite_strain", r"got None; set it to FiniteStrain\(\), or ask for model sm"),
+    ],
+    ids=["effect for small strain", "no effect for finite strain"],
+)
+def test_a_problem_of_the_other_model_is_refused_by_its_key(problem: Problem, model: str, remedy: str) -> None:
+    for asked in (finite_strain.plan, finite_strain.solve):
+        with pytest.raises(UnsupportedProblem, match=rf"^finite_strain: model {model} .*{remedy}"):
+            asked(problem, model=model)
+    other = {"finite_strain": "small_strain", "small_strain": "finite_strain"}[model]
+    assert plan_run(problem, 0.1, other).model == other

@@ -138,7 +138,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     from finite_strain import compat  # noqa: PLC0415
     from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, kinematics_of  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun  # noqa: PLC0415
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
     box = plan.box(record.level)
@@ -153,7 +153,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     on_root(run.comm, write)
     meshed = compat.read_mesh(file, run.comm)
     name = f"{record.level}, moved"
-    driven = ModelRun(problem, shifted, kinematics_of(plan), meshed, box, record.level, run.observer, name)
+    driven = ModelRun(shifted, meshed, box, record.level, run.observer, name)
     steps = []
     try:
         for done in _along(driven, "own", {}, plan.path):
