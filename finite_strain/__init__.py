@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
@@ -38,6 +39,7 @@ def solve(
     seconds: float | None = None,
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
+    numerics: Numerics = DEFAULT,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -65,6 +67,8 @@ def solve(
     steps
         Fractions of the load at which answers are wanted, rising; by default full load alone. None stands for six
         equal steps of the approach.
+    numerics
+        What studies turn of the method.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -80,7 +84,7 @@ def solve(
         os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps)
+    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)
     from mpi4py import MPI  # noqa: PLC0415
 
     from finite_strain.refinement_loop import simulate  # noqa: PLC0415  (imports DOLFINx)
@@ -104,4 +108,4 @@ def plan(
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "Numerics", "plan", "solve"]

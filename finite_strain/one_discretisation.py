@@ -43,15 +43,19 @@ class ModelRun:
         self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Any, name: str
     ) -> None:
         problem = plan.problem
-        self.model = Model(problem, plan.reduction, kinematics_of(problem), meshed, level.order)
+        self.model = Model(
+            problem, plan.reduction, kinematics_of(problem), meshed, level.order, plan.numerics.contact_degree
+        )
         control = load_control(problem, plan.reduction)
-        self.solver = NewtonSolver(self.model, control, lambda i, r: observer.newton({"iteration": i, "residual": r}))
+        self.solver = NewtonSolver(
+            self.model, control, plan.numerics, lambda i, r: observer.newton({"iteration": i, "residual": r})
+        )
         self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
         self.path = LoadPath(
             problem, self.model, control, self.solver,
             lambda fraction, cuts: observer.attempt({"mesh": name, "fraction": fraction, "cuts": cuts}),
-            level.penalty,
+            level.penalty, plan.numerics.shortest_step,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -63,7 +63,7 @@ class Refinement:
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
         self.fields, self.keep = fields, keep
         self.began = time.monotonic()
-        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget)
+        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics)
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
         self.records: list[Record] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
         self.earlier_seconds = sum(record.seconds for record in self.records)

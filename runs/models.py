@@ -29,8 +29,9 @@ class ModelName(enum.StrEnum):
 class Run:
     """What a model is given beside the problem.
 
-    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, and the load
-    fractions at which answers are wanted (None: those that a load path passes from first touch).
+    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
+    at which answers are wanted (None: those that a load path passes from first touch), and values of
+    `finite_strain.Numerics` other than its defaults.
     """
 
     tangential_force: float | None = None
@@ -40,6 +41,7 @@ class Run:
     output: OutputTable | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     steps: Sequence[float] | None = (1.0,)
+    numerics: Mapping[str, Any] = field(default_factory=dict)
 
 
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
@@ -104,8 +106,9 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
             chosen = {} if run.output.fields is None else {"names": run.output.fields}
             options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
         return finite_strain.solve(
-            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer, **options
-        )
+            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
+            numerics=finite_strain.Numerics(**run.numerics), **options,
+        )  # fmt: skip
 
     return solve
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 from linear_bem.problem import LoadKind
 
-LARGEST_STEP = 0.07
-"""Largest increment of the approach over the radius: Newton's method follows it, also from the undeformed layer."""
 ANSWERS = 6
 """Load steps of a comparison along the load."""
 
 
-def load_fractions(kind: LoadKind, deepest: float, goals: Sequence[float] = (1.0,)) -> tuple[float, ...]:
+def load_fractions(kind: LoadKind, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
     """Return rising fractions of the load that meet all goals, for a deepest approach over its ball's radius.
+
+    ``largest`` is the largest increment of that.
 
     Fractions are of the approach where that is prescribed, and of the force otherwise, with
     Q ~ D^(3/2) between the two. Between two goals steps of the approach are equal.
@@ -23,7 +23,7 @@ def load_fractions(kind: LoadKind, deepest: float, goals: Sequence[float] = (1.0
     fractions, before = list[float](), 0.0
     for goal in goals:
         after = goal ** (1.0 / power)
-        parts = max(math.ceil(deepest * (after - before) / LARGEST_STEP - 1e-9), 1)
+        parts = max(math.ceil(deepest * (after - before) / largest - 1e-9), 1)
         fractions += [*((before + (after - before) * n / parts) ** power for n in range(1, parts)), goal]
         before = after
     return tuple(fractions)

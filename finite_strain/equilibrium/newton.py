@@ -22,6 +22,7 @@ from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options,
 from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.solver_options import PREFIX
 from finite_strain.equilibrium.tangent_system import TangentSystem
+from finite_strain.numerics import DEFAULT, Numerics
 from linear_bem.errors import InvalidProblem, NotConverged
 
 _OPTIONS = {
@@ -32,8 +33,6 @@ _OPTIONS = {
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """Options of PETSc's that would end Newton's method early."""
-MOST_LAGGED = 20
-"""Krylov iterations in one system from which on a new tangent is taken for the next."""
 LOOSE, TIGHT, BELOW = 3e-2, 1e-3, 0.1
 """Norm of a system's residual over Newton's, at first and near the end; over the norm at which Newton's method stops.
 
@@ -43,8 +42,6 @@ NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 STALL = 1e-3
 """Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
-MOST_ITERATIONS = 25
-"""Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +71,11 @@ class Effort:
 class NewtonSolver:
     """Newton's method on a `Model` under a load, keeping its state unless it converges."""
 
-    def __init__(self, model: Model, control: LoadControl, monitor: Callable[[int, float], None] | None = None) -> None:
-        self.model, self.control = model, control
+    def __init__(
+        self, model: Model, control: LoadControl, numerics: Numerics = DEFAULT,
+        monitor: Callable[[int, float], None] | None = None,
+    ) -> None:  # fmt: skip
+        self.model, self.control, self.numerics = model, control, numerics
         given = given_options()
         refused = [name for name in NOT_TAKEN if name in given]
         if refused:
@@ -93,7 +93,7 @@ class NewtonSolver:
         ksp.setOperators(model.matrix)
         self.linear = LinearSolver(model, ksp, self.choice)
         self.snes.getKSP().setOptionsPrefix(f"{PREFIX}outer_")
-        self.system = TangentSystem(model, control.moves, ksp, self.snes.getKSP())
+        self.system = TangentSystem(model, control.moves, ksp, self.snes.getKSP(), numerics.krylov_iterations)
         self._x = self.system.matrix.createVecRight()
         self._b, self._start = self._x.duplicate(), self._x.duplicate()
         self.snes.setFunction(self._function, self._b)
@@ -109,7 +109,7 @@ class NewtonSolver:
         self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps, self._is_old, self._prepared = 0.0, False, False, False
-        self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
+        self.max_iterations = int(given.get("snes_max_it", numerics.newton_iterations))
 
     def close(self) -> None:
         """Free the solver, with the matrix's factors (collective)."""
@@ -226,7 +226,7 @@ class NewtonSolver:
         taken, norm = snes.getKSP().getIterationNumber(), snes.getFunctionNorm()
         share = min(max(min(norm / self._norm, 1.0) ** 2, TIGHT), LOOSE)
         self.system.wanted, self._norm = max(share * norm, BELOW * self.tolerance), norm
-        lags = self.choice.direct and taken < MOST_LAGGED
+        lags = self.choice.direct and taken < self.numerics.lagged_iterations
         self._is_old = self._keeps and (self._prepared or lags)
         if not self._is_old:
             self._renew(x)

@@ -15,19 +15,17 @@ from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
 
-MOST_ITERATIONS = 40
-"""Of the Krylov method in one system; with the factors of an earlier tangent its result is then taken as it is."""
-
 
 class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
     ``moves`` (balls, unknowns) says how unknowns, the last entries of the last rank's vectors, move balls. ``ksp``
-    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``.
+    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``
+    or in ``most`` iterations.
     """
 
-    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
-        self.model, self.moves, self.ksp = model, moves, ksp
+    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP, most: int) -> None:
+        self.model, self.moves, self.ksp, self.most = model, moves, ksp, most
         self.count, self.solves, self.wanted, self._is_old, self._failed = moves.shape[1], 0, 0.0, False, False
         matrix = model.matrix
         self._inner, self._image = matrix.createVecRight(), matrix.createVecRight()
@@ -41,7 +39,7 @@ class TangentSystem:
         self.matrix = PETSc.Mat().createPython(((size, None), (size, None)), self, comm=model.comm)
         self.matrix.setUp()
         outer.setType("fgmres")
-        outer.setGMRESRestart(MOST_ITERATIONS)
+        outer.setGMRESRestart(most)
         outer.setConvergenceTest(self._converged)
         outer.getPC().setType("python")
         outer.getPC().setPythonContext(self)
@@ -117,6 +115,6 @@ class TangentSystem:
             return int(reason.DIVERGED_NANORINF)
         if norm <= self.wanted:
             return int(reason.CONVERGED_RTOL)
-        if iteration < MOST_ITERATIONS:
+        if iteration < self.most:
             return int(reason.CONVERGED_ITERATING)
         return int(reason.CONVERGED_ITS if self._is_old else reason.DIVERGED_MAX_IT)

@@ -14,9 +14,12 @@ LATEST = 0.85
 
 def box_to_mesh(
     problem: Problem, reduction: Reduction, expected: list[Expected], extent: Extent, fineness: float,
-    first: float = 1.0,
+    first: float = 1.0, growth: float = 1.0,
 ) -> Box:  # fmt: skip
-    """Return the box for the reduced scene, meshed with a fineness; ``first`` is the first load fraction answered."""
+    """Return the box for the reduced scene, meshed with a fineness; ``first`` is the first load fraction answered.
+
+    ``growth`` is that of the element sizes over the usual one.
+    """
     sides = []
     for axis in (0, 1):
         coordinates = [ball.position[axis] for ball in reduction.balls]
@@ -35,4 +38,4 @@ def box_to_mesh(
     lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
     smallest = first ** (1.0 / 2.0 if problem.load.kind == "approach" else 1.0 / 3.0)  # as Hertz's contact grows
     zones = tuple(Zone(*zone, smallest) for zone in zip(positions, lines, widths, strict=True))
-    return Box(sides[0], sides[1], problem.layer.thickness, extent.depth, zones, fineness)
+    return Box(sides[0], sides[1], problem.layer.thickness, extent.depth, zones, fineness, growth)

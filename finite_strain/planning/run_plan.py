@@ -15,6 +15,7 @@ from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.simulated_box import box_to_mesh
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
+from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
@@ -42,6 +43,7 @@ class RunPlan:
     goals: tuple[float, ...]
     accuracy: float
     budget: Budget
+    numerics: Numerics
     expected: tuple[Expected, ...]
     extent: Extent = field(repr=False)
 
@@ -58,7 +60,10 @@ class RunPlan:
     def box(self, level: Discretisation) -> Box:
         """Return the box that a discretisation meshes."""
         extent = self.extent.larger(level.extent)
-        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0])
+        return box_to_mesh(
+            self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0],
+            self.numerics.growth,
+        )  # fmt: skip
 
     def unknowns(self, level: Discretisation) -> float:
         """Estimate the unknowns of a discretisation, within about 30 %."""
@@ -109,7 +114,7 @@ def _bytes(unknowns: float, direct: bool) -> float:
 
 def plan_run(
     problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
-    steps: Sequence[float] | None = (1.0,),
+    steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT,
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
 
@@ -126,8 +131,8 @@ def plan_run(
     expected = expected_indentation(problem)
     deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
     plan = RunPlan(
-        problem, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
-        tangential_force, budget, tuple(expected), choose_extent(problem, expected, tangential_force),
+        problem, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals, numerics.largest_step),
+        goals, tangential_force, budget, numerics, tuple(expected), choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
     least = plan.unknowns(plan.first[-1])
     if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,8 @@ pytest.importorskip("dolfinx")
 
 from petsc4py import PETSc
 
-from finite_strain.equilibrium import linear_solver, newton, tangent_system
+from finite_strain import Numerics
+from finite_strain.equilibrium import linear_solver
 from finite_strain.equilibrium.solver_options import choose, given_in, solver_notes
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair, relatively
@@ -73,14 +75,14 @@ def test_a_plan_reads_the_users_options_where_petsc_does() -> None:
     assert given_in("") == {}  # no options is the usual case
 
 
-def rig_of(problem: Problem, folder: Path, name: str) -> Rig:
+def rig_of(problem: Problem, folder: Path, name: str, **numerics: int) -> Rig:
     path = folder / name
     path.mkdir()
-    return coarse_rig(coarse_plan(problem), path)
+    return coarse_rig(replace(coarse_plan(problem), numerics=Numerics(**numerics)), path)
 
 
-def deep_rig(form: str, poisson: float, folder: Path, name: str) -> Rig:
-    return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name)
+def deep_rig(form: str, poisson: float, folder: Path, name: str, **numerics: int) -> Rig:
+    return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name, **numerics)
 
 
 PATH = [0.3, 0.7, 1.0]
@@ -112,13 +114,12 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_tangent_that_serves_several_iterations_finds_the_same_equilibrium_as_new_ones(
-    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    case: str, tmp_path: Path
 ) -> None:
     form, poisson, _ = CASES[case]
     found = []
-    for most in (0, newton.MOST_LAGGED):
-        monkeypatch.setattr(newton, "MOST_LAGGED", most)
-        rig = deep_rig(form, poisson, tmp_path, f"most {most}")
+    for most in (0, Numerics().lagged_iterations):
+        rig = deep_rig(form, poisson, tmp_path, f"most {most}", lagged_iterations=most)
         records = list(rig.path.steps(PATH))
         end = rig.settle()  # a load step ends in a rough equilibrium
         tangents = sum(record.tangents for record in records) + end.tangents
@@ -154,15 +155,12 @@ def test_the_action_is_the_product_with_the_tangent(case: str, tmp_path: Path) -
     assert not action.array_r[~free].any()
 
 
-def test_systems_that_an_old_tangent_leaves_unfinished_do_not_keep_from_the_equilibrium(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_systems_that_an_old_tangent_leaves_unfinished_do_not_keep_from_the_equilibrium(tmp_path: Path) -> None:
     problem = pair(0.05, poisson=0.3)
     rig = rig_of(problem, tmp_path, "usual")
     rig.press()
     expected = rig.normal_forces()[0]
-    monkeypatch.setattr(tangent_system, "MOST_ITERATIONS", 3)
-    rig = rig_of(problem, tmp_path, "unfinished")
+    rig = rig_of(problem, tmp_path, "unfinished", krylov_iterations=3)
     records = rig.press()
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
     assert sum(record.newton_iterations for record in records) > sum(record.tangents for record in records)

@@ -10,7 +10,8 @@ from itertools import pairwise
 import pytest
 
 import finite_strain
-from finite_strain.equilibrium.load_steps import LARGEST_STEP, answered_fractions, load_fractions
+from finite_strain import Numerics
+from finite_strain.equilibrium.load_steps import answered_fractions, load_fractions
 from finite_strain.geometry.estimates import expected_indentation
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.symmetry import reduce_scene
@@ -34,12 +35,13 @@ KEYS = {
     "load_steps",
 }
 """What the command ``plan`` prints."""
+LARGEST_STEP = Numerics().largest_step
 
 
 @pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
 @pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
 def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
-    fractions = load_fractions(kind, deepest)
+    fractions = load_fractions(kind, deepest, (1.0,), LARGEST_STEP)
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
@@ -70,10 +72,10 @@ def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_fo
     problem = pair(0.2)
     usual = plan_run(problem, 0.02, "finite_strain")
     assert usual.goals == (1.0,)
-    assert usual.path == pytest.approx(load_fractions("approach", 0.2))
+    assert usual.path == pytest.approx(load_fractions("approach", 0.2, (1.0,), LARGEST_STEP))
     asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
     assert asked.goals == (0.3, 0.77, 1.0)
-    assert asked.path == load_fractions("approach", 0.2, asked.goals)
+    assert asked.path == load_fractions("approach", 0.2, asked.goals, LARGEST_STEP)
     assert set(asked.goals) <= set(asked.path)
     assert list(asked.path) == sorted(asked.path)
     every = plan_run(problem, 0.02, "finite_strain", steps=None)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from finite_strain import Numerics
 from finite_strain.planning.records import ContactState, Discretisation, Record, Row, saved_records, text_of
 from finite_strain.planning.refinement import (
     FINE,
@@ -22,8 +24,9 @@ from finite_strain.planning.refinement import (
     account,
     decide,
 )
+from finite_strain.planning.run_plan import plan_run
 from linear_bem.errors import OutputUnusable
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, relatively
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, light_pair, relatively
 from tests.finite_strain.test_pairs import state
 
 FREE = Budget(unknowns=1e9)
@@ -184,3 +187,18 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     file.write_text("{ torn", encoding="utf-8")
     with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
         saved_records(file, "mine")
+
+
+def test_a_run_with_other_numerics_is_another_run(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain.refinement_loop import Refinement, Silence  # noqa: PLC0415
+
+    def key(numerics: Numerics) -> str:
+        plan = plan_run(light_pair(), 0.1, "finite_strain", numerics=numerics)
+        return Refinement(plan, tmp_path, MPI.COMM_SELF, Silence(), None, keep=True).key
+
+    assert key(Numerics()) == key(Numerics(newton_iterations=25))
+    changed = {name: 2 * value for name, value in vars(Numerics()).items()}
+    assert len({key(Numerics(**{name: value})) for name, value in changed.items()} | {key(Numerics())}) == 8  # type: ignore[arg-type]

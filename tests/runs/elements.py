@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from finite_strain.numerics import DEFAULT, Numerics
 from linear_bem import NotConverged, Problem, UnsupportedProblem
 from linear_bem import solve as solve_linear
 from linear_bem.result import Result, Solved, Step
@@ -65,6 +66,7 @@ def solve(
     seconds: float | None = None,
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
+    numerics: Numerics = DEFAULT,
 ) -> Result:
     assert comm is not None
     assert folder is not None
@@ -167,7 +169,7 @@ def _surface(problem: Problem, step: Step) -> SimpleNamespace:
 def install() -> None:
     """Put this stand-in where ``import finite_strain`` finds it."""
     module = ModuleType("finite_strain")
-    module.solve, module.plan, module.FORMAT = solve, plan, 0  # type: ignore[attr-defined]
+    module.solve, module.plan, module.Numerics, module.FORMAT = solve, plan, Numerics, 0  # type: ignore[attr-defined]
     sys.modules["finite_strain"] = module
 
 

@@ -1,4 +1,4 @@
-"""One case of a study: a problem, the model that solves it, and which of the solver's constants are varied."""
+"""One case of a study: a problem, the model that solves it, and which numbers of the method are varied."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from runs.models import MODELS, Run
 class Case:
     """What is solved once: ``name`` is unlike any other's in the study and names its file.
 
-    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
+    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another
+    value, ``numerics`` a field of `finite_strain.Numerics`;
     ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
     whole load path); ``stop_after`` interrupts the run after that many load
     steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
@@ -38,6 +39,7 @@ class Case:
     stop_after: int | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     alone: bool = False
+    numerics: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def parallel(self) -> bool:
@@ -50,7 +52,7 @@ class Case:
 
     def key(self) -> str:
         """Return a digest that changes whenever a saved answer to this case is one no more."""
-        varied = sorted(self.constants.items())
+        varied = sorted({**self.constants, **self.numerics}.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())
         steps = None if self.steps is None else tuple(self.steps)

@@ -67,12 +67,12 @@ class LevelCase(Case):
 
     def solve(self, run: Run) -> Result:
         """Press the balls in on every level (collective)."""
-        from finite_strain import compat  # noqa: PLC0415  (a case of finite elements)
+        from finite_strain import Numerics, compat  # noqa: PLC0415  (a case of finite elements)
         from finite_strain.mpi import working_folder  # noqa: PLC0415
         from finite_strain.planning.records import Record  # noqa: PLC0415
         from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-        plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps)
+        plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
         steps: list[Step] = []
         before: Record | None = None
         seen: Seen = {}
