@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from finite_strain.numerics import DEFAULT, Numerics
+from finite_strain.observer import Observer
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
@@ -34,7 +35,7 @@ def solve(
     tangential_force: float = DEFAULT_ACCURACY,
     comm: Any = None,
     folder: Path | str | None = None,
-    observer: Any = None,
+    observer: Observer | None = None,
     fields: FieldChoice | None = None,
     seconds: float | None = None,
     unknowns: float | None = None,
@@ -58,7 +59,7 @@ def solve(
     folder
         Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
     observer
-        Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks.
+        Hears what the run does; see `Observer`. Called on all ranks.
     fields
         Which fields are written into the folder and on which steps; by default all on every step.
     seconds, unknowns
@@ -108,4 +109,4 @@ def plan(
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "Numerics", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "Numerics", "Observer", "plan", "solve"]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -18,12 +17,13 @@ from finite_strain.discretisation.discrete_model import Meshed, Model
 from finite_strain.discretisation.nodal_values import smallest_volume_ratio
 from finite_strain.equilibrium.load_control import load_control
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
-from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.equilibrium.newton import Effort, NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mpi import on_root
-from finite_strain.planning.records import ContactState, Discretisation
+from finite_strain.observer import Observer
+from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.problem import Problem
 from meshes.box import Box
@@ -40,7 +40,7 @@ class ModelRun:
     """A model with its load path and force meter on one mesh."""
 
     def __init__(
-        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Any, name: str
+        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str
     ) -> None:
         problem = plan.problem
         self.model = Model(
@@ -90,10 +90,20 @@ class ModelRun:
         )
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A moment of a run on one mesh: the clock [s], and what its own model's solver had taken until then."""
+
+    clock: float
+    effort: Effort
+
+
 class MeshRun:
     """The run's own model and, where the plan pairs it, the small-strain one on the same mesh and order."""
 
-    def __init__(self, plan: RunPlan, level: Discretisation, mesh_file: Path, comm: MPI.Comm, observer: Any, name: str):
+    def __init__(
+        self, plan: RunPlan, level: Discretisation, mesh_file: Path, comm: MPI.Comm, observer: Observer, name: str
+    ):
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
         meshed = mesh_box(box, mesh_file, comm)
@@ -102,7 +112,7 @@ class MeshRun:
         if plan.is_paired:
             pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
             self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
-        self._began = time.monotonic()
+        self.began = self.mark()
 
     def close(self) -> None:
         """Free what both models hold (collective)."""
@@ -110,29 +120,41 @@ class MeshRun:
             if run is not None:
                 run.close()
 
-    def details(self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState) -> dict[str, Any]:
-        """Return the solver's account of a finished step, the last of those since the last account (collective)."""
-        model, record = self.own.model, records[-1]
-        now, began = time.monotonic(), self._began
-        self._began = now
+    def mark(self) -> Mark:
+        """Return the present moment."""
+        return Mark(time.monotonic(), replace(self.own.solver.effort))
+
+    def account(
+        self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, since: Mark
+    ) -> SolverAccount:
+        """Return what an answered step took since an earlier moment, in which ``records`` were made (collective)."""
+        model, solver, record, before = self.own.model, self.own.solver, records[-1], since.effort
+        took = (solver.effort.seconds_assembly - before.seconds_assembly,
+                solver.effort.seconds_solve - before.seconds_solve)  # fmt: skip
+        assembly, solve = (self.comm.allreduce(seconds, op=MPI.MAX) for seconds in took)
         reaction = model.base_reaction()
         pressed = float(model.part_forces().sum())
-        return {
-            "fraction": record.fraction,
-            "iterations": sum(each.newton_iterations for each in records),
-            "tangents": sum(each.tangents for each in records),
-            "augmentation_iterations": sum(each.augmentation_iterations for each in records),
-            "pair_iterations": 0 if small is None else small.newton_iterations,
-            "augmented": record.augmented,
-            "cuts": max(each.cuts for each in records),
-            "residual": record.residual,
-            "penetration": float(state.penetration.max()),
-            "force_balance": abs(pressed - reaction) / pressed,
-            "smallest_volume_ratio": smallest_volume_ratio(model.space, model.nodal),
-            "strain_energy": 2 ** len(self.plan.reduction.planes) * model.strain_energy(),
-            **{key: value for key, value in self.own.solver.account().items() if key != "tangents"},
-            "seconds": now - began,
-        }
+        return SolverAccount(
+            fraction=record.fraction,
+            iterations=sum(each.newton_iterations for each in records),
+            tangents=sum(each.tangents for each in records),
+            augmentation_iterations=sum(each.augmentation_iterations for each in records),
+            pair_iterations=0 if small is None else small.newton_iterations,
+            augmented=record.augmented,
+            cuts=max(each.cuts for each in records),
+            residual=record.residual,
+            penetration=float(state.penetration.max()),
+            force_balance=abs(pressed - reaction) / pressed,
+            smallest_volume_ratio=smallest_volume_ratio(model.space, model.nodal),
+            strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
+            linear_solver=solver.choice.method,
+            seconds_assembly=assembly,
+            seconds_solve=solve,
+            linear_iterations=solver.effort.linear_iterations - before.linear_iterations,
+            linear_fallbacks=solver.effort.linear_fallbacks - before.linear_fallbacks,
+            residuals=solver.residuals,
+            seconds=time.monotonic() - since.clock,
+        )
 
 
 def kinematics_of(problem: Problem) -> Kinematics:

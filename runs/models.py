@@ -7,13 +7,16 @@ import enum
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import OutputTable, Scene
+
+if TYPE_CHECKING:
+    from finite_strain import Observer
 
 
 class ModelName(enum.StrEnum):
@@ -37,7 +40,7 @@ class Run:
     tangential_force: float | None = None
     comm: Any = None
     folder: Path | None = None
-    observer: Any = None
+    observer: Observer | None = None
     output: OutputTable | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     steps: Sequence[float] | None = (1.0,)

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
-from finite_strain.planning.records import Record, Row
+from finite_strain.planning.records import Answer, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import Problem
-from linear_bem.result import BallResult, Step
+from linear_bem.result import BallResult
 from linear_bem.solver import solve
 
 UNSURE = ("transfer", "force_transfer")
@@ -27,7 +26,7 @@ LEAST, MOST = 1.5, 3.0
 
 
 class Answers:
-    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path.
+    """Makes answers for the balls of the scene of the rows of discretisations, step by step along a load path.
 
     ``records`` are the last two or more discretisations, the finest last.
     """
@@ -36,7 +35,6 @@ class Answers:
         self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
         self._older = records[-3] if len(records) > 2 else None
         self.forces_given = plan.problem.load.kind != "approach"
-        self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
 
     def truth(self, fraction: float) -> LinearTruth | str:
         """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
@@ -63,23 +61,18 @@ class Answers:
             np.array([ball.peak_pressure for ball in chosen]),
         )
 
-    def step(
-        self, fraction: float, said: LinearTruth | str, details: dict[str, Any], earlier: list[Step], tolerance: float
-    ) -> Step:
-        """Return the finished step; ``said`` is what `truth` returned, ``tolerance`` [N] what the solver left."""
-        fine, coarse, truth = self.fine.at(fraction), self.coarse.at(fraction), None if isinstance(said, str) else said
-        assert fine is not None and coarse is not None  # noqa: PT018
-        last = None if self._older is None else self._older.at(fraction)
-        now, before = self._paired(fine, truth), self._paired(coarse, truth)
-        older = None if last is None else self._paired(last, truth)
+    def answer(self, step: int, account: SolverAccount, said: LinearTruth | str, tolerance: float) -> Answer:
+        """Return the answer at load step number ``step``, of which ``account`` tells.
+
+        ``said`` is what `truth` returned, ``tolerance`` [N] what the solver left.
+        """
+        truth = None if isinstance(said, str) else said
+        fine, now, before, older = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
-        adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
-        if self.plan.is_paired:
-            levels = self.fine.level, self.coarse.level
-            now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
+        share = enforcement(fine.own, fine.small, weight)
+        solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
         size = np.linalg.norm(now.tangential_force, axis=1)
-        floor = np.maximum(size, self._scale(now.normal_force))
-        squared, pull = now.normal_force**2, now.tangential_force
+        floor, squared = np.maximum(size, self._scale(now.normal_force)), now.normal_force**2
 
         def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
             """Return the discretisation's error of a value (balls, k) of the paired answers, which hold a known one."""
@@ -87,53 +80,71 @@ class Answers:
                 return np.zeros_like(scale)
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
 
-        share = enforcement(fine.own, fine.small, weight)
-        solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
-        # of T at given force
         at_force = Terms(
             change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor),
-            np.zeros_like(size),
-            squared * now.transfer,
-            solver,
-        )
-        # of what follows: Q at given approach, D at given force
-        follows = now.approach if self.forces_given else now.normal_force
-        through = Terms(
-            change("Q", lambda a: (a.approach if self.forces_given else a.normal_force)[:, None], follows),
-            np.abs(follows) * share * (1.0 if self.forces_given else MOST),
-            np.abs(follows) * now.force_transfer,
-            tolerance
-            * (follows / np.maximum(LEAST * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
-        )
+            np.zeros_like(size), squared * now.transfer, solver,
+        )  # fmt: skip
+        none = np.zeros_like(size)
         if self.forces_given:
-            terms = at_force
+            follows = Terms(
+                change("Q", lambda answer: answer.approach[:, None], now.approach),
+                np.abs(now.approach) * share,
+                np.abs(now.approach) * now.force_transfer,
+                tolerance * (now.approach / np.maximum(LEAST * now.normal_force, 1e-300)),
+            )
+            terms, force_error, approach_error = at_force, none, follows.total
         else:
+            follows = Terms(
+                change("Q", lambda answer: answer.normal_force[:, None], now.normal_force),
+                np.abs(now.normal_force) * share * MOST,
+                np.abs(now.normal_force) * now.force_transfer,
+                np.full_like(size, tolerance),
+            )
+            adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
             terms = Terms(
                 change("T", lambda answer: answer.tangential_force, floor),
                 2.0 * MOST * size * share,
                 adds(at_force.transfer, 2.0 * size * now.force_transfer),
                 solver,
             )
-        area, peak = fine.own.contact_area, fine.own.peak_pressure
+            force_error, approach_error = follows.total, none
+        imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
+        return Answer(
+            **vars(account),
+            balls=self._balls(fine, now, truth, doubt * terms.total),
+            step=step,
+            linear_failure=said if isinstance(said, str) else "",
+            error_terms={name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
+            pair_weight=self._per_ball(weight),
+            imbalance=imbalance,
+            normal_force_error=self._per_ball(force_error),
+            approach_error=self._per_ball(approach_error),
+            tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
+        )
+
+    def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired, Paired | None]:
+        """Return the finest row, and the paired answers of the finest, the one before, and the one before that."""
+        fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
+        assert fine is not None and coarse is not None  # noqa: PT018
+        last = None if self._older is None else self._older.at(fraction)
+        now, before = self._paired(fine, truth), self._paired(coarse, truth)
+        if self.plan.is_paired:
+            levels = self.fine.level, self.coarse.level
+            now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
+        return fine, now, before, None if last is None else self._paired(last, truth)
+
+    def _balls(self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray) -> tuple[BallResult, ...]:
+        """Return the state of every ball of the scene; ``error`` (balls,) [N] is that of T."""
+        area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
         if truth is not None and fine.small is not None:
-            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** weight
-            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** weight
-        imbalance, doubt = self._imbalance(pull, terms.total)
-        error = doubt * terms.total
-        none = np.zeros_like(size)
-        record = {
-            "step": len(earlier) + 1,
-            **details,
-            "linear_failure": said if isinstance(said, str) else "",
-            "error_terms": {name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
-            "pair_weight": self._per_ball(weight),
-            "imbalance": imbalance,
-            "normal_force_error": self._per_ball(none if self.forces_given else through.total),
-            "approach_error": self._per_ball(through.total if self.forces_given else none),
-            "tangential_force_error_at_force": self._per_ball(doubt * at_force.total),
+            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
+            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
+        named = {
+            "domain": now.tangential_force,
+            "domain_without_pair": fine.own.tangential_force,
+            "traction": fine.own.traction_force,
         }
-        named = {"domain": pull, "domain_without_pair": fine.own.tangential_force, "traction": fine.own.traction_force}
-        reduction, balls = self.plan.reduction, []
+        balls = []
         for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
             b = image.model_ball
             turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
@@ -150,7 +161,7 @@ class Answers:
                     tangential_force_routes=turned,
                 )
             )
-        return Step(tuple(balls), record)
+        return tuple(balls)
 
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
         if truth is None or (self.plan.is_paired and row.small is None):
@@ -172,12 +183,12 @@ class Answers:
     def _change(
         self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
     ) -> np.ndarray:
-        """Return the discretisation's error, and remember it for the steps that follow."""
-        path, last = self._relative[name], np.linalg.norm(now - before, axis=1)
+        """Return the discretisation's error, and note it in its record for the steps that follow."""
+        path, last = self.fine.changes.setdefault(name, []), np.linalg.norm(now - before, axis=1)
         observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
         factor = gain(self.fine.level, self.coarse.level, observed)
         error = discretisation(now, before, factor, path, size)
-        path.append(ratio(factor * last, size))
+        path.append(ratio(factor * last, size).tolist())
         return error
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:

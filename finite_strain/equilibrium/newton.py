@@ -9,11 +9,9 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
@@ -55,9 +53,9 @@ class Equilibrium:
 
 @dataclass
 class Effort:
-    """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
+    """What linear systems and assembly took so far, on this rank; wall times [s].
 
-    ``residuals`` are those of the last Newton solve [N]; ``linear_fallbacks`` counts solves that factors had to end.
+    ``linear_fallbacks`` counts solves that factors had to end.
     """
 
     seconds_assembly: float = 0.0
@@ -65,7 +63,6 @@ class Effort:
     tangents: int = 0
     linear_iterations: int = 0
     linear_fallbacks: int = 0
-    residuals: list[float] = field(default_factory=list)
 
 
 class NewtonSolver:
@@ -86,6 +83,8 @@ class NewtonSolver:
         self.choice = choose_for(model)
         self._options = {**_OPTIONS, **self.choice.options}
         self.effort = Effort()
+        self.residuals: list[float] = []
+        """Norms [N] in the last solve."""
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
         ksp = PETSc.KSP().create(model.comm)
@@ -140,7 +139,7 @@ class NewtonSolver:
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
-        self.effort.residuals = []
+        self.residuals = []
         self._norm, self._keeps = 1e-300, self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
@@ -169,13 +168,6 @@ class NewtonSolver:
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))
-
-    def account(self) -> dict[str, Any]:
-        """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
-        done, self.effort = asdict(self.effort), Effort()
-        for name in ("seconds_assembly", "seconds_solve"):
-            done[name] = self.model.comm.allreduce(done[name], op=MPI.MAX)
-        return {"linear_solver": self.choice.method, **done}
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
         install(self._options | changed)
@@ -254,7 +246,7 @@ class NewtonSolver:
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         reason = PETSc.SNES.ConvergedReason
         residual = norms[2]
-        self.effort.residuals.append(float(residual))
+        self.residuals.append(float(residual))
         if not math.isfinite(residual):
             return reason.DIVERGED_FNORM_NAN
         if residual <= self._goal:

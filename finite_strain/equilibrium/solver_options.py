@@ -6,9 +6,8 @@ Krylov method grows in proportion. The user's own PETSc options of the prefix ``
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 PREFIX = "thirdbody_"
 DIRECT_UP_TO = 200_000
@@ -103,15 +102,8 @@ def given_in(text: str) -> dict[str, str]:
     return found
 
 
-def solvers_of(records: Sequence[Mapping[str, Any]]) -> str:
-    """Return what solved the linear systems of a run's load steps; a run that went on elsewhere may have had two."""
-    names = (str(record["linear_solver"]) for record in records if "linear_solver" in record)
-    return ", then ".join(dict.fromkeys(names))
-
-
-def solver_notes(records: Sequence[Mapping[str, Any]]) -> list[str]:
+def solver_notes(method: str, failures: int) -> list[str]:
     """Return what a reader must know of the linear systems: a Krylov method that failed is not passed over."""
-    left = sum(record.get("linear_fallbacks", 0) for record in records)
-    if not left:
+    if not failures:
         return []
-    return [f"linear systems: {solvers_of(records)} did not converge {left} time(s); factors (MUMPS) took its place"]
+    return [f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"]

@@ -171,8 +171,8 @@ def coarse_rig(
     """Mesh a plan's box (or take a mesh) and return the model on it with its solver, force meter and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
-    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
 
     box = plan.box(level)
     meshed = meshed or mesh_box(box, folder / "mesh.msh", MPI.COMM_SELF)

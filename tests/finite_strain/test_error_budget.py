@@ -64,7 +64,7 @@ def test_a_correction_that_is_small_by_chance_counts_as_what_convergence_leaves_
 
 def test_a_chance_agreement_at_one_step_is_not_an_error_of_nothing() -> None:
     same, size = np.array([[2.0, 0.0]]), np.array([2.0])
-    path = [np.array([0.01]), np.array([0.03])]
+    path = [[0.01], [0.03]]
     assert discretisation(same, same, 1.0, path, size) == relatively([0.02], ROUNDOFF)
     # a larger change counts itself, and one before does not raise it
     assert discretisation(same, same + 0.5, 1.0, path, size) == relatively([math.hypot(0.5, 0.5)], ROUNDOFF)

@@ -98,17 +98,17 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
         options("direct_up_to", limit)
         rig = deep_rig(form, poisson, tmp_path, f"limit {limit}")
         rig.press(PATH)
-        account = rig.solver.account()
+        effort, residuals = replace(rig.solver.effort), rig.solver.residuals
         rig.settle()  # a load step ends in a rough equilibrium
         forces.append(rig.normal_forces()[0])
         rig.solver.close()
-    assert account["linear_solver"] == method
+    assert rig.solver.choice.method == method
     # a step begins far from equilibrium, where the tangent may be indefinite: factors then take over
-    assert account["linear_fallbacks"] <= 2 * len(PATH)
-    assert account["linear_iterations"] > 5
-    assert account["seconds_assembly"] > 0.0
-    assert account["seconds_solve"] > 0.0
-    assert account["residuals"][-1] <= rig.solver.tolerance < account["residuals"][0]
+    assert effort.linear_fallbacks <= 2 * len(PATH)
+    assert effort.linear_iterations > 5
+    assert effort.seconds_assembly > 0.0
+    assert effort.seconds_solve > 0.0
+    assert residuals[-1] <= rig.solver.tolerance < residuals[0]
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
@@ -174,7 +174,7 @@ def test_a_prescribed_force_is_found_with_either_solver(
     rig = rig_of(pair(Load("force", (0.03, 0.03)), poisson=0.3), tmp_path, "force")
     rig.press()
     assert rig.normal_forces() == relatively([0.03], 1e-8)
-    assert rig.solver.account()["linear_fallbacks"] == 0
+    assert rig.solver.effort.linear_fallbacks == 0
 
 
 @pytest.mark.parametrize(
@@ -213,12 +213,11 @@ def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(
         options("direct_up_to", limit)
         rig = rig_of(problem, tmp_path, f"limit {limit}")
         rig.press()
-        account = rig.solver.account()
         rig.settle()
         forces.append(rig.normal_forces()[0])
         rig.solver.close()
-    assert account["linear_solver"] == "fgmres + fieldsplit"
-    assert account["linear_fallbacks"] == 0
+    assert rig.solver.choice.method == "fgmres + fieldsplit"
+    assert rig.solver.effort.linear_fallbacks == 0
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
@@ -235,13 +234,11 @@ def test_factors_take_the_place_of_a_krylov_method_that_fails_and_the_record_say
     rig = rig_of(problem, tmp_path, "krylov")
     rig.press()
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
-    record = rig.solver.account()
-    count = record["linear_fallbacks"]
+    count = rig.solver.effort.linear_fallbacks
     assert count > 1
-    (note,) = solver_notes([record])
+    (note,) = solver_notes(rig.solver.choice.method, count)
     assert note.startswith(f"linear systems: fgmres + gamg did not converge {count} time(s)")
-    assert rig.solver.account()["linear_fallbacks"] == 0
-    assert not solver_notes([rig.solver.account()])
+    assert not solver_notes(rig.solver.choice.method, 0)
 
 
 def test_a_system_that_factors_cannot_solve_either_is_said(

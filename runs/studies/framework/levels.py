@@ -97,12 +97,14 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
     """Return the answers of one discretisation, paired as those of a whole run are (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
     from finite_strain.planning.records import Row  # noqa: PLC0415
 
-    mesh = MeshRun(plan, record.level, file, run.comm, run.observer, str(record.level))
+    mesh = MeshRun(plan, record.level, file, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])
     steps: list[Step] = []
+    mark = mesh.began
     try:
         for done in _along(mesh.own, "own", seen, plan.path if before is record else plan.goals):
             if done.fraction not in plan.goals:
@@ -113,8 +115,9 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
                     small = mesh.small.state(done.fraction)
             record.rows.append(Row(own, small))
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
-            details = {**_of(plan, mesh.own, record), **mesh.details([done], None, own)}
-            steps.append(answers.step(done.fraction, truth, details, steps, mesh.own.solver.tolerance))
+            account, mark = mesh.account([done], None, own, mark), mesh.mark()
+            step = answers.answer(len(steps) + 1, account, truth, mesh.own.solver.tolerance).to_step()
+            steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
     finally:
         mesh.close()
     return steps
@@ -138,6 +141,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     from finite_strain import compat  # noqa: PLC0415
     from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import ModelRun  # noqa: PLC0415
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
@@ -153,7 +157,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     on_root(run.comm, write)
     meshed = compat.read_mesh(file, run.comm)
     name = f"{record.level}, moved"
-    driven = ModelRun(shifted, meshed, box, record.level, run.observer, name)
+    driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), name)
     steps = []
     try:
         for done in _along(driven, "own", {}, plan.path):

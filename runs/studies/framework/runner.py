@@ -211,9 +211,7 @@ class _Stopper:
 
     def __init__(self, inner: Progress, stop_after: int | None) -> None:
         self.inner, self.left = inner, stop_after
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.inner, name)
+        self.started, self.attempt, self.newton = inner.started, inner.attempt, inner.newton
 
     def step_done(self, step: Step, fields: Any) -> None:
         """Hand the step on; raise after the last one wanted."""

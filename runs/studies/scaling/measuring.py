@@ -34,10 +34,10 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
     """
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
     from finite_strain.planning.records import Discretisation  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
-    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
 
     balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
     layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
