@@ -23,21 +23,6 @@ class Started(TypedDict):
     versions: dict[str, str]
 
 
-class Attempt(TypedDict):
-    """A load step that begins: the mesh's name, the load fraction aimed at, and the cut-backs so far."""
-
-    mesh: str
-    fraction: float
-    cuts: int
-
-
-class Iteration(TypedDict):
-    """An iteration of Newton's method and the norm of its residual [N]."""
-
-    iteration: int
-    residual: float
-
-
 class Observer(Protocol):
     """Is called on all ranks. What it raises on all of them ends the run, which resumes after the last finished step.
 
@@ -46,13 +31,13 @@ class Observer(Protocol):
     """
 
     def started(self, info: Started, /) -> None:
-        """Hear that a discretisation that will answer begins."""
+        """Hear that a discretisation begins that will answer."""
 
-    def attempt(self, info: Attempt, /) -> None:
-        """Hear that a load step begins."""
+    def attempt(self, mesh: str, fraction: float, cuts: int, /) -> None:
+        """Hear that a load step begins: name of the mesh, load fraction aimed at, cut-backs so far."""
 
-    def newton(self, info: Iteration, /) -> None:
-        """Hear of an iteration."""
+    def newton(self, iteration: int, residual: float, /) -> None:
+        """Hear of an iteration and the norm of its residual [N]."""
 
     def step_done(self, step: Step, surface: SurfaceFields | None, /) -> None:
         """Take an answered step, and on rank 0 the whole scene's top surface."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,11 @@ from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
 from finite_strain.discretisation.nodal_values import smallest_volume_ratio
-from finite_strain.equilibrium.load_control import load_control
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
-from finite_strain.equilibrium.newton import Effort, NewtonSolver
+from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.domain_integral import ForceMeter
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
@@ -46,16 +47,13 @@ class ModelRun:
         self.model = Model(
             problem, plan.reduction, kinematics_of(problem), meshed, level.order, plan.numerics.contact_degree
         )
-        control = load_control(problem, plan.reduction)
-        self.solver = NewtonSolver(
-            self.model, control, plan.numerics, lambda i, r: observer.newton({"iteration": i, "residual": r})
-        )
+        control = prescribed(problem).on(plan.reduction)
+        self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
         self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
         self.path = LoadPath(
-            problem, self.model, control, self.solver,
-            lambda fraction, cuts: observer.attempt({"mesh": name, "fraction": fraction, "cuts": cuts}),
-            level.penalty, plan.numerics.shortest_step,
+            problem, self.model, control, self.solver, partial(observer.attempt, name), level.penalty,
+            plan.numerics.shortest_step,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -78,24 +76,10 @@ class ModelRun:
         forces, areas = model.forces(), model.contact_areas()
         extremes = self.extremes()
         return ContactState(
-            fraction=fraction,
-            approach=model.contact.approaches.copy(),
-            normal_force=forces[:, 2],
-            tangential_force=self.meter.domain(np.sqrt(areas / math.pi)),
-            traction_force=forces[:, :2],
-            contact_area=areas,
-            peak_pressure=extremes[:, 0],
-            penetration=extremes[:, 1],
-            mean_gap=model.mean_gaps(),
-        )
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A moment of a run on one mesh: the clock [s], and what its own model's solver had taken until then."""
-
-    clock: float
-    effort: Effort
+            fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],
+            tangential_force=self.meter.domain(np.sqrt(areas / math.pi)), traction_force=forces[:, :2],
+            contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1], mean_gap=model.mean_gaps(),
+        )  # fmt: skip
 
 
 class MeshRun:
@@ -112,7 +96,6 @@ class MeshRun:
         if plan.is_paired:
             pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
             self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
-        self.began = self.mark()
 
     def close(self) -> None:
         """Free what both models hold (collective)."""
@@ -120,41 +103,31 @@ class MeshRun:
             if run is not None:
                 run.close()
 
-    def mark(self) -> Mark:
-        """Return the present moment."""
-        return Mark(time.monotonic(), replace(self.own.solver.effort))
-
     def account(
-        self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, since: Mark
+        self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, began: float
     ) -> SolverAccount:
-        """Return what an answered step took since an earlier moment, in which ``records`` were made (collective)."""
-        model, solver, record, before = self.own.model, self.own.solver, records[-1], since.effort
-        took = (solver.effort.seconds_assembly - before.seconds_assembly,
-                solver.effort.seconds_solve - before.seconds_solve)  # fmt: skip
-        assembly, solve = (self.comm.allreduce(seconds, op=MPI.MAX) for seconds in took)
-        reaction = model.base_reaction()
-        pressed = float(model.part_forces().sum())
+        """Return what ``records`` took, the load steps since the clock said ``began`` [s] (collective).
+
+        What linear systems took is counted from where the caller has last set the solver's effort to nothing.
+        """
+        model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
+        reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
         return SolverAccount(
             fraction=record.fraction,
             iterations=sum(each.newton_iterations for each in records),
             tangents=sum(each.tangents for each in records),
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
             pair_iterations=0 if small is None else small.newton_iterations,
-            augmented=record.augmented,
-            cuts=max(each.cuts for each in records),
-            residual=record.residual,
-            penetration=float(state.penetration.max()),
-            force_balance=abs(pressed - reaction) / pressed,
+            augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
+            penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=smallest_volume_ratio(model.space, model.nodal),
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
-            seconds_assembly=assembly,
-            seconds_solve=solve,
-            linear_iterations=solver.effort.linear_iterations - before.linear_iterations,
-            linear_fallbacks=solver.effort.linear_fallbacks - before.linear_fallbacks,
-            residuals=solver.residuals,
-            seconds=time.monotonic() - since.clock,
-        )
+            seconds_assembly=self.comm.allreduce(effort.seconds_assembly, op=MPI.MAX),
+            seconds_solve=self.comm.allreduce(effort.seconds_solve, op=MPI.MAX),
+            linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,
+            residuals=solver.residuals, seconds=time.monotonic() - began,
+        )  # fmt: skip
 
 
 def kinematics_of(problem: Problem) -> Kinematics:

@@ -16,6 +16,7 @@ from finite_strain import FORMAT, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.equilibrium.load_path import State, StepRecord
+from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
@@ -25,16 +26,9 @@ from finite_strain.one_discretisation import MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.planning.records import (
-    NAME,
-    Answer,
-    ContactState,
-    Record,
-    Row,
-    SolverAccount,
-    saved_records,
-    text_of,
-)
+from finite_strain.planning.records import NAME, Answer, ContactState, Record, Row, SolverAccount
+
+from finite_strain.planning.records import saved_records, text_of  # isort: skip
 from finite_strain.planning.refinement import PATH_FINDER, account, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import NotConverged, ThirdBodyError
@@ -134,7 +128,7 @@ class Refinement:
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
         path = [f for f in plan.path if f > reached and (coarse is None or f in plan.goals or f > found)]
-        taken, mark = list[StepRecord](), run.began
+        taken, mark = list[StepRecord](), time.monotonic()
         for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
             taken.append(done)
             if done.fraction not in plan.goals:
@@ -150,7 +144,7 @@ class Refinement:
                 self._save()
                 continue
             answer = self._answer(number, run.account(taken, pair, own, mark), run.own.solver.tolerance)
-            taken, mark = [], run.mark()
+            taken, mark, run.own.solver.effort = [], time.monotonic(), Effort()
             if writer is not None:
                 answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
             record.steps.append(answer)
@@ -180,19 +174,12 @@ class Refinement:
             return None, None
 
     def _announce(self, run: MeshRun, record: Record) -> None:
-        self.observer.started(
-            {
-                "model": self.plan.model,
-                "mesh": run.name,
-                "forms": describe_forms(self.plan.problem),
-                "unknowns": record.unknowns,
-                "ranks": self.comm.size,
-                "load_steps": len(self.plan.goals),
-                "symmetry_planes": len(self.plan.reduction.planes),
-                "resumed_steps": len(record.steps),
-                "versions": compat.versions(),
-            }
-        )
+        self.observer.started({
+            "model": self.plan.model, "mesh": run.name, "forms": describe_forms(self.plan.problem),
+            "unknowns": record.unknowns, "ranks": self.comm.size, "load_steps": len(self.plan.goals),
+            "symmetry_planes": len(self.plan.reduction.planes), "resumed_steps": len(record.steps),
+            "versions": compat.versions(),
+        })  # fmt: skip
 
     def _file(self, number: int, model: str, fraction: float) -> Path:
         return self.folder / f"state_{number}_{model}_{self.plan.goals.index(fraction) + 1:03d}.npz"
@@ -266,23 +253,14 @@ class Refinement:
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # a run may go on elsewhere
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))
         certificate = ("penetration", "force_balance", "residual")
-        return Result(
-            model=plan.model,
-            balls=steps[-1].balls,
-            steps=tuple(step.to_step() for step in steps),
-            solved=Solved(
-                converged=True,
-                iterations=sum(step.iterations for step in steps),
-                unknowns=record.unknowns,
-                seconds=self.earlier_seconds + time.monotonic() - self.began,
-                ranks=self.comm.size,
-                versions=compat.versions(),
-                notes=tuple(notes),
-                certificate={name: max(getattr(step, name) for step in steps) for name in certificate},
-                accuracy=said,
-                linear_solver=solvers,
-            ),
-        )
+        solved = Solved(
+            converged=True, iterations=sum(step.iterations for step in steps), unknowns=record.unknowns,
+            seconds=self.earlier_seconds + time.monotonic() - self.began, ranks=self.comm.size,
+            versions=compat.versions(), notes=tuple(notes),
+            certificate={name: max(getattr(step, name) for step in steps) for name in certificate},
+            accuracy=said, linear_solver=solvers,
+        )  # fmt: skip
+        return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
 
     def _overrun(self, record: Record) -> list[str]:
         """Return where the run passed its budget: the first discretisations are run whatever they cost."""

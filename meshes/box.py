@@ -178,12 +178,9 @@ class Box:
 
 
 def half_widths(
-    positions: list[tuple[float, float]],
-    contact_radii: list[float],
-    x: tuple[float, float],
-    y: tuple[float, float],
-    planes: tuple[int, ...] = (),
-) -> list[float]:
+    positions: list[tuple[float, float]], contact_radii: list[float],
+    x: tuple[float, float], y: tuple[float, float], planes: tuple[int, ...] = (),
+) -> list[float]:  # fmt: skip
     """Return the half-widths [m] of the balls' blocks; x[0] or y[0] is a mirror plane for each axis in ``planes``.
 
     Neighbours in line share a face where both can; elsewhere a strip of a third of their distance is left.

@@ -87,9 +87,9 @@ def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run
     def along(problem: Problem, run: Run) -> Result:
         fractions = run.steps
         if fractions is None:
-            from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
+            from finite_strain.geometry.load_control import prescribed  # noqa: PLC0415  (no DOLFINx)
 
-            fractions = answered_fractions(problem.load.kind)
+            fractions = prescribed(problem).answered_fractions()
         steps = []
         for fraction in fractions:
             values = [fraction * value for value in problem.load.values]

@@ -11,6 +11,7 @@ import numpy as np
 from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.records import Answer, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import ThirdBodyError
@@ -34,7 +35,7 @@ class Answers:
     def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
         self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
         self._older = records[-3] if len(records) > 2 else None
-        self.forces_given = plan.problem.load.kind != "approach"
+        self.forces_given = prescribed(plan.problem).forces_given
 
     def truth(self, fraction: float) -> LinearTruth | str:
         """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
@@ -46,19 +47,12 @@ class Answers:
             balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
         except ThirdBodyError as error:
             return str(error)
-        chosen = [balls[ball.index] for ball in plan.reduction.balls]
+        chosen = [(ball.index, balls[ball.index]) for ball in plan.reduction.balls]
+        names = ("normal_force", "approach", "contact_area", "peak_pressure")
         return LinearTruth(
-            np.array([ball.normal_force for ball in chosen]),
-            np.array([ball.approach for ball in chosen]),
-            np.array(
-                [
-                    plan.reduction.to_model(b.index, c.tangential_force)
-                    for b, c in zip(plan.reduction.balls, chosen, strict=True)
-                ]
-            ),
-            np.array([ball.tangential_force_error for ball in chosen]),
-            np.array([ball.contact_area for ball in chosen]),
-            np.array([ball.peak_pressure for ball in chosen]),
+            tangential_force=np.array([plan.reduction.to_model(i, ball.tangential_force) for i, ball in chosen]),
+            error=np.array([ball.tangential_force_error for _, ball in chosen]),
+            **{name: np.array([getattr(ball, name) for _, ball in chosen]) for name in names},
         )
 
     def answer(self, step: int, account: SolverAccount, said: LinearTruth | str, tolerance: float) -> Answer:
@@ -80,47 +74,34 @@ class Answers:
                 return np.zeros_like(scale)
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
 
-        at_force = Terms(
-            change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor),
-            np.zeros_like(size), squared * now.transfer, solver,
-        )  # fmt: skip
         none = np.zeros_like(size)
+        rest = change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor)
+        at_force = Terms(rest, none, squared * now.transfer, solver)
         if self.forces_given:
-            follows = Terms(
-                change("Q", lambda answer: answer.approach[:, None], now.approach),
-                np.abs(now.approach) * share,
-                np.abs(now.approach) * now.force_transfer,
-                tolerance * (now.approach / np.maximum(LEAST * now.normal_force, 1e-300)),
-            )
-            terms, force_error, approach_error = at_force, none, follows.total
+            known, left, per_residual = now.approach, share, now.approach / np.maximum(LEAST * now.normal_force, 1e-300)
+            follows = change("Q", lambda answer: answer.approach[:, None], known)
+            terms = at_force
         else:
-            follows = Terms(
-                change("Q", lambda answer: answer.normal_force[:, None], now.normal_force),
-                np.abs(now.normal_force) * share * MOST,
-                np.abs(now.normal_force) * now.force_transfer,
-                np.full_like(size, tolerance),
-            )
+            known, left, per_residual = now.normal_force, share * MOST, np.ones_like(size)
+            follows = change("Q", lambda answer: answer.normal_force[:, None], known)
             adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
+            moved = adds(at_force.transfer, 2.0 * size * now.force_transfer)
             terms = Terms(
-                change("T", lambda answer: answer.tangential_force, floor),
-                2.0 * MOST * size * share,
-                adds(at_force.transfer, 2.0 * size * now.force_transfer),
-                solver,
+                change("T", lambda answer: answer.tangential_force, floor), 2.0 * MOST * size * share, moved, solver
             )
-            force_error, approach_error = follows.total, none
+        through = Terms(
+            follows, np.abs(known) * left, np.abs(known) * now.force_transfer, tolerance * per_residual
+        ).total
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
         return Answer(
-            **vars(account),
-            balls=self._balls(fine, now, truth, doubt * terms.total),
-            step=step,
+            **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total), step=step,
             linear_failure=said if isinstance(said, str) else "",
             error_terms={name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
-            pair_weight=self._per_ball(weight),
-            imbalance=imbalance,
-            normal_force_error=self._per_ball(force_error),
-            approach_error=self._per_ball(approach_error),
+            pair_weight=self._per_ball(weight), imbalance=imbalance,
+            normal_force_error=self._per_ball(none if self.forces_given else through),
+            approach_error=self._per_ball(through if self.forces_given else none),
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
-        )
+        )  # fmt: skip
 
     def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired, Paired | None]:
         """Return the finest row, and the paired answers of the finest, the one before, and the one before that."""
@@ -139,28 +120,16 @@ class Answers:
         if truth is not None and fine.small is not None:
             area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
             peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
-        named = {
-            "domain": now.tangential_force,
-            "domain_without_pair": fine.own.tangential_force,
-            "traction": fine.own.traction_force,
-        }
+        pull, own = now.tangential_force, fine.own
+        named = {"domain": pull, "domain_without_pair": own.tangential_force, "traction": own.traction_force}
         balls = []
         for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
             b = image.model_ball
             turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
-            balls.append(
-                BallResult(
-                    position=ball.position,
-                    radius=ball.radius,
-                    approach=float(now.approach[b]),
-                    normal_force=float(now.normal_force[b]),
-                    tangential_force=turned["domain"],
-                    tangential_force_error=float(error[b]),
-                    peak_pressure=float(peak[b]),
-                    contact_area=float(area[b]),
-                    tangential_force_routes=turned,
-                )
-            )
+            balls.append(BallResult(
+                ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), turned["domain"],
+                float(error[b]), float(peak[b]), float(area[b]), turned,
+            ))  # fmt: skip
         return tuple(balls)
 
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:

@@ -70,11 +70,7 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
 
 
 def discretisation(
-    now: np.ndarray,
-    before: np.ndarray,
-    factor: np.ndarray | float,
-    path: Sequence[list[float]],
-    size: np.ndarray,
+    now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: Sequence[list[float]], size: np.ndarray
 ) -> np.ndarray:
     """Return the error of values (balls, k) whose coarser values are ``before``, (balls,).
 

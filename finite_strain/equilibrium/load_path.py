@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.contact.penalty import STIFFENING, penalties
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
-from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.newton import NewtonSolver
-from finite_strain.geometry.estimates import alone
+from finite_strain.geometry.estimates import STIFFENING, alone, penalties
+from finite_strain.geometry.load_control import LoadControl
 from finite_strain.numerics import DEFAULT
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem

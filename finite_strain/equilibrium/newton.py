@@ -17,9 +17,9 @@ from petsc4py import PETSc
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.equilibrium.line_search import Merit
 from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
-from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.solver_options import PREFIX
 from finite_strain.equilibrium.tangent_system import TangentSystem
+from finite_strain.geometry.load_control import LoadControl
 from finite_strain.numerics import DEFAULT, Numerics
 from linear_bem.errors import InvalidProblem, NotConverged
 
@@ -53,7 +53,7 @@ class Equilibrium:
 
 @dataclass
 class Effort:
-    """What linear systems and assembly took so far, on this rank; wall times [s].
+    """What linear systems and assembly took since a solver was given this to count, on this rank; wall times [s].
 
     ``linear_fallbacks`` counts solves that factors had to end.
     """

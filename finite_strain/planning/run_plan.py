@@ -8,23 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from finite_strain.equilibrium.load_steps import answered_fractions, load_fractions
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import Expected, expected_indentation
+from finite_strain.geometry.estimates import Expected
 from finite_strain.geometry.extent import Extent, choose_extent
-from finite_strain.geometry.simulated_box import box_to_mesh
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
+from finite_strain.planning.simulated_box import box_to_mesh
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem
 from meshes.box import Box
 
 MODELS = ("finite_strain", "small_strain")
-LARGEST_APPROACH = 0.9
-"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 MOST_AT_FIRST = 5e5
 """Unknowns that the first discretisation that answers may have where no budget is stated."""
 _SHARED_NODES = 1.35
@@ -35,11 +33,10 @@ _PATH_STEP, _FIRST_GOAL = 0.8, 1.2
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What a run consists of: ``path`` are the load fractions that the path finder passes, ``goals`` those answered."""
+    """What a run consists of: ``goals`` are the load fractions answered."""
 
     problem: Problem
     reduction: Reduction
-    path: tuple[float, ...]
     goals: tuple[float, ...]
     accuracy: float
     budget: Budget
@@ -57,13 +54,19 @@ class RunPlan:
         """Whether the small-strain problem runs beside the run's own."""
         return self.problem.finite_strain is not None
 
+    @property
+    def deepest(self) -> float:
+        """The largest expected approach over its ball's radius."""
+        return max(depth / ball.radius for ball, (depth, _, _) in zip(self.problem.balls, self.expected, strict=True))
+
+    @property
+    def path(self) -> tuple[float, ...]:
+        """The load fractions that the path finder passes."""
+        return prescribed(self.problem).fractions(self.deepest, self.goals, self.numerics.largest_step)
+
     def box(self, level: Discretisation) -> Box:
         """Return the box that a discretisation meshes."""
-        extent = self.extent.larger(level.extent)
-        return box_to_mesh(
-            self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0],
-            self.numerics.growth,
-        )  # fmt: skip
+        return box_to_mesh(self, level)
 
     def unknowns(self, level: Discretisation) -> float:
         """Estimate the unknowns of a discretisation, within about 30 %."""
@@ -124,21 +127,20 @@ def plan_run(
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     _check_supported(problem, model)
-    goals = answered_fractions(problem.load.kind) if steps is None else tuple(steps)
+    load = prescribed(problem)
+    goals = load.answered_fractions() if steps is None else tuple(steps)
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
-    budget = budget or Budget()
-    expected = expected_indentation(problem)
-    deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
+    expected = load.expected()
     plan = RunPlan(
-        problem, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals, numerics.largest_step),
-        goals, tangential_force, budget, numerics, tuple(expected), choose_extent(problem, expected, tangential_force),
+        problem, reduce_scene(problem), goals, tangential_force, budget or Budget(), numerics, tuple(expected),
+        choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
-    least = plan.unknowns(plan.first[-1])
-    if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):
+    least, most = plan.unknowns(plan.first[-1]), plan.budget.unknowns or MOST_AT_FIRST
+    if least > most:
         raise UnsupportedProblem(
             f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "
-            f"got {budget.unknowns or MOST_AT_FIRST:g}; raise it"
+            f"got {most:g}; raise it"
         )
     return plan
 
@@ -159,20 +161,9 @@ def _check_supported(problem: Problem, model: str) -> None:
             f"ask for model {model_of(problem)}"
         )
     if not 0.0 < problem.layer.thickness < math.inf:
-        thickness = f"{problem.layer.thickness:g}"
-        faults.append(
-            f"layer.thickness: {model} meshes the layer and needs a finite one, got {thickness}; use linear_bem"
-        )
+        rule = f"layer.thickness: {model} meshes the layer and needs a finite one"
+        faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
     faults += form_faults(problem, model)
-    values = problem.load.values
-    if problem.load.kind == "force" and min(values) <= 0.0:
-        faults.append(
-            f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out"
-        )
-    if problem.load.kind == "approach" and max(values) >= LARGEST_APPROACH * problem.layer.thickness:
-        faults.append(
-            f"load.approach: {model} takes approaches below {LARGEST_APPROACH:g} of the layer's thickness "
-            f"({problem.layer.thickness:g} m), got {max(values):g} m"
-        )
+    faults += prescribed(problem).faults(model)
     if faults:
         raise UnsupportedProblem("\n".join(faults))

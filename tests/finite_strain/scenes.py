@@ -193,11 +193,11 @@ class Recorder:
     def started(self, info: dict[str, Any]) -> None:
         self.info = info
 
-    def attempt(self, info: dict[str, Any]) -> None:
-        self.attempts.append(info)
+    def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
+        self.attempts.append({"mesh": mesh, "fraction": fraction, "cuts": cuts})
 
-    def newton(self, info: dict[str, Any]) -> None:
-        self.residuals.append(info["residual"])
+    def newton(self, iteration: int, residual: float) -> None:
+        self.residuals.append(residual)
 
     def step_done(self, step: Any, fields: Any) -> None:
         self.steps.append(step)

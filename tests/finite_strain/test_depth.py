@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
-from finite_strain.contact.penalty import PENETRATION
+from finite_strain.geometry.estimates import PENETRATION
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (

@@ -11,9 +11,8 @@ import pytest
 
 import finite_strain
 from finite_strain import Numerics
-from finite_strain.equilibrium.load_steps import answered_fractions, load_fractions
-from finite_strain.geometry.estimates import expected_indentation
 from finite_strain.geometry.extent import Extent, choose_extent
+from finite_strain.geometry.load_control import KINDS, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.refinement import Budget
 from finite_strain.planning.run_plan import plan_run
@@ -41,7 +40,7 @@ LARGEST_STEP = Numerics().largest_step
 @pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
 @pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
 def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
-    fractions = load_fractions(kind, deepest, (1.0,), LARGEST_STEP)
+    fractions = KINDS[kind](pair(0.1)).fractions(deepest, (1.0,), LARGEST_STEP)
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
@@ -63,7 +62,7 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
             paths.append((plan.path, plan.unknowns(CUBIC)))
         assert paths[0][0] == paths[1][0]
         assert paths[0][1] == pytest.approx(paths[1][1])
-        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, expected_indentation(problem)[::-1], strict=True))
+        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, prescribed(problem).expected()[::-1], strict=True))
         power = 1.0 if load.kind == "approach" else 2.0 / 3.0
         assert paths[0][0][0] ** power * deepest <= LARGEST_STEP  # the smaller ball's own first step
 
@@ -72,14 +71,14 @@ def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_fo
     problem = pair(0.2)
     usual = plan_run(problem, 0.02, "finite_strain")
     assert usual.goals == (1.0,)
-    assert usual.path == pytest.approx(load_fractions("approach", 0.2, (1.0,), LARGEST_STEP))
+    assert usual.path == pytest.approx(prescribed(problem).fractions(0.2, (1.0,), LARGEST_STEP))
     asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
     assert asked.goals == (0.3, 0.77, 1.0)
-    assert asked.path == load_fractions("approach", 0.2, asked.goals, LARGEST_STEP)
+    assert asked.path == prescribed(problem).fractions(0.2, asked.goals, LARGEST_STEP)
     assert set(asked.goals) <= set(asked.path)
     assert list(asked.path) == sorted(asked.path)
     every = plan_run(problem, 0.02, "finite_strain", steps=None)
-    assert every.goals == tuple(answered_fractions("approach"))
+    assert every.goals == prescribed(problem).answered_fractions()
     assert every.path == every.goals  # close enough to follow
 
 
@@ -125,7 +124,7 @@ EXTENT_SCENES = {
 @pytest.mark.parametrize("name", EXTENT_SCENES)
 def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> None:
     problem = EXTENT_SCENES[name]
-    expected = expected_indentation(problem)
+    expected = prescribed(problem).expected()
     extents = [choose_extent(problem, expected, accuracy) for accuracy in (0.3, 0.1, 0.02, 0.005, 0.001)]
     for coarse, fine in pairwise(extents):
         assert coarse.margin <= fine.margin

@@ -106,8 +106,8 @@ def solve(
 
 def _iterate(observer: Observer, model: str, mesh: str, fraction: float) -> None:
     for name in (mesh, f"{mesh}, small strain")[: 1 + (model == "finite_strain")]:
-        observer.attempt({"mesh": name, "fraction": fraction, "cuts": 0})
-        observer.newton({"iteration": 1, "residual": 1e-9})
+        observer.attempt(name, fraction, 0)
+        observer.newton(1, 1e-9)
 
 
 def _accuracy(step: Step, asked: float, seconds: float | None, unknowns: float | None) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def _go_wrong(comm: Any, observer: Observer, out: Path) -> None:
                 time.sleep(30.0)
             except KeyboardInterrupt:
                 print("taken for a failed iteration", file=sys.stderr, flush=True)
-            observer.newton({"iteration": 2, "residual": 1e-9})
+            observer.newton(2, 1e-9)
 
 
 def _state(problem: Problem, fraction: float, number: int, model: str, accuracy: float) -> Step:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -96,6 +97,7 @@ class LevelCase(Case):
 def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run) -> list[Step]:
     """Return the answers of one discretisation, paired as those of a whole run are (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
+    from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
     from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
@@ -104,7 +106,7 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
     mesh = MeshRun(plan, record.level, file, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])
     steps: list[Step] = []
-    mark = mesh.began
+    began = time.monotonic()
     try:
         for done in _along(mesh.own, "own", seen, plan.path if before is record else plan.goals):
             if done.fraction not in plan.goals:
@@ -115,7 +117,8 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
                     small = mesh.small.state(done.fraction)
             record.rows.append(Row(own, small))
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
-            account, mark = mesh.account([done], None, own, mark), mesh.mark()
+            account = mesh.account([done], None, own, began)
+            began, mesh.own.solver.effort = time.monotonic(), Effort()
             step = answers.answer(len(steps) + 1, account, truth, mesh.own.solver.tolerance).to_step()
             steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
     finally:
