@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from finite_strain.numerics import DEFAULT, Numerics
-from finite_strain.observer import Observer
+from finite_strain.observer import Observer, Silence
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
@@ -88,10 +88,12 @@ def solve(
     plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.refinement_loop import simulate  # noqa: PLC0415  (imports DOLFINx)
+    from finite_strain.mpi import working_folder  # noqa: PLC0415
+    from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
-    where = None if folder is None else Path(folder)
-    return simulate(plan, MPI.COMM_WORLD if comm is None else comm, where, observer, fields)
+    comm = MPI.COMM_WORLD if comm is None else comm
+    with working_folder(None if folder is None else Path(folder), comm) as where:
+        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
 def plan(

@@ -48,10 +48,3 @@ def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
     finally:
         if scratch:
             scratch.cleanup()
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    draft = path.with_suffix(".part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)

@@ -20,15 +20,13 @@ from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
-from finite_strain.mpi import on_root, replace_text, working_folder
-from finite_strain.observer import Observer, Silence
+from finite_strain.mpi import on_root
+from finite_strain.observer import Observer
 from finite_strain.one_discretisation import MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.planning.records import NAME, Answer, ContactState, Record, Row, SolverAccount
-
-from finite_strain.planning.records import saved_records, text_of  # isort: skip
+from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import NotConverged, ThirdBodyError
@@ -37,14 +35,6 @@ from linear_bem.result import Result, Solved
 NAMES = ("coarse", "main", "finer")
 """What the discretisations of a run are called: the path finder, the first that answers, and those after it."""
 NEAR_ZERO = "a tenth of the half-space's mutual force"
-
-
-def simulate(
-    plan: RunPlan, comm: MPI.Comm, folder: Path | None, observer: Observer | None, fields: FieldChoice | None = None
-) -> Result:
-    """Run a plan; see `finite_strain.solve`."""
-    with working_folder(folder, comm) as where:
-        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
 class Refinement:
@@ -61,7 +51,7 @@ class Refinement:
         self.began = time.monotonic()
         parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics)
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
-        self.records: list[Record] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
+        self.records: list[Record] = on_root(comm, lambda: saved_records(folder, self.key))
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def run(self) -> Result:
@@ -221,7 +211,7 @@ class Refinement:
             record.reached = math.inf
 
     def _save(self) -> None:
-        on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
+        on_root(self.comm, lambda: save_records(self.folder, self.key, self.records))
 
     def _result(self, answered: int, why: str) -> Result:
         plan, record = self.plan, self.records[answered]

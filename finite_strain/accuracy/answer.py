@@ -35,7 +35,8 @@ class Answers:
     def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
         self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
         self._older = records[-3] if len(records) > 2 else None
-        self.forces_given = prescribed(plan.problem).forces_given
+        load = prescribed(plan.problem)
+        self.forces_given, self.follows = load.forces_given, load.follows
 
     def truth(self, fraction: float) -> LinearTruth | str:
         """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
@@ -77,21 +78,16 @@ class Answers:
         none = np.zeros_like(size)
         rest = change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor)
         at_force = Terms(rest, none, squared * now.transfer, solver)
+        follows = getattr(now, self.follows)
+        changed = change("Q", lambda answer: getattr(answer, self.follows)[:, None], follows)
         if self.forces_given:
-            known, left, per_residual = now.approach, share, now.approach / np.maximum(LEAST * now.normal_force, 1e-300)
-            follows = change("Q", lambda answer: answer.approach[:, None], known)
-            terms = at_force
+            terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
-            known, left, per_residual = now.normal_force, share * MOST, np.ones_like(size)
-            follows = change("Q", lambda answer: answer.normal_force[:, None], known)
             adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
             moved = adds(at_force.transfer, 2.0 * size * now.force_transfer)
-            terms = Terms(
-                change("T", lambda answer: answer.tangential_force, floor), 2.0 * MOST * size * share, moved, solver
-            )
-        through = Terms(
-            follows, np.abs(known) * left, np.abs(known) * now.force_transfer, tolerance * per_residual
-        ).total
+            rest = change("T", lambda answer: answer.tangential_force, floor)
+            terms, left, rate = Terms(rest, 2.0 * MOST * size * share, moved, solver), MOST * share, np.ones_like(size)
+        through = Terms(changed, np.abs(follows) * left, np.abs(follows) * now.force_transfer, tolerance * rate).total
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
         return Answer(
             **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total), step=step,
@@ -142,11 +138,7 @@ class Answers:
         known = paired(row.own, row.own, truth, scale, self.forces_given)
         own = unpaired(row.own)
         wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
-        share = (
-            known.approach / np.maximum(own.approach, 1e-300)
-            if self.forces_given
-            else known.normal_force / np.maximum(own.normal_force, 1e-300)
-        )
+        share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
 
     def _change(

@@ -14,7 +14,7 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.lattice import order_of
+from finite_strain.discretisation.nodal_values import order_of
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from finite_strain.geometry.indenters import NAMED
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball, Elastic, Layer, Problem
 
 if TYPE_CHECKING:
     from finite_strain.geometry.symmetry import ModelBall
 
+NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
+"""Indenters of unit radius, which the ball's own radius scales."""
 Expected = tuple[float, float, float]
 """Approach [m], force [N], contact radius [m]."""
 LEAST_SHARE = 0.1

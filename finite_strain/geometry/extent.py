@@ -32,10 +32,6 @@ class Extent:
     margin: float
     depth: float
 
-    def larger(self, ratio: float) -> Extent:
-        """Return the extent with both lengths multiplied by a ratio."""
-        return Extent(ratio * self.margin, ratio * self.depth)
-
 
 def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].

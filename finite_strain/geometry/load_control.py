@@ -45,6 +45,8 @@ class PrescribedLoad(ABC):
 
     problem: Problem
     forces_given: ClassVar[bool] = True
+    follows: ClassVar[str] = "approach"
+    """What of a ball's state the load leaves to follow."""
     power: ClassVar[float] = 1.5
 
     @property
@@ -86,7 +88,7 @@ class PrescribedLoad(ABC):
 class PrescribedApproach(PrescribedLoad):
     """One approach [m] per ball: no unknowns."""
 
-    forces_given, power = False, 1.0
+    forces_given, follows, power = False, "normal_force", 1.0
 
     def faults(self, model: str) -> list[str]:
         """Refuse approaches that leave too little of the layer."""

@@ -18,14 +18,13 @@ import numpy as np
 import ufl
 
 from finite_strain import compat
+from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
-from finite_strain.geometry.indenters import gap
 from finite_strain.mpi import on_root
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
-from finite_strain.output.gathered_arrays import write_gathered
+from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.output.xdmf import stem, write_step_and_index
 
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
 _STRAINS = {"volume_ratio", "principal_stretches"}

@@ -43,7 +43,7 @@ class ContactState:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactState:
-        """Return the state that `text_of` wrote."""
+        """Return the state that `save_records` wrote."""
         arrays = {name: np.array(value, dtype=float) for name, value in data.items() if name != "fraction"}
         return cls(fraction=float(data["fraction"]), **arrays)
 
@@ -54,12 +54,6 @@ class Row:
 
     own: ContactState
     small: ContactState | None = None
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Row:
-        """Return the row that `text_of` wrote."""
-        small = data["small"]
-        return cls(ContactState.from_dict(data["own"]), None if small is None else ContactState.from_dict(small))
 
 
 @dataclass(frozen=True)
@@ -164,15 +158,17 @@ class Record:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Record:
-        """Return the record that `text_of` wrote."""
+        """Return the record that `save_records` wrote."""
         steps = [Answer.from_step(Step.from_dict(step)) for step in data["steps"]]
-        rows = [Row.from_dict(row) for row in data["rows"]]
+        rows = [Row(**{k: v and ContactState.from_dict(v) for k, v in row.items()}) for row in data["rows"]]
         return cls(**{**data, "level": Discretisation(**data["level"]), "rows": rows, "steps": steps})
 
 
-def text_of(key: str, records: list[Record]) -> str:
-    """Return the text of the file that holds every discretisation of a run."""
-    return json.dumps({"key": key, "discretisations": records}, default=_plain)
+def save_records(folder: Path, key: str, records: list[Record]) -> None:
+    """Write every discretisation of a run into its folder's file, as a whole or not at all."""
+    draft = (folder / NAME).with_suffix(".part")
+    draft.write_text(json.dumps({"key": key, "discretisations": records}, default=_plain), encoding="utf-8")
+    draft.replace(folder / NAME)
 
 
 def _plain(value: object) -> object:
@@ -181,8 +177,9 @@ def _plain(value: object) -> object:
     return value.tolist() if isinstance(value, np.ndarray) else vars(value)
 
 
-def saved_records(path: Path, key: str) -> list[Record]:
-    """Return what an earlier run of the same key left in a file."""
+def saved_records(folder: Path, key: str) -> list[Record]:
+    """Return what an earlier run of the same key left in a folder."""
+    path = folder / NAME
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
         return [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []

@@ -126,23 +126,17 @@ def account(
 ) -> Mapping[str, Any]:
     """Return the structured account of accuracy for a result: asked, reached, discretisations, why it ended."""
     last = records[answered]
+    meshes = [
+        {
+            **asdict(record.level), "unknowns": record.unknowns, "seconds": record.seconds,
+            "reached": None if record.reached != record.reached else record.reached,
+            "normal_forces": record.rows[-1].own.normal_force.tolist(),
+        }
+        for record in records[: answered + 1]
+        if record.rows
+    ]  # fmt: skip
     return {
-        "asked": asked,
-        "reached": last.reached,
-        "met": last.reached <= asked,
-        "terms": dict(last.terms),
-        "relative_to": {"what": reference, "force": last.scale},
-        "stopped": stopped,
-        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns},
-        "meshes": [
-            {
-                **asdict(record.level),
-                "unknowns": record.unknowns,
-                "seconds": record.seconds,
-                "reached": None if record.reached != record.reached else record.reached,
-                "normal_forces": record.rows[-1].own.normal_force.tolist(),
-            }
-            for record in records[: answered + 1]
-            if record.rows
-        ],
-    }
+        "asked": asked, "reached": last.reached, "met": last.reached <= asked, "terms": dict(last.terms),
+        "relative_to": {"what": reference, "force": last.scale}, "stopped": stopped,
+        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns}, "meshes": meshes,
+    }  # fmt: skip

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import Expected
+from finite_strain.geometry.estimates import LEAST_SHARE, Expected, alone
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -17,14 +17,15 @@ from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
-from finite_strain.planning.simulated_box import box_to_mesh
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem
-from meshes.box import Box
+from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
 MOST_AT_FIRST = 5e5
 """Unknowns that the first discretisation that answers may have where no budget is stated."""
+LATEST = 0.85
+"""Where a line of the mesh goes round a contact at most: over its block's half-width. T is integrated outside it."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _PATH_STEP, _FIRST_GOAL = 0.8, 1.2
@@ -65,8 +66,27 @@ class RunPlan:
         return prescribed(self.problem).fractions(self.deepest, self.goals, self.numerics.largest_step)
 
     def box(self, level: Discretisation) -> Box:
-        """Return the box that a discretisation meshes."""
-        return box_to_mesh(self, level)
+        """Return the box that a discretisation meshes, with a block under each ball of the reduced scene."""
+        problem, reduction = self.problem, self.reduction
+        margin, depth = level.extent * self.extent.margin, level.extent * self.extent.depth
+        sides = []
+        for axis in (0, 1):
+            coordinates = [ball.position[axis] for ball in reduction.balls]
+            low = 0.0 if axis in reduction.planes else min(coordinates) - margin
+            sides.append((low, max(coordinates) + margin))
+        radii = []
+        for ball in reduction.balls:
+            # a ball that hardly touches is meshed as if it were pressed in a little
+            least = LEAST_SHARE * self.deepest * ball.radius
+            hardly = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=least)
+            radii.append(max(self.expected[ball.index][2], hardly.contact_radius))
+        positions = [ball.position for ball in reduction.balls]
+        widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
+        lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
+        smallest = self.goals[0] ** (0.5 / prescribed(problem).power)  # as Hertz's contact grows
+        zones = tuple(Zone(*zone, smallest) for zone in zip(positions, lines, widths, strict=True))
+        growth = self.numerics.growth
+        return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 
     def unknowns(self, level: Discretisation) -> float:
         """Estimate the unknowns of a discretisation, within about 30 %."""

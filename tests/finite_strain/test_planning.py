@@ -11,7 +11,7 @@ import pytest
 
 import finite_strain
 from finite_strain import Numerics
-from finite_strain.geometry.extent import Extent, choose_extent
+from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.refinement import Budget
@@ -134,10 +134,6 @@ def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> No
         assert extents[0].margin < extents[-1].margin
     for extent in extents:  # wide enough for the contacts and the layer in any case
         assert extent.margin >= max(1.2 * problem.layer.thickness, *(3.0 * radius for _, _, radius in expected))
-
-
-def test_an_extent_grows_in_both_lengths() -> None:
-    assert Extent(2.0, 3.0).larger(1.5) == Extent(3.0, 4.5)
 
 
 def test_the_box_is_cut_at_mirror_planes() -> None:
