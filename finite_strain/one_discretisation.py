@@ -21,12 +21,10 @@ from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.geometry.load_control import prescribed
-from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
 from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
-from linear_bem.problem import Problem
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
 
@@ -44,9 +42,7 @@ class ModelRun:
         self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str
     ) -> None:
         problem = plan.problem
-        self.model = Model(
-            problem, plan.reduction, kinematics_of(problem), meshed, level.order, plan.numerics.contact_degree
-        )
+        self.model = Model(problem, plan.reduction, meshed, level.order, plan.numerics.contact_degree)
         control = prescribed(problem).on(plan.reduction)
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
         self.meter = ForceMeter(self.model, box)
@@ -128,8 +124,3 @@ class MeshRun:
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,
             residuals=solver.residuals, seconds=time.monotonic() - began,
         )  # fmt: skip
-
-
-def kinematics_of(problem: Problem) -> Kinematics:
-    """Return finite strain with the law of the problem's effect, small strain without the effect."""
-    return Small() if problem.finite_strain is None else Finite(problem.finite_strain.law)

@@ -83,9 +83,8 @@ class Box:
             Zone(place, zone.contact_radius / length, zone.half_width / length, zone.smallest)
             for place, zone in zip(places, self.zones, strict=True)
         )
-        return replace(
-            self, x=x, y=y, thickness=self.thickness / length, substrate=self.substrate / length, zones=zones
-        )
+        thickness, substrate = self.thickness / length, self.substrate / length
+        return replace(self, x=x, y=y, thickness=thickness, substrate=substrate, zones=zones)
 
     @property
     def elements(self) -> int:

@@ -22,7 +22,7 @@ from finite_strain.contact.contact_energy import Contact
 from finite_strain.discretisation.regions import Bulk, constant, elastic_constants, make_bulks, nothing_where_idle
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
-from finite_strain.mechanics.kinematics import Finite, Kinematics
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.problem import Problem
 from meshes.box import TAGS
@@ -38,14 +38,12 @@ Meshed = tuple[Any, Any, Any]
 class Model:
     """Energy, residual and tangent of the reduced scene on one mesh; collective over the mesh's communicator."""
 
-    def __init__(
-        self, problem: Problem, reduction: Reduction, kinematics: Kinematics, meshed: Meshed, order: int,
-        contact_degree: int,
-    ) -> None:  # fmt: skip
+    def __init__(self, problem: Problem, reduction: Reduction, meshed: Meshed, order: int, contact_degree: int) -> None:
         self.mesh, self.cell_tags, self.facet_tags = meshed
         self.comm = self.mesh.comm
-        self.reduction, self.kinematics, self.order = reduction, kinematics, order
-        self.is_finite = isinstance(kinematics, Finite)
+        self.reduction, self.order, effect = reduction, order, problem.finite_strain
+        self.kinematics: Kinematics = Small() if effect is None else Finite(effect.law)
+        self.is_finite = effect is not None
         self.space = compat.function_space(self.mesh, order, (3,))
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self.linear_space = compat.function_space(self.mesh, 1)

@@ -104,6 +104,5 @@ def given_in(text: str) -> dict[str, str]:
 
 def solver_notes(method: str, failures: int) -> list[str]:
     """Return what a reader must know of the linear systems: a Krylov method that failed is not passed over."""
-    if not failures:
-        return []
-    return [f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"]
+    note = f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"
+    return [note] if failures else []
