@@ -25,7 +25,7 @@ NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 FORMAT = 13
 """Changes whenever a run that an older version left behind must not be continued or shown as current."""
 DEFAULT_ACCURACY = 0.02
-"""Relative accuracy of the tangential force that is aimed at where none is asked for."""
+"""Default relative accuracy of the tangential force."""
 
 
 def solve(
@@ -53,13 +53,13 @@ def solve(
         Which of the two is expected: "finite_strain" or "small_strain"; a problem of the other one is refused.
     tangential_force
         Relative accuracy of T at full load: meshes are refined until the result's own error meets it, or until
-        the next one would pass the budget. ``solved.accuracy`` tells what was reached and why it ended there.
+        the next one would pass the budget. ``solved.accuracy`` states what was reached and why refinement ended.
     comm
         MPI communicator; by default all ranks of the run.
     folder
-        Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
+        Where mesh, fields and checkpoint go. An interrupted run of the same problem resumes from there.
     observer
-        Hears what the run does; see `Observer`. Called on all ranks.
+        Follows the progress of the run; see `Observer`. Called on all ranks.
     fields
         Which fields are written into the folder and on which steps; by default all on every step.
     seconds, unknowns
@@ -69,7 +69,7 @@ def solve(
         Fractions of the load at which answers are wanted, rising; by default full load alone. None stands for six
         equal steps of the approach.
     numerics
-        What studies turn of the method.
+        Numerical parameters that studies vary.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 

@@ -1,4 +1,4 @@
-"""What ranks do together: work of rank 0 whose failure is everyone's, and a folder that all of them know."""
+"""Collective helpers: work on rank 0 whose failure all ranks raise, and a folder that all ranks share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What studies and tests turn of the method, beside the discretisation and the accuracy asked for."""
+"""Numerical parameters that studies and tests vary, besides the discretisation and the accuracy asked for."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Numerics:
-    """Numbers of the method that an answer should not depend on; part of a run's key. No DOLFINx here.
+    """Numerical parameters that a result should not depend on; part of a run's key. No DOLFINx here.
 
     Order, fineness, extent and penalty of a mesh are a `Discretisation`; the linear solver takes PETSc's options.
     """
@@ -21,7 +21,7 @@ class Numerics:
     """Largest increment of the approach over the radius: Newton's method follows it, also from the undeformed layer.
     The answer does not depend on it (`thirdbody study accuracy`, and the whole load at once in `stability`)."""
     shortest_step: float = 3e-3
-    """Shortest load step over the goal: eight halvings of a step that did not converge; then the path is given up."""
+    """Shortest load step over the goal: eight halvings of a step that did not converge; then the load path ends."""
     newton_iterations: int = 25
     """Most Newton iterations in one solve; 4 to 7 are usual. ``-thirdbody_snes_max_it N`` wins."""
     lagged_iterations: int = 20

@@ -1,4 +1,4 @@
-"""What a run tells while it goes: the protocol of its observers. No DOLFINx here."""
+"""The protocol of a run's observers, which follow its progress. No DOLFINx here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Started(TypedDict):
-    """A discretisation that will answer: ``forms`` of the elements by region, ``versions`` of the libraries by name."""
+    """Setting of an answering discretisation: ``forms`` of the elements by region, ``versions`` of the libraries."""
 
     model: str
     mesh: str
@@ -24,20 +24,20 @@ class Started(TypedDict):
 
 
 class Observer(Protocol):
-    """Is called on all ranks. What it raises on all of them ends the run, which resumes after the last finished step.
+    """Called on all ranks. An exception raised on all of them ends the run, which can be resumed after the last step.
 
-    The first discretisation makes attempts, each with its iterations, and answers nothing; every later one is started,
-    makes attempts, and hands on each step that it has answered and written. A finished run is silent.
+    The first discretisation reports attempts and their iterations, but no results. Every later one reports its start,
+    its attempts, and each step once its results are on disk. A finished run reports nothing.
     """
 
     def started(self, info: Started, /) -> None:
-        """Hear that a discretisation begins that will answer."""
+        """Note that an answering discretisation starts."""
 
     def attempt(self, mesh: str, fraction: float, cuts: int, /) -> None:
-        """Hear that a load step begins: name of the mesh, load fraction aimed at, cut-backs so far."""
+        """Note that a load step starts: name of the mesh, target load fraction, number of cut-backs so far."""
 
     def newton(self, iteration: int, residual: float, /) -> None:
-        """Hear of an iteration and the norm of its residual [N]."""
+        """Note an iteration and its residual norm [N]."""
 
     def step_done(self, step: Step, surface: SurfaceFields | None, /) -> None:
         """Take an answered step, and on rank 0 the whole scene's top surface."""

@@ -102,9 +102,9 @@ class MeshRun:
     def account(
         self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, began: float
     ) -> SolverAccount:
-        """Return what ``records`` took, the load steps since the clock said ``began`` [s] (collective).
+        """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`] (collective).
 
-        What linear systems took is counted from where the caller has last set the solver's effort to nothing.
+        Linear solves count from where the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())

@@ -1,4 +1,4 @@
-"""The answer at a load step: what the finest discretisation and its pair say, and the error budget."""
+"""The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEAST, MOST = 1.5, 3.0
 
 
 class Answers:
-    """Makes answers for the balls of the scene of the rows of discretisations, step by step along a load path.
+    """Turns results of discretisations into answers for the balls of the scene, step by step along a load path.
 
     ``records`` are the last two or more discretisations, the finest last.
     """
@@ -57,9 +57,9 @@ class Answers:
         )
 
     def answer(self, step: int, account: SolverAccount, said: LinearTruth | str, tolerance: float) -> Answer:
-        """Return the answer at load step number ``step``, of which ``account`` tells.
+        """Return the answer at load step number ``step``, described by ``account``.
 
-        ``said`` is what `truth` returned, ``tolerance`` [N] what the solver left.
+        ``said`` is what `truth` returned, ``tolerance`` [N] the solver's residual.
         """
         truth = None if isinstance(said, str) else said
         fine, now, before, older = self._at(account.fraction, truth)

@@ -1,4 +1,4 @@
-"""How far off an answer may be: a few terms, each a function with its derivation. No constant is calibrated.
+"""The error budget of an answer: a few terms, each a function with its derivation. No constant is calibrated.
 
 discretisation   what the paired answer changed by since the coarser discretisation
 enforcement      what the surface still penetrates the balls, as an approach that the ball lacks

@@ -20,9 +20,9 @@ from finite_strain.planning.records import ContactState
 
 ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
 """Difference of T / Q^2 between finite and small strain, over the larger of them, up to which the pair counts in full,
-and from which on it does not count. Both are choices: the error budget holds what they leave open."""
+and from which on it does not count. Both are choices: the error budget covers what they leave open."""
 UNSURE = 0.2
-"""Part of the correction that is never taken as certain, a choice likewise."""
+"""Part of the correction that always counts as uncertain, likewise a choice."""
 
 
 @dataclass(frozen=True)

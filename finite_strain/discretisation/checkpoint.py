@@ -1,4 +1,4 @@
-"""A state taken off its mesh: it can be evaluated anywhere, so that other meshes and later runs start from it.
+"""A state that does not depend on its mesh: it can be evaluated anywhere, so other meshes and later runs use it.
 
 Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no
 numbering, number of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order.

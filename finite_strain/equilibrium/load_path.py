@@ -22,9 +22,9 @@ from linear_bem.problem import Problem
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
 ROUGH = 1e5
-"""How much larger the residual may be where multipliers are still to be added."""
+"""Factor by which the residual may be larger in a state without multipliers."""
 GROWTH = 1.5
-"""Growth of the load step after one that went well."""
+"""Growth of the load step after a converged one."""
 SPURIOUS = 0.3
 """An augmentation that changes a normal force by more than this part has left the solution branch."""
 SURPLUS = 0.3
@@ -49,7 +49,7 @@ class State:
 
 @dataclass
 class StepRecord:
-    """What one load step took: Newton iterations, new tangents among them, cut-backs.
+    """The cost of one load step: Newton iterations, new tangents among them, cut-backs.
 
     ``augmentation_iterations`` are those of the iterations that were made with multipliers. ``augmented`` is False
     where none were asked for, or no equilibrium was found with them: the contact is then as soft as its penalty.
@@ -126,7 +126,7 @@ class LoadPath:
         return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
 
     def resume(self, history: Sequence[State]) -> None:
-        """Go on from the last states of an earlier run."""
+        """Resume from the last states of an earlier run."""
         self.history = [replace(state, source=None) for state in history][-2:]
         self._restore()
 

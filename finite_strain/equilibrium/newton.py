@@ -1,6 +1,6 @@
-"""Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
+"""Equilibrium at a fixed load: PETSc's Newton solver with a line search on the potential.
 
-In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `line_search.py`.
+In the mixed form equilibrium is a saddle point, not a minimum: the search uses the merit of `line_search.py`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OPTIONS = {
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
-"""Options of PETSc's that would end Newton's method early."""
+"""PETSc options that would end Newton's method early."""
 LOOSE, TIGHT, BELOW = 3e-2, 1e-3, 0.1
 """Norm of a system's residual over Newton's, at first and near the end; over the norm at which Newton's method stops.
 
@@ -44,7 +44,7 @@ STALL = 1e-3
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """What one Newton solve took: iterations, new tangents among them, and final residual norm [N]."""
+    """The cost of one Newton solve: iterations, new tangents among them; and the final residual norm [N]."""
 
     iterations: int
     tangents: int
@@ -53,7 +53,7 @@ class Equilibrium:
 
 @dataclass
 class Effort:
-    """What linear systems and assembly took since a solver was given this to count, on this rank; wall times [s].
+    """Running totals of assembly and linear solves on this rank; wall times [s].
 
     ``linear_fallbacks`` counts solves that factors had to end.
     """
@@ -66,7 +66,7 @@ class Effort:
 
 
 class NewtonSolver:
-    """Newton's method on a `Model` under a load, keeping its state unless it converges."""
+    """Newton's method on a `Model` under a load; the state is restored if it fails."""
 
     def __init__(
         self, model: Model, control: LoadControl, numerics: Numerics = DEFAULT,
@@ -124,7 +124,7 @@ class NewtonSolver:
         self.system.store(x, np.linalg.lstsq(self.control.moves, self.model.contact.approaches, rcond=None)[0])
 
     def prepare(self) -> None:
-        """Take the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
+        """Assemble the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
         self._take(self._x)
         self._renew(self._x)
         self._prepared = True

@@ -1,4 +1,4 @@
-"""Which solver takes Newton's linear systems, by their size and the form of the elements. No PETSc here.
+"""The choice of solver for Newton's linear systems, by their size and the form of the elements. No PETSc here.
 
 Factors (MUMPS, LDL^T) are fastest for small systems, and their cost grows faster than the size; multigrid inside a
 Krylov method grows in proportion. The user's own PETSc options of the prefix ``thirdbody_`` win over everything here.

@@ -61,7 +61,7 @@ class TangentSystem:
             x.array[self._own :] = values
 
     def linearise(self, is_old: bool) -> None:
-        """Take the system at the model's present state; ``is_old``: its matrix is of an earlier one (collective).
+        """Linearise at the model's present state; ``is_old``: the matrix is that of an earlier state (collective).
 
         Where a trial state has lifted all balls of an unknown off, they come down with the stiffness of before.
         """
@@ -86,7 +86,7 @@ class TangentSystem:
         self.store(y, self._along([self._inner])[:, 0] + self._stiffness @ d)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the preconditioner: the inverse, as far as the solver of the model's matrix is exact and at hand."""
+        """Apply the preconditioner: exact if the matrix is that of the present state and its solver direct."""
         self._inner.array[:] = x.array_r[: self._own]
         self._solve(self._inner, self._image)
         d = np.linalg.solve(self._schur, self.approaches(x) - self._along([self._image])[:, 0])
@@ -103,7 +103,7 @@ class TangentSystem:
         return np.array([c.dot(v) for c in self._columns for v in vectors]).reshape(self.count, len(vectors))
 
     def _add(self, factors: np.ndarray, vectors: list[PETSc.Vec], y: PETSc.Vec) -> None:
-        """Put the image, with multiples of vectors added, into y."""
+        """Store the image plus a linear combination of vectors in y."""
         for factor, vector in zip(factors, vectors, strict=True):
             self._image.axpy(factor, vector)
         y.array[: self._own] = self._image.array_r

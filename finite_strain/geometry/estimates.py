@@ -1,4 +1,4 @@
-"""What a ball alone is expected to do: to size meshes, penalties and first guesses. No result depends on it."""
+"""Expected state of a single ball, to size meshes, penalties and first guesses. No result depends on it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PENETRATION = 1e-2
 STIFFENING = 5.0
 """By how much the penalty grows when multipliers are added."""
 _FARTHEST = 1e3
-"""Approaches and apex radii beyond which no profile is followed."""
+"""Limit of the search for a profile's width, in approaches plus apex radii."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius where the force is given."""
 

@@ -41,12 +41,12 @@ class LoadControl:
 
 @dataclass(frozen=True)
 class PrescribedLoad(ABC):
-    """A problem's load; it grows in proportion, and with a ``power`` of the approach (Hertz's, where it is a force)."""
+    """A problem's load: it grows in proportion, like a ``power`` of the approach (Hertz's for forces)."""
 
     problem: Problem
     forces_given: ClassVar[bool] = True
     follows: ClassVar[str] = "approach"
-    """What of a ball's state the load leaves to follow."""
+    """Name of the result that the load leaves open."""
     power: ClassVar[float] = 1.5
 
     @property

@@ -1,4 +1,4 @@
-"""Which part of a scene is simulated: the frame with the most mirror planes, the balls of the cut scene, and back."""
+"""The simulated part of a scene: the frame with the most mirror planes, the balls of the cut scene, the way back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model says at a load step, and what the discretisations of a run said so far: values, and their JSON."""
+"""The results of a run as values: of one model at a load step, of each discretisation, and their JSON."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ContactState:
 
 @dataclass(frozen=True)
 class Row:
-    """What one discretisation says at a load step: the run's own model, and the small-strain one where it could."""
+    """Results of one discretisation at a load step: of the run's own model and, if it converged, its pair."""
 
     own: ContactState
     small: ContactState | None = None
@@ -73,11 +73,12 @@ class Discretisation:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverAccount:
-    """What an answered load step took, and how well it is in equilibrium.
+    """The cost of an answered load step, and how closely it is in equilibrium.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
     the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
-    [m]; ``force_balance`` is what ball and base differ by, relative; ``strain_energy`` [J] of the whole scene.
+    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``strain_energy`` [J] is that of
+    the whole scene.
     """
 
     fraction: float
@@ -134,7 +135,7 @@ class Answer(SolverAccount):
 
 @dataclass
 class Record:
-    """One discretisation of a run: what it is, what it answered at each load step, and what it took.
+    """One discretisation of a run: its definition, its results at each load step, and its cost.
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not come to full
     load; ``changes`` are the relative errors (balls,) by change of T, Q and R = T / Q^2 at the answered steps so far.

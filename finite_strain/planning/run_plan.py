@@ -1,4 +1,4 @@
-"""From a problem to what will be run: symmetry, discretisations, load steps, and what they cost."""
+"""The plan of a run: symmetry, discretisations, load steps, and their cost."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
 MOST_AT_FIRST = 5e5
-"""Unknowns that the first discretisation that answers may have where no budget is stated."""
+"""Largest number of unknowns of the first answering discretisation where no budget is stated."""
 LATEST = 0.85
-"""Where a line of the mesh goes round a contact at most: over its block's half-width. T is integrated outside it."""
+"""Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _PATH_STEP, _FIRST_GOAL = 0.8, 1.2
-"""What a step of the path costs the path finder, and an answered one besides, in answered steps of that size."""
+"""Cost of a step of the path finder, and extra cost of an answered one, in answered steps of the same size."""
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What a run consists of: ``goals`` are the load fractions answered."""
+    """The parts of a run: ``goals`` are the load fractions answered."""
 
     problem: Problem
     reduction: Reduction
