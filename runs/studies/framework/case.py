@@ -21,12 +21,11 @@ from runs.models import MODELS, Run
 class Case:
     """What is solved once: ``name`` is unlike any other's in the study and names its file.
 
-    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another
-    value, ``numerics`` a field of `finite_strain.Numerics`;
-    ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
-    whole load path); ``stop_after`` interrupts the run after that many load
-    steps and goes on from what it left on disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone``
-    has one rank solve it where several are there.
+    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another value,
+    ``numerics`` a field of `finite_strain.Numerics`; ``labels`` say what the case is in the study's tables; ``steps``
+    are the load fractions answered (None: those of a whole load path); ``stop_after`` interrupts the run after that
+    many load steps and resumes it from disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone`` has one
+    rank solve it where several are there.
     """
 
     name: str
