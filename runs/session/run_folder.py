@@ -70,7 +70,7 @@ class RunFolder:
             self._clear()
         elif mark is not None and mark.get("identity") != self.identity:
             raise OutputUnusable(
-                f"{self.path}: holds another run ({_difference(mark.get('identity'), self.identity)}); "
+                f"{self.path}: holds another run ({difference(mark.get('identity'), self.identity)}); "
                 "name another --out, or replace that run with --fresh"
             )
         if self._mark() is None:
@@ -171,10 +171,11 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _difference(old: Any, new: Any, where: str = "") -> str:
+def difference(old: Any, new: Any, where: str = "") -> str:
+    """Return in words where two identities differ: "quick is True there and False here"."""
     if isinstance(old, dict) and isinstance(new, dict):
         parts = [
-            _difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))
+            difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))
             for k in {**old, **new}
             if old.get(k) != new.get(k)
         ]

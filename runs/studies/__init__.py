@@ -22,9 +22,11 @@ STUDIES = {
     "verification": "the finite-strain model against closed forms, published results and itself",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
-"""Name and question of every study; ``runs.studies.NAME.run`` answers it."""
+"""Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
+SHARED_OUT = ON_ALL_RANKS - {"scaling"}
+"""Studies whose cases can be shared out; ``scaling`` compares times on one machine."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,14 @@ def read_shard(text: str) -> tuple[int, int]:
 
 
 def run_study(name: str, options: Options) -> None:
-    """Run the study ``name``; raises `InvalidProblem` for a name that is none, and for options that it lacks."""
+    """Run the study ``name``; raises `InvalidProblem` for an unknown name and for options that the study lacks."""
     if name not in STUDIES:
         raise InvalidProblem(f'study: there is no study "{name}"; known: {listing()}')
-    if name not in ON_ALL_RANKS and options.shard != (1, 1):
-        raise InvalidProblem(f"--shard: study {name} has no parts to share out; only {', '.join(sorted(ON_ALL_RANKS))}")
+    if name not in SHARED_OUT and options.shard != (1, 1):
+        raise InvalidProblem(f"--shard: study {name} has no parts to share out; only {', '.join(sorted(SHARED_OUT))}")
     if options.publish and options.quick:
         raise InvalidProblem("--publish: a study's page shows the full version; leave out --quick")
     if name in ON_ALL_RANKS or ranks.is_root():
-        importlib.import_module(f"runs.studies.{name}").run(options)
+        from runs.studies.framework.study import run  # noqa: PLC0415  (the list above must load nothing)
+
+        run(importlib.import_module(f"runs.studies.{name}.answer").STUDY, options)

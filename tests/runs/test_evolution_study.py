@@ -19,7 +19,7 @@ from runs.evolution.forces import at
 from runs.evolution.providers import provider
 from runs.models import MODELS, choose, standing
 from runs.scene.scene_file import read_scene
-from runs.studies.experiments import cases, points, report, side_by_side
+from runs.studies.experiments import answer, cases, points, side_by_side
 
 NAMES = {"line of four, 25 mm", "line of four, 30 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls"}
 
@@ -65,7 +65,7 @@ def point(title: str) -> points.Point:
     ],
 )
 def test_the_reports_that_these_runs_bear_on(title: str, verdict: str | None, documents: dict[str, Any]) -> None:
-    found = report.findings(point(title), documents)
+    found = answer.findings(point(title), documents)
     assert (found.verdict if found else None) == verdict
 
 
@@ -78,7 +78,7 @@ def test_a_verdict_turns_with_what_the_runs_show(documents: dict[str, Any]) -> N
         "pair, 10 mm balls": documents["pair, 16 mm balls"],
     }
     for title in ("a wider line", "16 mm balls separate", "10 mm and 7 mm"):
-        found = report.findings(point(title), swapped)
+        found = answer.findings(point(title), swapped)
         assert found is not None
         assert found.verdict == points.NO, title
 
@@ -142,7 +142,7 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
     assert compared.strength == pytest.approx((1.25,) * len(side_by_side.PLACES), rel=0.02)
     assert compared.load == pytest.approx((1.0,) * len(side_by_side.PLACES), rel=1e-3)
     assert compared.finite[0] == pytest.approx(state.tangential[0, 0] / state.normal[0], rel=1e-6)
-    assert compared.rests == ([], [])
+    assert compared.rests == [[], []]
     assert "(1.25) |" in "\n".join(side_by_side.force_table([compared]))
     assert "(+25 %), Q +0 %" in side_by_side.sentence([compared], [])
     # beyond the table it follows the linear decay

@@ -14,10 +14,11 @@ import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
-from runs.studies.accuracy.front import OWN, TRUE, front
-from runs.studies.accuracy.matrix import KNOBS, REFERENCES, USUAL_CASE, Turned, cases, problem
+from runs.studies.accuracy.matrix import KNOBS, OWN, REFERENCES, TRUE, USUAL_CASE, Turned, cases
+from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase
+from runs.studies.framework.pair import pair
 from runs.studies.framework.records import Found
 from tests.launch import ROOT
 
@@ -63,7 +64,7 @@ def test_every_knob_is_there_to_be_turned() -> None:
 
 def test_the_knob_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
     def steps(numerics: Numerics) -> int:
-        return len(plan_run(problem(0.1, "finite_strain"), 0.1, "finite_strain", numerics=numerics).path)
+        return len(plan_run(pair(0.1), 0.1, "finite_strain", numerics=numerics).path)
 
     counts = []
     for turned in KNOBS["largest load step of the path over the radius (0.07)"].values():
@@ -132,13 +133,13 @@ def test_an_error_that_is_small_by_chance_is_not_advised(found: Found) -> None:
 
 
 def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> None:
-    text = present(found, tmp_path, quick=False)
+    text = present(found, tmp_path)
     assert "finite_strain, accuracy asked 0.02" in text
     assert "1 min 40 s" in text
     assert (tmp_path / "pareto.svg").stat().st_size > 5_000
-    assert "no rows yet" in present(Found(found.cases, {}), tmp_path, quick=False)
+    assert "no rows yet" in present(Found(found.cases, {}), tmp_path)
     without = {name: record for name, record in found.records.items() if name != "finite-strain-reference"}
-    assert "linear_bem" in present(Found(found.cases, without), tmp_path, quick=False)  # and no empty picture fails
+    assert "linear_bem" in present(Found(found.cases, without), tmp_path)  # and no empty picture fails
 
 
 def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
@@ -155,7 +156,7 @@ def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
 
 
 def test_a_knob_is_judged_by_how_it_moves_the_answer_of_one_mesh(found: Found, tmp_path: Path) -> None:
-    text = present(found, tmp_path, quick=False)
+    text = present(found, tmp_path)
     assert USUAL_CASE in found.records
     row = next(line for line in text.splitlines() if line.startswith("| penalty") and " 4 |" in line)
     moved, _, longer = (cell.strip() for cell in row.strip("|").split("|")[2:])

@@ -36,7 +36,7 @@ def test_errors_are_those_of_the_ball_with_the_largest_force_against_the_finest(
     one, *_ = cases(quick=False)
     assert isinstance(one, LevelCase)
     steps = [step(2, 0.97, 0.90, 0.05), step(3, 1.01, 0.98, 0.02), step(4, 1.0, 0.999, 0.001)]
-    text = present(Found((one,), {one.name: {"state": "done", "steps": steps}}), tmp_path, quick=False)
+    text = present(Found((one,), {one.name: {"state": "done", "steps": steps}}), tmp_path)
     rows = [line.split("|") for line in text.splitlines() if line.startswith("| thin pair")]
     heads = [word.strip() for word in next(line for line in text.splitlines() if BAR in line).split("|")]
     column = {head: [row[heads.index(head)].strip() for row in rows] for head in (BY_ITSELF, PAIRED, BAR)}

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runs.studies import Options
-from runs.studies.peers import REFERENCE, run
+from runs.studies import Options, run_study
+from runs.studies.peers.answer import REFERENCE
 from runs.studies.peers.scene import LAME, SHEAR, lines, weight_slope
 
 
@@ -20,7 +20,7 @@ def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_
     found = {"code": "NGSolve", "version": "6", "approach": 0.1, "discretisation": "order 3", "unknowns": 20,
              "seconds": 3.4, "normal_force": 1.02 * normal, "tangential_force": 0.99 * tangential}  # fmt: skip
     (tmp_path / "ngsolve-3x1-0.1.json").write_text(json.dumps(found), encoding="utf-8")
-    run(Options(out=tmp_path, tables=True))
+    run_study("peers", Options(out=tmp_path, tables=True))
     assert "| 0.1 | NGSolve 6 | order 3 | 20 | 3 |" in capsys.readouterr().out
     row = (tmp_path / "peers.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
     assert [float(cell) for cell in row[-2:]] == pytest.approx([0.02, 0.01])

@@ -16,9 +16,9 @@ from finite_strain.planning.run_plan import plan_run
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.records import Found
-from runs.studies.stability import ENDINGS, present
+from runs.studies.framework.records import ENDED, Found
 from runs.studies.stability.agreement import at_force, compared
+from runs.studies.stability.answer import present
 from runs.studies.stability.bars import path_bars
 from runs.studies.stability.judging import BALANCE, FORCES, energy_balance, last_good, meshed_forces, verdict, work
 from runs.studies.stability.matrix import END, NO_LOAD, SAME_FORCE, cases, hard_cases
@@ -275,7 +275,7 @@ def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
         "deepest-finite-strain": {"state": "refused", "reason": "too deep", "steps": []},
     }
     both = Found(tuple(chosen), records)
-    text = present(both, tmp_path, quick=False)
+    text = present(both, tmp_path)
     assert "1 right" in text
     assert "1 named refusal" in text
     assert "4 not run yet" in text
@@ -283,4 +283,4 @@ def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
     with open(tmp_path / "stability.csv", encoding="utf-8") as file:
         row = next(csv.DictReader(file))
     assert (float(row["T"]), float(row["error of T"])) == (-1e-3, 1e-5)
-    assert not [s for s in both.missing(ENDINGS) if s.startswith("deepest-finite")]
+    assert not [s for s in both.missing(ENDED) if s.startswith("deepest-finite")]

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from linear_bem import Problem, solve
+from runs.studies.framework.pair import THICK, THIN, pair
 from runs.studies.framework.records import Found
 from runs.studies.strengthening import fitting
 from runs.studies.strengthening.answer import present
-from runs.studies.strengthening.matrix import THICK, THIN, cases, pair
+from runs.studies.strengthening.matrix import cases
 from tests.launch import python
 
 STAND_IN = Path(__file__).with_name("elements.py")
@@ -42,7 +43,7 @@ def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -
     deepest = next(r for r in found if r["case"] == "headline-thin-L2-nu0.48" and float(r["D"]) == 0.03)
     load = [float(deepest["Q"])] * 2
     sphere, paraboloid = (
-        solve(small_strain(pair(THIN, 0.03, shape=shape)).with_load("force", load)).balls[0].tangential_force[0]
+        solve(small_strain(pair(0.03, shape=shape)).with_load("force", load)).balls[0].tangential_force[0]
         for shape in ("sphere", "paraboloid")
     )
     assert float(deepest["geometry"]) == pytest.approx(sphere / paraboloid, rel=LINEAR)
@@ -142,7 +143,7 @@ def test_the_sentence_tells_stronger_weaker_and_undecided_apart(tmp_path: Path) 
         if c.labels["group"] in ("headline", "distance")
     ][:4]
     found = Found(tuple(chosen), {c.name: record(s, c) for c, s in zip(chosen, (1.2, 0.9, 1.001, 1.3), strict=True)})
-    text = present(found, tmp_path, quick=False)
+    text = present(found, tmp_path)
     assert "**stronger** in 2 case(s): h = 1.16 R, L = 2 R, nu = 0.48: 1.200" in text
     assert "**weaker** in 1 case(s): h = 6 R, L = 2 R, nu = 0.48: 0.900" in text
     assert "**within its error bar of 1** in 1 case(s): h = 1.16 R, L = 3 R" in text

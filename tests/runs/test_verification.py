@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from runs.studies.framework.case import varied
-from runs.studies.framework.records import Found
+from runs.studies.framework.records import Found, StudyFolder
+from runs.studies.stability.matrix import cases as stability_cases
 from runs.studies.verification import bars, convergence, experiments, hard, one_ball, part, routes, small_load, timing
 from runs.studies.verification.answer import PARTS, present
 from tests.launch import python
@@ -196,10 +197,29 @@ def test_a_stop_that_says_why_is_no_claim_and_neither_is_what_has_not_run(tmp_pa
     assert [row["verdict"] for row in hard.rows(both)] == ["not converged", None]
     silent = Found((stopped,), {stopped.name: {"state": "not converged", "reason": "", "steps": []}})
     assert [row["verdict"] for row in hard.rows(silent)] == ["WRONG"]
-    text = present(both, tmp_path, quick=False)
+    text = present(both, tmp_path)
     assert "0 right, 0 WRONG, 0 refused by name, 1 not converged, 1 without a claim" in text
     assert "load step to 0.9" in text
     assert (tmp_path / "hard.csv").exists()
+
+
+def test_a_hard_case_that_stability_has_is_computed_there_alone(tmp_path: Path) -> None:
+    others = {case.name: case for case in stability_cases(quick=False)}
+    taken = [case for case in hard.cases(quick=False) if case.same_as is not None]
+    assert len(taken) > 10
+    for case in taken:
+        assert case.same_as is not None
+        assert others[case.same_as[1]].key() == case.key()
+    for name in ("stability", "verification"):
+        (tmp_path / f"study-{name}").mkdir()
+    theirs = StudyFolder(tmp_path / "study-stability", "stability")
+    mine = StudyFolder(tmp_path / "study-verification", "verification")
+    case = taken[0]
+    twin = others["usual-finite-strain"]
+    for state, known in (("running", False), ("done", True)):
+        theirs.save(twin, {"state": state})
+        assert (mine.record(case) is not None) == known
+    assert mine.record(dataclasses.replace(case, accuracy=0.5)) is None
 
 
 def test_a_time_counts_only_with_its_accuracy_met_and_the_best_answer_in_its_bar() -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import duration
-from runs.studies.accuracy.front import LADDER, OWN, TRUE
-from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, REFERENCES, USUAL_CASE
+from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, LADDER, OWN, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
@@ -22,7 +22,7 @@ ON_ONE = "finite-strain-0.02"
 """The case on one rank that the one on all ranks is held against."""
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write accuracy.csv and pareto.svg; return tables and advice as Markdown."""
     rows = measured(found)
     if rows:
@@ -67,8 +67,7 @@ def measured(found: Found) -> list[dict[str, Any]]:
                 "case": case.name,
                 "model": case.model,
                 "force": force,
-                "knob": case.labels["knob"],
-                "value": case.labels["value"],
+                **case.labels,
                 OWN: None if case.name == REFERENCES[case.model] else _relative(force, own),
                 TRUE: None if case.name == REFERENCES["finite_strain"] else _relative(force, truth),
                 f"{OWN}, known to": known[case.model],
@@ -113,8 +112,9 @@ def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         for row in rows
         if row["knob"] in KNOBS
     ]
+    known = "not known" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
     text = (
-        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {_percent(usual[OWN])}; "
+        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {known}; "
         f"the default is in brackets. By default: {usual['iterations']} Newton iterations."
     )
     ranks = next((row for row in rows if row["knob"] == ALL_RANKS), None)
@@ -146,10 +146,6 @@ def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _percent(value: float | None) -> str:
-    return "not known" if value is None else f"{100.0 * value:.2g} %"
-
-
 def _force(found: Found, name: str) -> float | None:
     if found.state(name) != DONE:
         return None
@@ -173,7 +169,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
     """Return the cheapest way to every wanted error, of the knobs that a user turns.
 
     A case counts where its error, its own estimate and what the reference itself is known to all lie below: an error
-    that is small by chance, or smaller than can be seen, is none to rely on.
+    that is small by chance, or below what the reference can resolve, does not count.
     """
     answer = []
     usual = [row for row in rows if row["knob"] in LADDER and row[column] is not None]
@@ -204,3 +200,6 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
 
 def _relied_on(row: Mapping[str, Any], column: str) -> float:
     return max(row[column], row["estimate"] or math.inf, row[f"{column}, known to"] or math.inf)
+
+
+STUDY = study_of_cases("accuracy", cases, present, ("pareto.svg", "pareto.png"))

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.pair import as_seen_by, pair
 
 GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
 """Every contact on a grid, none by polynomials."""
@@ -20,6 +20,10 @@ FINEST = 1e-3
 """The finest accuracy asked of the finite elements but the reference's."""
 REFERENCE_ACCURACY, REFERENCE_UNKNOWNS = 5e-4, 200e3
 ALL_RANKS = "all ranks"
+OWN, TRUE = "error within the model", "error against finite strain"
+"""Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
+LADDER = ("model", "accuracy asked")
+"""Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,6 @@ REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-
 """The better solution that each model's error is measured against; small strain has one by other means."""
 
 
-def problem(approach: float, model: str) -> Problem:
-    """Return the problem as a model sees it."""
-    balls = (Ball((-1.0, 0.0), 1.0, "sphere"), Ball((1.0, 0.0), 1.0, "sphere"))
-    effect = FiniteStrain() if model == "finite_strain" else None
-    return Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (approach,) * 2), Elastic(1e3, 0.3), effect)
-
-
 def cases(quick: bool) -> list[Case]:
     """Return the linear models, the finite elements by mesh and accuracy, the knobs, the reference, and all ranks.
 
@@ -71,7 +68,7 @@ def cases(quick: bool) -> list[Case]:
     ) -> Case:  # fmt: skip
         labels = {"knob": knob, "value": value}
         alone = alone and model in ("finite_strain", "small_strain")
-        return kind(name, problem(approach, model), model, accuracy, labels=labels, alone=alone, **more)
+        return kind(name, as_seen_by(model, pair(approach)), model, accuracy, labels=labels, alone=alone, **more)
 
     found = [
         make("linear-bem-reference", "linear_bem", 1e-8, "reference", ""),

@@ -11,26 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve
+from linear_bem import Ball, LayeredKernel, Load, Problem, solve
 from linear_bem.layer.kernel import _table, far_rule, near_rule
-
-FORCE = 2.66666e-3
-THICKNESS = 1.16
+from runs.studies.framework.case import LINEAR
+from runs.studies.framework.pair import PAPER_LOAD, as_seen_by, pair
 
 
 def lattice(count: int) -> Problem:
     """Return ``count`` touching balls on a square lattice under one rigid holder, at the paper's load per ball."""
+    base = paper_pair()
     side = int(np.ceil(np.sqrt(count)))
     middle = 0.5 * (side - 1)
     places = [(2.0 * (i % side - middle), 2.0 * (i // side - middle)) for i in range(count)]
     balls = tuple(Ball(place, 1.0, "paraboloid") for place in places)
-    return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("total_force", (FORCE * count,)), Elastic(1e3, 0.3))
+    return Problem(base.layer, balls, Load("total_force", (PAPER_LOAD * count,)), base.substrate)
 
 
-def pair() -> Problem:
-    """Return the paper's pair."""
-    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
-    return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load("force", (FORCE,) * 2), Elastic(1e3, 0.3))
+def paper_pair() -> Problem:
+    """Return the paper's pair under its load."""
+    return as_seen_by(LINEAR, pair(1.0, shape="paraboloid")).with_load("force", (PAPER_LOAD,) * 2)
 
 
 def table_seconds() -> float:
@@ -38,13 +37,13 @@ def table_seconds() -> float:
     for cache in (_table, far_rule, near_rule):
         cache.cache_clear()
     begun = time.perf_counter()
-    LayeredKernel.of(pair())
+    LayeredKernel.of(paper_pair())
     return time.perf_counter() - begun
 
 
 def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
     """Return the best time to T within 1e-2 to 1e-5, and the error against an answer asked to 1e-9."""
-    problem = pair()
+    problem = paper_pair()
     exact = solve(problem, 1e-9).balls[0].tangential_force[0]
     rows = []
     for wanted, limit in ((1e-2, 0.01), (1e-3, 0.02), (1e-4, 0.05), (1e-5, 0.5)):
@@ -79,7 +78,7 @@ def growth(counts: list[int]) -> list[dict[str, Any]]:
 
 
 def _measured(count: int) -> dict[str, Any]:
-    LayeredKernel.of(pair())
+    LayeredKernel.of(paper_pair())
     before = _peak()
     begun = time.perf_counter()
     found = solve(lattice(count), 1e-3)

@@ -7,14 +7,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from runs.studies.discretisations.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 
 BY_ITSELF, PAIRED, BAR = "T off by itself [%]", "T off, paired [%]", "its error bar [%]"
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write discretisations.csv; return the table as Markdown."""
     rows = [row for case in found.cases for row in _rows(case, found)]
     save_csv(folder / "discretisations.csv", rows)
@@ -55,3 +57,6 @@ def _row(
         PAIRED: None if is_finest else 100.0 * off / size,
         BAR: 100.0 * ball["tangential_force_error"] / size,
     }
+
+
+STUDY = study_of_cases("discretisations", cases, present)

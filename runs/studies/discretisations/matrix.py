@@ -5,6 +5,7 @@ from __future__ import annotations
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.pair import THICK, pair
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(4, 1.0))
 """From coarse to fine; every one starts from the states of the one before."""
@@ -14,13 +15,9 @@ def _scene(layer: Layer, approach: float, *balls: Ball) -> Problem:
     return Problem(layer, balls, Load("approach", (approach,) * len(balls)), finite_strain=FiniteStrain())
 
 
-def _pair(thickness: float, approach: float) -> Problem:
-    return _scene(Layer(1.0, 0.48, thickness), approach, Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
-
-
 SCENES = {
-    "thin pair": _pair(1.16, 0.32),
-    "thick pair": _pair(6.0, 0.32),
+    "thin pair": pair(0.32, substrate=None),
+    "thick pair": pair(0.32, THICK, substrate=None),
     "radii 1 : 4": _scene(Layer(1.0, 0.45, 2.0), 0.2, Ball((0.0, 0.0), 1.0), Ball((4.0, 0.0), 4.0)),
     "three unlike balls": _scene(
         Layer(1.0, 0.45, 1.5), 0.2, Ball((0.0, 0.0), 1.0), Ball((2.4, 0.3), 1.3), Ball((0.7, 2.4), 0.8)
@@ -34,7 +31,7 @@ SCENES = {
 
 def cases(quick: bool) -> list[Case]:
     """Return one case per scene."""
-    scenes = {"thin pair": _pair(1.16, 0.03)} if quick else SCENES
+    scenes = {"thin pair": pair(0.03, substrate=None)} if quick else SCENES
     levels = (Level(2, 1.0), Level(3, 1.0)) if quick else LEVELS
     return [
         LevelCase(name.replace(" ", "-"), scene, "finite_strain", 0.02, labels={"scene": name}, levels=levels)

@@ -10,46 +10,32 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from runs.process import signals
-from runs.process.files import replacing
-from runs.session.progress import tell
-from runs.session.run_folder import RunFolder
 from runs.studies import Options
 from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
-from runs.studies.framework.publishing import publish
+from runs.studies.framework.study import Study, command, write
 from runs.studies.framework.tables import markdown, save_csv
 
 REPEATS = 3
-"""Runs of each scene in the full version: the shortest tells its cost."""
+"""Runs of each scene in the full version: its cost is that of the shortest."""
+KEPT = "effects.json"
+"""File of the study's folder with one row per effect."""
 
 
-def answer(options: Options) -> None:
-    """Measure, write and print; nothing is taken from an earlier run."""
-    identity = {"command": "study", "study": "effects", "quick": options.quick}
-    name = "study-effects" + ("-quick" if options.quick else "")
-    folder = RunFolder(options.out or Path("out") / name, identity, "", fresh=options.fresh)
-    rows = load(folder.path) if options.tables else measure(effects(), quick=options.quick)
-    save_csv(folder.path / "effects.csv", rows)
-    with replacing(folder.path / "effects.json") as draft:
-        draft.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    text = "\n".join(report(rows, quick=options.quick)) + "\n"
-    with replacing(folder.path / "effects.md") as draft:
-        draft.write_text(text, encoding="utf-8")
-    print(text, end="")
-    if options.publish:
-        tell(f"published in {publish('effects', text, [])}")
-    folder.finish()
-    folder.close()
+def compute(folder: Path, options: Options) -> None:
+    """Measure all; nothing is taken from an earlier run."""
+    write(folder / KEPT, json.dumps(measure(effects(), quick=options.quick), indent=1))
 
 
-def load(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows that an earlier run measured; none where there are none."""
+def page(folder: Path, quick: bool) -> str:
+    """Write effects.csv; return the answer as Markdown."""
     try:
-        return list(json.loads((folder / "effects.json").read_text(encoding="utf-8")))
+        rows = json.loads((folder / KEPT).read_text(encoding="utf-8"))
     except FileNotFoundError:
-        return []
+        rows = []
+    save_csv(folder / "effects.csv", rows)
+    return "\n".join(report(rows, quick=quick))
 
 
 def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
@@ -66,36 +52,27 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
         full = list(pool.map(lambda e: _best(e.with_, e.command, repeats), chosen))
         pairs = [(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
         own = [own_modules(*pair) + own_functions(*pair) for pair in pairs]
-        blocked: dict[tuple[str, tuple[str, ...]], None] = {}
-        for effect, names in zip(chosen, own, strict=True):
-            without = bare[toml(effect.without)]
-            every = sorted({name for other in own for name in other} - without.modules - without.functions)
-            blocked[toml(effect.without), tuple(every if quick else names)] = None
-        proofs = dict(zip(blocked, pool.map(lambda k: _without(texts[k[0]], k[1]), blocked), strict=True))
-    rows = []
-    for effect, names, with_ in zip(chosen, own, full, strict=True):
-        key = toml(effect.without)
-        proof = next(p for (text, absent), p in proofs.items() if text == key and set(names) <= set(absent))
-        rows.append(_row(effect, bare[key], with_, names, proof))
-    return rows
+        absent = [
+            tuple(sorted({n for other in own for n in other} - without.modules - without.functions) if quick else names)
+            for (without, _), names in zip(pairs, own, strict=True)
+        ]
+        wanted = [(toml(effect.without), names) for effect, names in zip(chosen, absent, strict=True)]
+        once = list(dict.fromkeys(wanted))
+        proofs = dict(zip(once, pool.map(lambda k: measuring.run(texts[k[0]], "solve", k[1]), once), strict=True))
+    return [
+        _row(effect, *pair, names, proofs[key])
+        for effect, pair, names, key in zip(chosen, pairs, own, wanted, strict=True)
+    ]
 
 
 def _best(scene: Any, command: str, repeats: int) -> Account:
-    signals.check()
-    watched, runs = measuring.run(scene, command, watched=True), []
-    for _ in range(repeats):
-        signals.check()
-        runs.append(measuring.run(scene, command))
+    watched = measuring.run(scene, command, watched=True)
+    runs = [measuring.run(scene, command) for _ in range(repeats)]
     if not runs:
         return watched
     best = min(runs, key=lambda account: account.cpu_seconds)
     spread = max(account.cpu_seconds for account in runs) / best.cpu_seconds - 1.0
     return dataclasses.replace(best, functions=watched.functions, spread=spread)
-
-
-def _without(scene: Any, names: Sequence[str]) -> Account:
-    signals.check()
-    return measuring.run(scene, "solve", names)
 
 
 def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str], proof: Account) -> dict[str, Any]:
@@ -121,7 +98,9 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "modules of its own": " ".join(name for name in names if ":" not in name),
         "functions of its own elsewhere": " ".join(name for name in names if ":" in name),
         "libraries of its own": " ".join(sorted(with_.libraries - without.libraries)),
-        "result entries of its own": _entries(without, with_),
+        "result entries of its own": " ".join(
+            sorted(name for name in with_.columns - without.columns if not name.startswith("scene"))
+        ),
         "seconds without": without.cpu_seconds,
         "seconds with": with_.cpu_seconds,
         "spread of seconds": max(without.spread, with_.spread),
@@ -130,11 +109,6 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
         "difference of T with its code absent": difference,
         "pays nothing without": pays_nothing,
     }
-
-
-def _entries(without: Account, with_: Account) -> str:
-    """Return the names of entries that only the result with the effect has, outside its scene."""
-    return " ".join(sorted(n for n in with_.columns - without.columns if not n.startswith("scene")))
 
 
 def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
@@ -148,15 +122,12 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         "expressions of its own": "expressions",
         "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
     }  # fmt: skip
+    brought = {
+        "modules": "modules of its own", "functions in other modules": "functions of its own elsewhere",
+        "libraries": "libraries of its own", "result": "result entries of its own",
+    }  # fmt: skip
     own = [
-        {
-            "effect": row["effect"],
-            "modules": _listed(row["modules of its own"]),
-            "functions in other modules": _listed(row["functions of its own elsewhere"]),
-            "libraries": _listed(row["libraries of its own"]),
-            "result": _listed(row["result entries of its own"]),
-        }
-        for row in rows
+        {"effect": row["effect"], **{head: _listed(row[key]) for head, key in brought.items()}} for row in rows
     ]
     proof = [
         {
@@ -168,7 +139,6 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         }
         for row in rows
     ]
-    command = f"thirdbody study effects{' --quick' if quick else ''}"
     lines = ["# What an effect costs, and that a scene without it pays nothing", ""]
     if not rows:
         return [*lines, "Nothing has been measured yet."]
@@ -177,7 +147,8 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         + (f" Not so: {', '.join(paying)}." if paying else "")
         + (f" No code of their own, only other numbers, have: {', '.join(bare)}." if bare else ""),
         "",
-        f"Made by `{command}`, thirdbody {importlib.metadata.version('thirdbody')}. {_of_seconds(rows, quick=quick)}",
+        f"Made by `{command('effects', quick)}`, thirdbody {importlib.metadata.version('thirdbody')}. "
+        f"{_of_seconds(rows, quick=quick)}",
         "", "## The price of having it", "", *markdown(rows, price),
         "", "## What it alone brings in", "", *markdown(own),
         "", "## Proof: the scene without it, run where its modules cannot be imported nor its functions called", "",
@@ -203,3 +174,6 @@ def _listed(names: str) -> str:
     return (
         ", ".join(f"`{word}`" for word in words[:8]) + (f" and {len(words) - 8} more" if len(words) > 8 else "") or "-"
     )
+
+
+STUDY = Study("effects", compute, page, text="effects.md")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import ThirdBodyError
+from runs.process import signals
 from runs.studies.effects.scenes import toml
 
 PROBE = Path(__file__).with_name("probe.py")
@@ -61,6 +62,7 @@ def run(
 
     Calls are noted where it is ``watched``, which takes time, and where functions are taken away.
     """
+    signals.check()
     with tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
         folder = Path(scratch)
         (folder / "scene.toml").write_text(toml(scene), encoding="utf-8")

@@ -46,7 +46,7 @@ class Calls:
         if event == "call" and frame.f_code not in self.names:
             code, module = frame.f_code, frame.f_globals.get("__name__", "")
             ours = module.split(".")[0] in OURS and not module.startswith("runs.studies")
-            # bodies of modules and classes run where they are imported: those are told by the modules
+            # bodies of modules and classes run on import, which the list of modules shows
             named = code.co_flags & CO_OPTIMIZED and not code.co_qualname.endswith(">")
             self.names[code] = f"{module}:{code.co_qualname}" if ours and named else ""
             if self.names[code] in self.refused:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -31,11 +32,6 @@ class Effect:
     without: Mapping[str, Mapping[str, object]]
     with_: Mapping[str, Mapping[str, object]]
     command: str = "solve"
-
-    @property
-    def elements(self) -> bool:
-        """Whether the scene without the effect is already one of finite elements."""
-        return "finite_strain" in self.without
 
 
 def effects() -> list[Effect]:
@@ -67,14 +63,8 @@ def _form(form: str) -> dict[str, Mapping[str, object]]:
 
 
 def toml(scene: Mapping[str, Mapping[str, object]]) -> str:
-    """Return a scene file's text."""
+    """Return a scene file's text; JSON's strings, numbers and lists are TOML's."""
     lines = []
     for name, table in scene.items():
-        lines += [f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items()), ""]
+        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in table.items()), ""]
     return "\n".join(lines)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return f'"{value}"' if isinstance(value, str) else str(value)

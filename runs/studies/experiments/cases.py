@@ -12,6 +12,7 @@ import numpy as np
 
 from runs.evolution.evolving import TABLES, Evolution, rows
 from runs.evolution.forces import at
+from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.evolution.showing import draw
 from runs.models import MODELS, standing
@@ -48,12 +49,12 @@ class Case:
         scene = read_scene(SCENES / f"experiment_{self.scene}.toml")
         sliding = scene.reciprocation
         assert sliding is not None
-        if quick and sliding.ensemble > QUICK_ENSEMBLE:
-            sliding = sliding.model_copy(update={"ensemble": QUICK_ENSEMBLE})
+        changed: dict[str, Any] = {"ensemble": min(sliding.ensemble, QUICK_ENSEMBLE)} if quick else {}
         if self.perturbation is not None:
-            sliding = sliding.model_copy(update={"perturbation": self.perturbation})
+            changed["perturbation"] = self.perturbation
         if self.direct:
-            sliding = sliding.model_copy(update={"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE})
+            changed |= {"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE}
+        sliding = sliding.model_copy(update=changed)
         problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
@@ -88,6 +89,11 @@ CASES = (
 )
 
 
+def chosen(quick: bool) -> list[Case]:
+    """Return the cases of the quick or the full version."""
+    return [case for case in CASES if case.essential or not quick]
+
+
 def finite(case: Case, scene: Scene) -> Scene:
     """Return ``scene`` with the effect of finite strain, at the accuracy of the scene that makes its table."""
     written = read_scene(SCENES / f"experiment_{case.finite}.toml")
@@ -100,23 +106,37 @@ def finite(case: Case, scene: Scene) -> Scene:
     )
 
 
+def table(model: str, scene: Scene) -> PairTable:
+    """Return a model's table of pairs for a scene, as far as it is there; nothing is computed."""
+    asked = standing(scene)
+    budget = asked.budget if model == "finite_strain" else None
+    return table_of(MODELS[model], asked.problem, asked.tangential_force, TABLES, budget=budget)
+
+
 def has_table(case: Case, scene: Scene) -> bool:
     """Return whether the finite-strain table of ``scene`` is complete."""
-    asked = standing(finite(case, scene))
-    table = table_of(MODELS["finite_strain"], asked.problem, asked.tangential_force, TABLES, budget=asked.budget)
-    return table.missing == 0
+    return table("finite_strain", finite(case, scene)).missing == 0
+
+
+def runs_of(case: Case, quick: bool) -> list[tuple[str, Scene]]:
+    """Return the models that a case is evolved by, each with its scene; finite strain where its table is complete."""
+    scene = case.read(quick)
+    found = [("linear_bem", scene)]
+    if case.finite is not None and has_table(case, scene):
+        found.append(("finite_strain", finite(case, scene)))
+    return found
 
 
 def evolve(
-    case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool, pictures: bool, compute: bool = True
-) -> dict[str, Any] | None:
+    case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool = False, pictures: bool = False,
+    compute: bool = True,
+) -> dict[str, Any] | None:  # fmt: skip
     """Return the finished document of one run; one that is there is not computed again.
 
     None where it is not there and ``compute`` is false.
     """
-    chosen = finite(case, scene) if model == "finite_strain" else scene
     stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
-    evolution = Evolution(chosen, model, Options(False, folder / stem, fresh))
+    evolution = Evolution(scene, model, Options(False, folder / stem, fresh))
     kept = evolution.open()
     try:
         document = kept.finished()

@@ -34,7 +34,7 @@ class Point:
     title: str
     cases: Sequence[str]
     judge: Callable[[Documents], Finding]
-    reason: str
+    reason: str = ""
 
 
 def _share(document: Mapping[str, Any], shows: Callable[[Mapping[str, Any]], bool]) -> float:
@@ -42,21 +42,21 @@ def _share(document: Mapping[str, Any], shows: Callable[[Mapping[str, Any]], boo
     return sum(map(shows, members)) / len(members)
 
 
-def _of_all(
-    documents: Documents, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]
-) -> Finding:
-    """Return the verdict of the first ``decisive`` cases; the others are other readings, told beside them."""
-    found = {name: _share(documents[name], shows) for name in names if name in documents}
-    shown = [f"{round(100 * share)} % of {_count(documents[name])}" for name, share in found.items()]
-    if len(set(shown)) == 1 and len(shown) > 1:
-        text = f"{shown[0]} members in each of {len(shown)} runs"
-    else:
-        text = ", ".join(f"{name}: {text}" for name, text in zip(found, shown, strict=True))
-    return Finding(YES if min(found[name] for name in names[:decisive]) >= MOST else NO, text)
+def of_members(
+    title: str, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]
+) -> Point:
+    """Return a point that most members of the first ``decisive`` cases must show; the others are other readings."""
 
+    def judge(documents: Documents) -> Finding:
+        found = {name: _share(documents[name], shows) for name in names if name in documents}
+        shown = [f"{round(100 * share)} % of {len(documents[name]['ensemble'])}" for name, share in found.items()]
+        if len(set(shown)) == 1 and len(shown) > 1:
+            text = f"{shown[0]} members in each of {len(shown)} runs"
+        else:
+            text = ", ".join(f"{name}: {text}" for name, text in zip(found, shown, strict=True))
+        return Finding(YES if min(found[name] for name in names[:decisive]) >= MOST else NO, text)
 
-def _count(document: Mapping[str, Any]) -> int:
-    return len(document["ensemble"])
+    return Point(title, names[:decisive], judge)
 
 
 def _edges_first(member: Mapping[str, Any]) -> bool:
@@ -64,21 +64,11 @@ def _edges_first(member: Mapping[str, Any]) -> bool:
     return sorted(map(tuple, member["first_pairs"][:2])) == [(0, 1), (last - 1, last)]
 
 
-SIXES = (
-    "line of six, 25 mm",
-    "line of six, 30 mm",
-    "line of six, 35 mm",
-    "line of six, nu = 0",
-    "line of six, nu = 0.45",
-)
+SIXES = tuple(f"line of six, {reading}" for reading in ("25 mm", "30 mm", "35 mm", "nu = 0", "nu = 0.45"))
 LINES = ("line of four, 25 mm", "line of four, 30 mm", *SIXES)
 SEVENS = ("line of seven, middle out", "line of seven, third out", "line of seven, 35 mm, middle out")
 MOST_CONTACTS = {4: 5, 6: 9, 7: 12, 9: 16}
 """Largest number of contacts of equal discs in the plane: floor(3n - sqrt(12n - 3)) [Harborth 1974]."""
-
-
-def _edges_pair_first(documents: Documents) -> Finding:
-    return _of_all(documents, LINES, 3, _edges_first)
 
 
 def _edges_carry_more(documents: Documents) -> Finding:
@@ -102,27 +92,19 @@ def _wider_divides_more(documents: Documents) -> Finding:
     return Finding(YES if wide > narrow else NO, text)
 
 
-def _groups_merge(documents: Documents) -> Finding:
-    def shows(member: Mapping[str, Any]) -> bool:
-        sizes = member["group_sizes"]
-        return [2, 2] in sizes and sizes[-1] == [4]
-
-    return _of_all(documents, LINES[:2], 2, shows)
+def _groups_merge(member: Mapping[str, Any]) -> bool:
+    sizes = member["group_sizes"]
+    return [2, 2] in sizes and sizes[-1] == [4]
 
 
-def _threes_then_one(documents: Documents) -> Finding:
-    def shows(member: Mapping[str, Any]) -> bool:
-        sizes = member["group_sizes"]
-        return [2, 2, 1, 1] in sizes and [3, 3] in sizes and sizes.index([2, 2, 1, 1]) < sizes.index([3, 3])
-
-    return _of_all(documents, SIXES, 1, shows)
+def _threes_then_one(member: Mapping[str, Any]) -> bool:
+    sizes = member["group_sizes"]
+    return [2, 2, 1, 1] in sizes and [3, 3] in sizes and sizes.index([2, 2, 1, 1]) < sizes.index([3, 3])
 
 
-def _closest_packing(documents: Documents) -> Finding:
-    def shows(member: Mapping[str, Any]) -> bool:
-        return bool(member["contacts"] == MOST_CONTACTS[len(member["positions"])] and member["groups"] == [6])
-
-    return _of_all(documents, SIXES, 1, shows)
+def _closest_packing(member: Mapping[str, Any]) -> bool:
+    # so many contacts has one group alone
+    return bool(member["contacts"] == MOST_CONTACTS[len(member["positions"])])
 
 
 def _line_bends(documents: Documents) -> Finding:
@@ -146,18 +128,8 @@ def _line_bends(documents: Documents) -> Finding:
     return Finding(YES if good and all(good) else NO, "; ".join(texts))
 
 
-def _sevens_edges(documents: Documents) -> Finding:
-    return _of_all(documents, SEVENS, 1, _edges_first)
-
-
 NINES = ("nine, 20 mm", "nine, 30 mm")
 SHAKEN = ("nine, 20 mm, shaken by 2 mm", "nine, 30 mm, shaken by 2 mm")
-
-
-def _nine_pack(documents: Documents) -> Finding:
-    return _of_all(
-        documents, (*NINES, *SHAKEN, "nine, 30 mm, full model"), 2, lambda m: bool(m["contacts"] == MOST_CONTACTS[9])
-    )
 
 
 def _dense_keeps_order(documents: Documents) -> Finding:
@@ -257,15 +229,18 @@ def _clock(documents: Documents) -> Finding:
 
 
 POINTS = (
-    Point("edge balls pair first", LINES[:3], _edges_pair_first, ""),
-    Point("edge balls carry more load", LINES[:3], _edges_carry_more, ""),
-    Point("a wider line divides into groups more clearly", LINES[:2], _wider_divides_more, ""),
-    Point("four balls: two pairs form, then merge", LINES[:2], _groups_merge, ""),
-    Point("six balls: edge pairs, then two groups of three", SIXES[:1], _threes_then_one, ""),
-    Point("six balls end in the closest packing", SIXES[:1], _closest_packing, ""),
-    Point("seven balls: grouping starts at the edges", SEVENS[:1], _sevens_edges, ""),
-    Point("the line bends towards the ball out of line, which comes closer", SEVENS[:1], _line_bends, ""),
-    Point("nine balls end in the closest packing from either distance", NINES, _nine_pack, ""),
+    of_members("edge balls pair first", LINES, 3, _edges_first),
+    Point("edge balls carry more load", LINES[:3], _edges_carry_more),
+    Point("a wider line divides into groups more clearly", LINES[:2], _wider_divides_more),
+    of_members("four balls: two pairs form, then merge", LINES[:2], 2, _groups_merge),
+    of_members("six balls: edge pairs, then two groups of three", SIXES, 1, _threes_then_one),
+    of_members("six balls end in the closest packing", SIXES, 1, _closest_packing),
+    of_members("seven balls: grouping starts at the edges", SEVENS, 1, _edges_first),
+    Point("the line bends towards the ball out of line, which comes closer", SEVENS[:1], _line_bends),
+    of_members(
+        "nine balls end in the closest packing from either distance", (*NINES, *SHAKEN, "nine, 30 mm, full model"), 2,
+        _closest_packing,
+    ),
     Point(
         "the denser start keeps more of its order", NINES, _dense_keeps_order,
         "the lattice of 30 mm shrinks to the touching one before it shears; the source suspects random factors on the "
@@ -281,7 +256,7 @@ POINTS = (
         "they stay there", (PAIR,), _stay_apart,
         "the model slows down and does not stop: no threshold of rolling resistance or of adhesion is in it",
     ),
-    Point("10 mm and 7 mm balls do not separate", ("pair, 10 mm balls", "pair, 7 mm balls"), _small_stay, ""),
+    Point("10 mm and 7 mm balls do not separate", ("pair, 10 mm balls", "pair, 7 mm balls"), _small_stay),
     Point(
         "the number of cycles", ("line of six, 25 mm", PAIR), _clock,
         "f only sets the clock; no coefficient of friction is as large as the foam's clock asks for, so T in "

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runs.evolution import equilibria
 from runs.evolution.pair_table import PairTable
-from runs.evolution.providers import table_of
-from runs.models import MODELS, standing
 from runs.studies.experiments import cases
-from runs.studies.experiments.cases import CASES, Case
+from runs.studies.experiments.cases import CASES
+from runs.studies.experiments.points import Documents
+from runs.studies.framework.tables import markdown
 
-Documents = Mapping[str, Mapping[str, Any]]
+Array = NDArray[np.float64]
 
 KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls")
 """One case for every kind of ball and layer."""
@@ -25,28 +26,26 @@ PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
 """Distances over the touching one; a finite-strain table has a run at each."""
 
 NEAR = 0.1
-"""Part of the distance at which T changes sign within which no ratio of T is told."""
+"""Part of the distance at which T changes sign within which no ratio of T is given."""
 
 
 @dataclass(frozen=True)
 class Comparison:
     """A pair of balls in both models at `PLACES`: T/Q, error of T/Q, T and Q finite over small, distances of rest [m].
 
-    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to ``reach`` [m], where
-    the finite-strain table ends.
+    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to where the finite-strain
+    table ends.
     """
 
-    case: Case
     radius: float
     thickness: float
     approach: float
-    small: tuple[float, ...]
-    finite: tuple[float, ...]
-    error: tuple[float, ...]
-    strength: tuple[float, ...]
-    load: tuple[float, ...]
-    rests: tuple[list[tuple[float, str]], list[tuple[float, str]]]
-    reach: float
+    small: Array
+    finite: Array
+    error: Array
+    strength: Array
+    load: Array
+    rests: Sequence[Sequence[tuple[float, str]]]
 
 
 def comparisons() -> list[Comparison]:
@@ -54,20 +53,13 @@ def comparisons() -> list[Comparison]:
     found = []
     for case in (case for case in CASES if case.name in KINDS):
         scene = case.read(quick=True)
-        if not cases.has_table(case, scene):
-            continue
-        linear = standing(scene)
-        small = table_of(MODELS["linear_bem"], linear.problem, linear.tangential_force, cases.TABLES)
-        asked = standing(cases.finite(case, scene))
-        finite = table_of(
-            MODELS["finite_strain"], asked.problem, asked.tangential_force, cases.TABLES, budget=asked.budget
-        )
-        if small.missing == 0:
-            found.append(_compared(case, small, finite))
+        small, finite = cases.table("linear_bem", scene), cases.table("finite_strain", cases.finite(case, scene))
+        if small.missing == finite.missing == 0:
+            found.append(_compared(small, finite))
     return found
 
 
-def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
+def _compared(small: PairTable, finite: PairTable) -> Comparison:
     touch = small.touch
     pairs = [_pair(table) for table in (small, finite)]
     states = [[forces(_apart(place * touch)) for place in PLACES] for forces in pairs]
@@ -78,21 +70,19 @@ def _compared(case: Case, small: PairTable, finite: PairTable) -> Comparison:
     error = np.array([rows[d] for d in near]) / load[1]
     rests = [equilibria.of_pair(forces, touch, max(rows)) for forces in pairs]
     return Comparison(
-        case=case,
         radius=small.ball.radius,
         thickness=small.problem.layer.thickness,
         approach=small.approach,
-        small=tuple((pull[0] / load[0]).tolist()),
-        finite=tuple((pull[1] / load[1]).tolist()),
-        error=tuple(error.tolist()),
-        strength=tuple((pull[1] / pull[0]).tolist()),
-        load=tuple((load[1] / load[0]).tolist()),
-        rests=(rests[0], rests[1]),
-        reach=max(rows),
+        small=pull[0] / load[0],
+        finite=pull[1] / load[1],
+        error=error,
+        strength=pull[1] / pull[0],
+        load=load[1] / load[0],
+        rests=rests,
     )
 
 
-def _apart(distance: float) -> np.ndarray:
+def _apart(distance: float) -> Array:
     return np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])
 
 
@@ -109,39 +99,31 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
     """Return T/Q over distance in both models as lines of Markdown."""
     if not found:
         return []
-    lines = [
+    rows = []
+    for one in found:
+        turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
+        row: dict[str, Any] = {"balls": _kind(one), "D/R": f"{one.approach / one.radius:.3g}"}
+        row["h/R"] = f"{one.thickness / one.radius:.3g}"
+        for place, small, finite, error, strength in zip(
+            PLACES, one.small, one.finite, one.error, one.strength, strict=True
+        ):
+            cell = f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
+            # a ratio to what vanishes nearby means nothing
+            if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
+                cell += f" ({strength:.2f})"
+            row[f"L = {place:g} L0"] = cell
+        row["no force at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        rows.append(row)
+    return [
         "**Forces side by side.** T/Q of two balls (> 0: attraction) under the experiment's approach D, small strain / "
         "finite strain, and in brackets how T itself changes (finite over small, at equal approach):",
         "",
-        "| balls | D/R | h/R | " + " | ".join(f"L = {place:g} L0" for place in PLACES) + " | no force at L [mm] |",
-        "|---|---|---|" + "---|" * (len(PLACES) + 1),
-    ]
-    for one in found:
-        turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
-        cells = [
-            f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
-            # a ratio to what vanishes nearby tells nothing
-            + (
-                ""
-                if any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns)
-                else f" ({strength:.2f})"
-            )
-            for place, small, finite, error, strength in zip(
-                PLACES, one.small, one.finite, one.error, one.strength, strict=True
-            )
-        ]
-        rests = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
-        lines.append(
-            f"| {_kind(one)} | {one.approach / one.radius:.3g} | {one.thickness / one.radius:.3g} | "
-            f"{' | '.join(cells)} | {rests} |"
-        )
-    lines += [
+        *markdown(rows, {key: key for key in rows[0]}, aligned=False),
         "",
         "L0: touching distance; no force: T changes sign there, looked for up to 3.7 L0, where the finite-strain "
         "tables end; ±: the elements' own estimate.",
         "",
     ]
-    return lines
 
 
 def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
@@ -181,19 +163,17 @@ def run_table(small: Documents, finite: Documents) -> list[str]:
     both = [name for name in small if name in finite]
     if not both:
         return []
-    lines = [
-        "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:",
-        "",
-        "| run | cycles to one group (median) | contacts at the end (all members) | largest distance at the end [mm] |",
-        "|---|---|---|---|",
+    shown = {
+        "cycles to one group (median)": _grouped,
+        "contacts at the end (all members)": _contacts,
+        "largest distance at the end [mm]": lambda document: f"{1e3 * _widest(document):.1f}",
+    }
+    rows = [
+        {"run": name, **{head: f"{write(small[name])} / {write(finite[name])}" for head, write in shown.items()}}
+        for name in both
     ]
-    for name in both:
-        cells = [
-            [_grouped(document), _contacts(document), f"{1e3 * _widest(document):.1f}"]
-            for document in (small[name], finite[name])
-        ]
-        lines.append(f"| {name} | " + " | ".join(f"{a} / {b}" for a, b in zip(*cells, strict=True)) + " |")
-    return [*lines, ""]
+    words = "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:"
+    return [words, "", *markdown(rows, aligned=False), ""]
 
 
 def _grouped(document: Mapping[str, Any]) -> str:

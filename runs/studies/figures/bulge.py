@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize
 
 from linear_bem import Layer, deepest_bulge, uniform_square_displacement
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import extremum, scene
+from runs.studies.figures.pair import extremum, halved, scene
 from runs.studies.figures.part import Findings, Part
 
 REFERENCE = (1.0, 1.675357, -5.801183e-2)
@@ -67,25 +67,14 @@ def compute(quick: bool) -> Findings:
         "thinnest": thin[0],
         "off_axis_gain_at_thinnest": surface[0, 2] / on_axis(float(thin[0]))[1] - 1.0,
     }
-    tables: dict[str, Any] = {
-        "axis": {"h_over_a": thickness, "x_over_a": axis[:, 0], "w_E1_over_a_q": axis[:, 1]},
-        "anywhere": {
-            "h_over_a": thin,
-            "x_over_a": surface[:, 0],
-            "y_over_a": surface[:, 1],
-            "w_E1_over_a_q": surface[:, 2],
-        },
-    }
-    return Findings({k: {c: list(map(float, v)) for c, v in t.items()} for k, t in tables.items()}, numbers)
+    on_the_axis = dict(zip(("h_over_a", "x_over_a", "w_E1_over_a_q"), (thickness, *axis.T), strict=True))
+    off = dict(zip(("h_over_a", "x_over_a", "y_over_a", "w_E1_over_a_q"), (thin, *surface.T), strict=True))
+    return Findings({"axis": on_the_axis, "anywhere": off}, numbers)
 
 
 def _leaving(halvings: int) -> float:
     """Return h/a below which the deepest bulge is off the axis."""
-    low, high = 0.05, 0.12
-    for _ in range(halvings):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if anywhere(middle)[1] > OFF_AXIS else (low, middle)
-    return 0.5 * (low + high)
+    return 0.5 * sum(halved(0.05, 0.12, halvings, lambda h: anywhere(h)[1] > OFF_AXIS))
 
 
 def _vanishing() -> float:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, sign_changes
-from runs.studies.figures.part import Findings, Part
+from runs.studies.figures.pair import Curve, Pair, at_features
+from runs.studies.figures.part import Columns, Findings, Part
 
 LAYERS = {"thin": 1.16, "thick": 6.0}
 
@@ -19,35 +18,25 @@ def compute(quick: bool) -> Findings:
     """Return T'(L') on both layers with sign changes, extrema, and the share of T left far away."""
     asked = at_features(quick)
     distance = np.geomspace(2.0, 300.0, 25 if quick else 90)
-    tables, numbers = {}, dict[str, Any]()
+    tables, numbers = dict[str, Columns](), dict[str, Any]()
     for name, thickness in LAYERS.items():
-
-        def attraction(distance: float, h: float = thickness, accuracy: float = asked) -> float:
-            return Pair(thickness=h, distance=distance).attraction(accuracy)
-
-        drawn = partial(attraction, accuracy=CURVES)
-        force = np.array([drawn(float(d)) for d in distance])
-        near = attraction(2.0)
-        changes = sign_changes(attraction, distance, force, drawn)
-        beyond = distance > changes[0]
+        force = Curve(lambda d, h=thickness: Pair(thickness=h, distance=d), distance, asked)  # type: ignore[misc]
+        near, changes = force(2.0), force.sign_changes()
         numbers[name] = {
             "thickness": thickness,
             "at_contact": near,
             "sign_changes": changes,
             "sign_changes_over_h": [c / thickness for c in changes],
-            "extremum_beyond": extremum(attraction, distance[beyond], force[beyond], 1.0 if near < 0.0 else -1.0),
-            "left_at_5": attraction(5.0) / near,
-            "left_at_10": attraction(10.0) / near,
+            "extremum_beyond": force.extremum(1.0 if near < 0.0 else -1.0, distance > changes[0]),
+            "left_at_5": force(5.0) / near,
+            "left_at_10": force(10.0) / near,
         }
-        tables[name] = {"L": distance.tolist(), "T": force.tolist()}
-    numbers["far"] = _far(tables["thin"], asked)
-    return Findings({**tables}, numbers)
-
-
-def _far(table: Mapping[str, Any], asked: float) -> dict[str, float]:
-    """Return T L^2 far away over that of a half-space of the substrate."""
+        tables[name] = {"L": distance, "T": force.values}
+    # T L^2 far away over that of a half-space of the substrate
     bare = Pair(distance=2.0, young=1000.0, poisson=0.3, half_space=True).attraction(asked) * 4.0
-    return {"T_L_squared_over_substrate": float(table["T"][-1] * table["L"][-1] ** 2 / bare), "at": table["L"][-1]}
+    farthest = tables["thin"]["T"][-1] * distance[-1] ** 2 / bare
+    numbers["far"] = {"T_L_squared_over_substrate": farthest, "at": distance[-1]}
+    return Findings(tables, numbers)
 
 
 def draw(found: Findings) -> Any:
@@ -76,15 +65,9 @@ def draw(found: Findings) -> Any:
         for change in n["sign_changes"]:
             far.axvline(change, ymax=0.06, color=color, lw=1.2)
             far.annotate(
-                f"{change:.4g}",
-                (change, 2.2 * floor),
-                xytext=(5, 0),
-                textcoords="offset points",
-                color=color,
-                fontsize=9,
-                ha="left",
-                bbox={"fc": "white", "ec": "none", "pad": 1.0},
-            )
+                f"{change:.4g}", (change, 2.2 * floor), xytext=(5, 0), textcoords="offset points", color=color,
+                fontsize=9, ha="left", bbox={"fc": "white", "ec": "none", "pad": 1.0},
+            )  # fmt: skip
     far.set(xlim=(1.9, 300.0), ylim=(floor, 2e-6), xlabel="distance $L' = L/R$", ylabel="$|T'|$")
     far.set_title("(b) far away; ticks at the sign changes")
     far.legend(loc="upper right")

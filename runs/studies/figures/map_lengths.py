@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from runs.display.style import checked_signs, feature, map_colors, panels
-from runs.studies.figures.pair import CURVES, Pair, at_features, sign_changes
-from runs.studies.figures.part import Columns, Findings, Part
-from runs.studies.figures.point_law import PointLaw
+from runs.studies.figures.pair import Curve, Pair, at_features
+from runs.studies.figures.part import Findings, Part
+from runs.studies.figures.point_law import PointLaw, against_solver
 
 EXPERIMENTS = {"16 mm": (1.25, True), "10 mm": (2.0, False), "7 mm": (20.0 / 7.0, False)}
 """Balls of the paper's section 2.2 on a 10 mm layer: h/R, and whether touching balls were separated."""
@@ -31,46 +30,30 @@ def compute(quick: bool) -> Findings:
     lower, upper = law.sign_changes()
     h, distance = np.geomspace(0.05, 50.0, 60 if quick else 181), np.geomspace(2.0, 100.0, 40 if quick else 121)
     ratio = law.attraction(np.clip(distance[:, None] / h, 0.25, 400.0))
-    checks = []
-    for thickness, apart in CHECKED[::3] if quick else CHECKED:
-        pair = Pair(thickness=thickness, distance=apart)
+
+    def full(thickness: float, apart: float) -> float:
         bare = Pair(distance=apart, half_space=True).attraction(asked)
-        checks.append(
-            {
-                "h": thickness,
-                "L": apart,
-                "law": float(law.attraction(apart / thickness)),
-                "full": pair.attraction(asked) / bare,
-            }
-        )
+        return Pair(thickness=thickness, distance=apart).attraction(asked) / bare
 
-    def attraction(thickness: float, accuracy: float = asked) -> float:
-        return Pair(thickness=thickness).attraction(accuracy)
-
-    drawn = partial(attraction, accuracy=CURVES)
-    near = [0.16, 0.19, 1.6, 1.8]
-    roots = sign_changes(attraction, near, [drawn(h) for h in near], drawn)
+    places = CHECKED[::3] if quick else CHECKED
+    agreement, check = against_solver(("h", "L"), places, lambda h, distance: law.attraction(distance / h), full)
+    roots = Curve(lambda h: Pair(thickness=h), [0.16, 0.19, 1.6, 1.8], asked).sign_changes()
     rigid = PointLaw(0.48, 1e-6)
     numbers = {
         "lower_L_over_h": float(lower),
         "upper_L_over_h": float(upper),
         "full_upper_at_contact": 2.0 / roots[0],
         "full_lower_at_contact": 2.0 / roots[1],
-        "signs_agree": int(sum(c["law"] * c["full"] > 0.0 for c in checks)),
-        "checked": len(checks),
-        "largest_difference": max(abs(c["law"] - c["full"]) for c in checks),
+        **agreement,
         "experiments": {name: float(rigid.attraction(2.0 / thickness)) for name, (thickness, _) in EXPERIMENTS.items()},
         "share_left_at_rest": float(rigid.attraction(FINAL / 1.25) * 4.0 / FINAL**2 / rigid.attraction(2.0 / 1.25)),
-        "checks": checks,
     }
-    grid: Columns = {
-        "h": np.tile(h, distance.size).tolist(),
-        "L": np.repeat(distance, h.size).tolist(),
-        "T_over_half_space": ratio.ravel().tolist(),
+    grid = {
+        "h": np.tile(h, distance.size),
+        "L": np.repeat(distance, h.size),
+        "T_over_half_space": ratio.ravel(),
     }
-    check: Columns = {key: [c[key] for c in checks] for key in ("h", "L", "law", "full")}
-    tables: dict[str, Columns] = {"map": grid, "check": check}
-    return Findings(tables, numbers)
+    return Findings({"map": grid, "check": check}, numbers)
 
 
 def _law() -> PointLaw:

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from runs.display.style import checked_signs, feature, map_colors, panels
-from runs.studies.figures.pair import Pair, at_features
-from runs.studies.figures.part import Columns, Findings, Part
-from runs.studies.figures.point_law import PointLaw
+from runs.studies.figures.pair import Pair, at_features, halved
+from runs.studies.figures.part import Findings, Part
+from runs.studies.figures.point_law import PointLaw, against_solver
 
 THICKNESS, DISTANCE = 1.16, 2.0
 CHECKED = (
@@ -34,45 +35,34 @@ def compute(quick: bool) -> Findings:
             changes = law.sign_changes()
             if changes.size:
                 lower[i, j], upper[i, j] = changes[0], changes[1] if changes.size > 1 else np.inf
-    checks = []
-    for nu, r in CHECKED[::3] if quick else CHECKED:
-        bare = Pair(poisson=nu, half_space=True).attraction(asked)
-        full = Pair(poisson=nu, ratio=r).attraction(asked) / bare
-        checks.append({"nu1": nu, "E1_over_E2": r, "law": float(PointLaw(nu, r).attraction(rho)), "full": full})
+
+    def full(nu: float, r: float) -> float:
+        return Pair(poisson=nu, ratio=r).attraction(asked) / Pair(poisson=nu, half_space=True).attraction(asked)
+
+    places = CHECKED[::3] if quick else CHECKED
+    agreement, check = against_solver(
+        ("nu1", "E1_over_E2"), places, lambda nu, r: PointLaw(nu, r).attraction(rho), full
+    )
     numbers = {
         "ratio_without_separation": {f"{nu:g}": _largest_ratio(nu) for nu in (0.0, 0.3, 0.4, 0.48, 0.5)},
         "lower_at_poisson": {f"{nu:g}": float(PointLaw(nu, 1e-3).sign_changes()[0]) for nu in (0.0, 0.3, 0.48, 0.5)},
-        "signs_agree": int(sum(c["law"] * c["full"] > 0.0 for c in checks)),
-        "checked": len(checks),
-        "largest_difference": max(abs(c["law"] - c["full"]) for c in checks),
-        "poisson_at_zero": _zero(lambda nu: float(PointLaw(nu, 1e-3).attraction(rho)), 0.1, 0.4),
-        "poisson_at_zero_full": _zero(lambda nu: Pair(poisson=nu).attraction(asked), 0.2, 0.3),
-        "checks": checks,
+        **agreement,
+        "poisson_at_zero": brentq(lambda nu: PointLaw(nu, 1e-3).attraction(rho), 0.1, 0.4, xtol=1e-6),
+        "poisson_at_zero_full": brentq(lambda nu: Pair(poisson=nu).attraction(asked), 0.2, 0.3, xtol=1e-6),
     }
-    grid: Columns = {
-        "nu1": np.repeat(poisson, ratio.size).tolist(),
-        "E1_over_E2": np.tile(ratio, poisson.size).tolist(),
-        "T_over_half_space": force.ravel().tolist(),
-        "lower_L_over_h": lower.ravel().tolist(),
-        "upper_L_over_h": upper.ravel().tolist(),
+    grid = {
+        "nu1": np.repeat(poisson, ratio.size),
+        "E1_over_E2": np.tile(ratio, poisson.size),
+        "T_over_half_space": force.ravel(),
+        "lower_L_over_h": lower.ravel(),
+        "upper_L_over_h": upper.ravel(),
     }
-    check: Columns = {key: [c[key] for c in checks] for key in ("nu1", "E1_over_E2", "law", "full")}
-    tables: dict[str, Columns] = {"map": grid, "check": check}
-    return Findings(tables, numbers)
-
-
-def _zero(function: Any, low: float, high: float) -> float:
-    from scipy.optimize import brentq  # noqa: PLC0415
-
-    return float(brentq(function, low, high, xtol=1e-6))
+    return Findings({"map": grid, "check": check}, numbers)
 
 
 def _largest_ratio(poisson: float) -> float:
     """Return E1/E2 beyond which balls attract at every distance."""
-    low, high = -3.0, 1.0
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if PointLaw(poisson, 10.0**middle).sign_changes().size else (low, middle)
+    low, high = halved(-3.0, 1.0, 14, lambda power: PointLaw(poisson, 10.0**power).sign_changes().size > 0)
     return float(10.0 ** (0.5 * (low + high)))
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from runs.display.style import BLUE, feature, panels, zero_line
-from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, scene, sign_changes
+from runs.studies.figures.pair import Curve, Pair, at_features, scene
 from runs.studies.figures.part import Findings, Part
 
 UNIT = 60e6
 """The modulus [Pa] that the paper scales the force by: its E1 where E1/E2 = 1e-3, hence E2 = 60 GPa here."""
-THICKNESSES = (0.6, 1.16, 1.5)
+MAIN = 1.16
+THICKNESSES = (0.6, MAIN, 1.5)
 
 
 def compute(quick: bool) -> Findings:
@@ -22,23 +22,16 @@ def compute(quick: bool) -> Findings:
     asked = at_features(quick)
     substrate = scene().problem.substrate
     assert substrate is not None
-    young = np.geomspace(0.1, 1e5, 21 if quick else 73)
-    force = np.array([Pair(young=float(e)).attraction(CURVES) for e in young])
-    rows = []
-    for thickness in THICKNESSES[1:2] if quick else THICKNESSES:
-
-        def attraction(e: float, h: float = thickness, accuracy: float = asked) -> float:
-            return Pair(thickness=h, young=e).attraction(accuracy)
-
-        drawn = partial(attraction, accuracy=CURVES)
-
-        coarse = np.geomspace(1.0, 1e5, 26)
-        values = force if thickness == THICKNESSES[1] else [drawn(float(e)) for e in coarse]
-        at = young if thickness == THICKNESSES[1] else coarse
-        top = extremum(attraction, at, values, 1.0)
-        change = sign_changes(attraction, at, values, drawn)[0]
-        rows.append({"thickness": thickness, "change": change, "top": top[0], "value": top[1]})
-    main = next(row for row in rows if row["thickness"] == THICKNESSES[1])
+    young, coarse = np.geomspace(0.1, 1e5, 21 if quick else 73), np.geomspace(1.0, 1e5, 26)
+    curves = {
+        h: Curve(lambda e, h=h: Pair(thickness=h, young=e), young if h == MAIN else coarse, asked)  # type: ignore[misc]
+        for h in ((MAIN,) if quick else THICKNESSES)
+    }
+    rows = {}
+    for thickness, curve in curves.items():
+        top, value = curve.extremum(1.0)
+        rows[thickness] = {"thickness": thickness, "change": curve.sign_changes()[0], "top": top, "value": value}
+    main, force = rows[MAIN], curves[MAIN].values
     numbers = {
         "sign_change_over_E2": main["change"] / substrate.young,
         "sign_change_GPa": main["change"] * UNIT / 1e9,
@@ -47,17 +40,13 @@ def compute(quick: bool) -> Findings:
         "maximum_GPa": main["top"] * UNIT / 1e9,
         "at_60_MPa": Pair().attraction(asked),
         "largest_over_at_60_MPa": abs(main["value"] / Pair().attraction(asked)),
-        "E1_T_at_6_MPa": float(young[0] * force[0]),
-        "stiffest_over_maximum": float(force[-1] / main["value"]),
+        "E1_T_at_6_MPa": young[0] * force[0],
+        "stiffest_over_maximum": force[-1] / main["value"],
         "other_thicknesses": [
-            {k: v / substrate.young if k in ("change", "top") else v for k, v in row.items()} for row in rows
+            {k: v / substrate.young if k in ("change", "top") else v for k, v in row.items()} for row in rows.values()
         ],
     }
-    table = {
-        "E1_MPa": (young * UNIT / 1e6).tolist(),
-        "E1_over_E2": (young / substrate.young).tolist(),
-        "T": force.tolist(),
-    }
+    table = {"E1_MPa": young * UNIT / 1e6, "E1_over_E2": young / substrate.young, "T": force}
     return Findings({"modulus": table}, numbers)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
@@ -16,7 +17,6 @@ from linear_bem import BallResult, Elastic, Problem, solve
 from runs.scene.scene_file import Scene, read_scene
 
 Array = NDArray[np.float64]
-Samples = Sequence[float] | Array
 
 SCENE = Path(__file__).parent / "pair.toml"
 CURVES = 1e-3
@@ -80,46 +80,62 @@ class Pair:
         return self.left(accuracy).tangential_force[0]
 
 
-def sign_changes(
-    function: Callable[[float], float],
-    at: Samples,
-    values: Samples,
-    rough: Callable[[float], float] | None = None,
-) -> list[float]:
-    """Return the roots of ``function`` between sample points where ``values`` change sign.
+class Curve:
+    """T over one value of the pair: drawn to `CURVES` through samples, its features known to ``accuracy``."""
 
-    ``rough`` (less exact, cheaper) finds each to 1e-6 in log x; a straight line through ``function`` 1e-4 to either
-    side of that is left with an error of second order, about 1e-8.
+    def __init__(self, vary: Callable[[float], Pair], samples: Sequence[float] | Array, accuracy: float) -> None:
+        self.vary, self.accuracy = vary, accuracy
+        self.at = np.asarray(samples, dtype=float)
+        self.values = np.array([self.drawn(float(x)) for x in self.at])
+
+    def __call__(self, x: float) -> float:
+        """Return T to the accuracy of features."""
+        return self.vary(x).attraction(self.accuracy)
+
+    def drawn(self, x: float) -> float:
+        """Return T to the accuracy of curves."""
+        return self.vary(x).attraction(CURVES)
+
+    def sign_changes(self) -> list[float]:
+        """Return the roots between samples of unlike sign.
+
+        The drawn curve has each to 1e-6 in log x; a straight line through T 1e-4 to either side of that is left with
+        an error of second order, about 1e-8.
+        """
+        step = 1e-4
+        roots = []
+        for a, b, u, v in zip(self.at[:-1], self.at[1:], self.values[:-1], self.values[1:], strict=True):
+            if u * v < 0.0:
+                near = brentq(lambda s: self.drawn(float(np.exp(s))), np.log(a), np.log(b), xtol=1e-6)
+                below, above = (self(float(np.exp(near + s))) for s in (-step, step))
+                roots.append(float(np.exp(near + step * (below + above) / (below - above))))
+        return roots
+
+    def extremum(self, sign: float, where: Any = slice(None), *, exact: bool = True) -> tuple[float, float]:
+        """Return where and how large the largest (sign +1) or smallest (-1) value is."""
+        return extremum(self if exact else self.drawn, self.at[where], self.values[where], sign)
+
+
+def extremum(function: Callable[[float], float], at: Array, values: Array, sign: float) -> tuple[float, float]:
+    """Return place and size of the largest (sign +1) or smallest (-1) value near samples.
+
+    It is that of the polynomial of fifth degree in log x around the best sample.
     """
-    step = 1e-4
-    roots = []
-    for a, b, u, v in zip(at[:-1], at[1:], values[:-1], values[1:], strict=True):
-        if u * v >= 0.0:
-            continue
-        near = _log_root(rough or function, a, b, 1e-6)
-        below, above = (function(float(np.exp(near + s))) for s in (-step, step))
-        roots.append(float(np.exp(near + step * (below + above) / (below - above))))
-    return roots
-
-
-def _log_root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    return float(brentq(lambda s: function(float(np.exp(s))), np.log(low), np.log(high), xtol=tolerance))
-
-
-def extremum(
-    function: Callable[[float], float], at: Samples, values: Samples, sign: float, *, nodes: int = 6
-) -> tuple[float, float]:
-    """Return where and how large the largest (sign +1) or smallest (-1) value is.
-
-    It is that of the polynomial in log x through ``nodes`` values around the best sample.
-    """
-    best = int(np.argmax(sign * np.asarray(values)))
+    best = int(np.argmax(sign * values))
     low, high = np.log(at[max(best - 1, 0)]), np.log(at[min(best + 1, len(at) - 1)])
 
     def over_best(places: Array) -> Array:
         return np.array([function(float(np.exp(s))) / values[best] for s in places])
 
-    curve = Chebyshev.interpolate(over_best, nodes - 1, [low, high])
+    curve = Chebyshev.interpolate(over_best, 5, [low, high])
     turns = [float(z.real) for z in curve.deriv().roots() if abs(z.imag) < 1e-9 and low <= z.real <= high]
     found = max((low, high, *turns), key=lambda s: sign * float(curve(s)) * values[best])
-    return float(np.exp(found)), float(curve(found)) * values[best]
+    return float(np.exp(found)), float(curve(found)) * float(values[best])
+
+
+def halved(low: float, high: float, times: int, holds: Callable[[float], bool]) -> tuple[float, float]:
+    """Return an interval about the value up to which something holds, halved a number of times."""
+    for _ in range(times):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import linear_bem
-from runs.process.files import replacing
-from runs.process.json_values import to_json
+import numpy as np
 
-Columns = dict[str, Sequence[float]]
+import linear_bem
+from runs.process.json_values import to_json
+from runs.studies.framework.case import code_of
+from runs.studies.framework.study import read_json, write
+from runs.studies.framework.tables import save_csv
+
+Columns = Mapping[str, Sequence[float] | np.ndarray]
 
 
 @dataclass(frozen=True)
 class Findings:
     """What a part computed: curves as named tables of equal columns, and the numbers of its features."""
 
-    tables: dict[str, Columns]
-    numbers: dict[str, Any]
-    seconds: float = field(default=0.0, compare=False)
+    tables: Mapping[str, Columns]
+    numbers: Mapping[str, Any]
+    seconds: float = 0.0
     """Processor time [s] that it took."""
 
 
@@ -38,43 +39,23 @@ class Part:
     sentences: Callable[[Mapping[str, Any]], list[str]]
 
 
-def saved(folder: Path, stem: str, identity: Mapping[str, Any]) -> Findings | None:
-    """Return what an earlier run of the same code has found, where every file of the part is there."""
-    try:
-        document = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    whole = all((folder / f"{stem}.{kind}").exists() for kind in ("png", "svg"))
-    if document.get("identity") != dict(identity) or not whole:
+def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
+    """Return what an earlier run of the same code has found."""
+    document = read_json(folder / f"{part.stem}.json")
+    if document is None or document.get("identity") != _identity(quick):
         return None
     return Findings(document["tables"], document["numbers"], document["seconds"])
 
 
-def save(folder: Path, stem: str, identity: Mapping[str, Any], findings: Findings) -> None:
+def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float) -> None:
     """Write STEM_TABLE.csv for every table, and STEM.json last: it says that the part is complete."""
-    for name, columns in findings.tables.items():
-        with (
-            replacing(folder / f"{stem}_{name}.csv") as draft,
-            open(draft, "w", encoding="utf-8", newline="") as file,
-        ):
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*columns.values(), strict=True))
-    document = {
-        "identity": dict(identity),
-        "seconds": findings.seconds,
-        "numbers": findings.numbers,
-        "tables": findings.tables,
-    }
-    with replacing(folder / f"{stem}.json") as draft:
-        draft.write_text(to_json(document), encoding="utf-8")
+    for name, columns in found.tables.items():
+        rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+        save_csv(folder / f"{part.stem}_{name}.csv", [dict(zip(columns, row, strict=True)) for row in rows])
+    document = {"identity": _identity(quick), "seconds": seconds, "numbers": found.numbers, "tables": found.tables}
+    write(folder / f"{part.stem}.json", to_json(document))
 
 
-def fingerprint() -> str:
-    """Return a digest of the code and scenes that the numbers come from: other code computes them anew."""
-    digest = hashlib.sha256()
-    for root in (Path(linear_bem.__file__).parent, Path(__file__).parent):
-        for file in sorted(root.rglob("*")):
-            if file.suffix in (".py", ".toml"):
-                digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+def _identity(quick: bool) -> dict[str, Any]:
+    """Return the version, with a digest of the code and scenes that the numbers come from."""
+    return {"quick": quick, "code": code_of(Path(linear_bem.__file__).parent, Path(__file__).parent)[:16]}

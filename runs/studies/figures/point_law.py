@@ -6,7 +6,9 @@ of the layer's material. It takes neither the size nor the shape of the contacts
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from linear_bem import Elastic
 from linear_bem.layer.kernel import smooth_kernel
 from linear_bem.layer.response import LayerResponse
+from runs.studies.figures.part import Columns
 
 Array = NDArray[np.float64]
 
@@ -51,3 +54,22 @@ class PointLaw:
         k = np.flatnonzero(values[:-1] * values[1:] < 0.0)
         share = values[k] / (values[k] - values[k + 1])
         return np.asarray(np.exp(y[k] + share * (y[k + 1] - y[k])))
+
+
+def against_solver(
+    names: tuple[str, str],
+    places: Sequence[tuple[float, float]],
+    law: Callable[[float, float], Any],
+    full: Callable[[float, float], float],
+) -> tuple[dict[str, Any], Columns]:
+    """Return how T/T0 by the law agrees with the full solver's at places of a map, as numbers and as a table."""
+    checks = [
+        {**dict(zip(names, place, strict=True)), "law": float(law(*place)), "full": full(*place)} for place in places
+    ]
+    numbers = {
+        "signs_agree": sum(c["law"] * c["full"] > 0.0 for c in checks),
+        "checked": len(checks),
+        "largest_difference": max(abs(c["law"] - c["full"]) for c in checks),
+        "checks": checks,
+    }
+    return numbers, {key: [c[key] for c in checks] for key in (*names, "law", "full")}

@@ -9,7 +9,7 @@ import numpy as np
 
 from linear_bem import Solution, solve_contact
 from runs.display.style import BLUE, ORANGE, PURPLE, feature, panels, zero_line
-from runs.studies.figures.pair import Pair
+from runs.studies.figures.pair import Pair, halved
 from runs.studies.figures.part import Findings, Part
 
 
@@ -29,10 +29,9 @@ def compute(quick: bool) -> Findings:
     difference = p[0] - p[1]
     largest = int(np.argmax(difference))
     peak = left.peak_pressure / young
-    hertz = _hertz(left.contact_area, left.normal_force)
     numbers = {
         "peak_pressure": peak,
-        "peak_pressure_of_hertz_on_same_area": hertz,
+        "peak_pressure_of_hertz_on_same_area": 1.5 * left.normal_force / left.contact_area,
         "contact_radius": radius,
         "inner_edge": inner,
         "outer_edge": outer,
@@ -48,23 +47,17 @@ def compute(quick: bool) -> Findings:
         "over_normal_force": left.tangential_force[0] / left.normal_force,
         "error": left.tangential_force_error,
     }
-    table = {"xi": xi.tolist(), "p_left": p[0].tolist(), "p_right": p[1].tolist(), "difference": difference.tolist()}
+    table = {"xi": xi, "p_left": p[0], "p_right": p[1], "difference": difference}
     return Findings({"pressure": table}, numbers)
 
 
 def _edge(solution: Solution, centre: float, side: float, radius: float) -> float:
     """Return how far the contact reaches from the ball's axis to one side."""
-    low, high = 0.9 * radius, 1.1 * radius
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        pressed = float(solution.pressure(np.array([centre + side * middle]), np.zeros(1))[0]) > 0.0
-        low, high = (middle, high) if pressed else (low, middle)
-    return low
 
+    def pressed(distance: float) -> bool:
+        return bool(solution.pressure(np.array([centre + side * distance]), np.zeros(1))[0] > 0.0)
 
-def _hertz(area: float, force: float) -> float:
-    """Return the peak of the semi-elliptical pressure with this area and force."""
-    return 1.5 * force / area
+    return halved(0.9 * radius, 1.1 * radius, 40, pressed)[0]
 
 
 def draw(found: Findings) -> Any:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import CURVES, Pair, at_features, extremum, sign_changes
+from runs.studies.figures.pair import Curve, Pair, at_features
 from runs.studies.figures.part import Findings, Part
-
-REFERENCE = {1.16: -1.161292e-7, 6.0: 4.098673e-7, np.inf: 4.362335e-7}
-"""T' at h' of an independent computation, good to 1e-5; sign changes at h' = 0.171697 and 1.697711."""
-CHANGES = (0.171697, 1.697711)
 
 
 def compute(quick: bool) -> Findings:
@@ -26,49 +21,35 @@ def compute(quick: bool) -> Findings:
     bends, levels = (12, 9) if quick else (64, 18)
     h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
-    def at_force(thickness: float, accuracy: float = asked) -> float:
-        return Pair(thickness=thickness).attraction(accuracy)
-
-    def at_approach(thickness: float, accuracy: float = asked) -> float:
-        return Pair(thickness=thickness, approach=depth).attraction(accuracy)
-
-    drawn_force, drawn_approach = partial(at_force, accuracy=CURVES), partial(at_approach, accuracy=CURVES)
-    force = np.array([drawn_force(float(t)) for t in h])
+    force = Curve(lambda t: Pair(thickness=t), h, asked)
     # a thin layer at this approach would be squeezed to nothing: from ten times its depth on
-    wide = h[h > 10.0 * depth]
-    approach = np.array([drawn_approach(float(t)) for t in wide])
+    approach = Curve(lambda t: Pair(thickness=t, approach=depth), h[h > 10.0 * depth], asked)
     bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
-    least, most = extremum(at_force, h, force, -1.0), extremum(at_approach, wide, approach, 1.0)
-    thick = h > least[0]
+    least, most = force.extremum(-1.0), approach.extremum(1.0)
     thinnest = h < 0.15
-    top = int(np.argmax(force[thinnest]))
-    hump = (h[top], force[top])
-    if not quick:
-        hump = extremum(drawn_force, h[thinnest], force[thinnest], 1.0)
+    top = int(np.argmax(force.values[thinnest]))
+    hump = (h[top], force.values[top]) if quick else force.extremum(1.0, thinnest, exact=False)
     numbers = {
         "limit_thick": limit,
         "limit_thin": bare,
         "approach": depth,
-        "sign_changes": sign_changes(at_force, h, force, drawn_force),
+        "sign_changes": force.sign_changes(),
         "h_of_minimum": least[0],
         "minimum": least[1],
-        "at_thin": at_force(1.16),
-        "at_thick": at_force(6.0),
-        "rises_from_minimum_to": float(h[-1]),
-        "rises_everywhere": bool(np.all(np.diff(force[thick]) > 0.0)),
-        "short_of_limit_by": float(1.0 - np.max(force) / limit),
+        "at_thin": force(1.16),
+        "at_thick": force(6.0),
+        "rises_from_minimum_to": h[-1],
+        "rises_everywhere": bool(np.all(np.diff(force.values[h > least[0]]) > 0.0)),
+        "short_of_limit_by": 1.0 - np.max(force.values) / limit,
         "h_of_thin_hump": hump[0],
         "thin_hump": hump[1],
         "h_of_maximum_at_approach": most[0],
         "overshoot_at_approach": most[1] / limit - 1.0,
-        "sign_changes_at_approach": sign_changes(at_approach, wide, approach, drawn_approach),
-        "minimum_at_approach": extremum(at_approach, wide, approach, -1.0),
+        "sign_changes_at_approach": approach.sign_changes(),
+        "minimum_at_approach": approach.extremum(-1.0),
     }
-    tables = {
-        "force": {"h": h.tolist(), "T": force.tolist()},
-        "approach": {"h": wide.tolist(), "T": approach.tolist()},
-    }
-    return Findings({**tables}, numbers)
+    curves = {"force": force, "approach": approach}
+    return Findings({name: {"h": curve.at, "T": curve.values} for name, curve in curves.items()}, numbers)
 
 
 def draw(found: Findings) -> Any:

@@ -16,16 +16,20 @@ from linear_bem.problem import Problem
 from linear_bem.result import Result
 from runs.models import MODELS, Run
 
+FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
+"""Names of the models."""
+
 
 @dataclass(frozen=True)
 class Case:
-    """What is solved once: ``name`` is unlike any other's in the study and names its file.
+    """What is solved once: ``name`` is unique in the study and names the case's file.
 
     ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another value,
     ``numerics`` a field of `finite_strain.Numerics`; ``labels`` say what the case is in the study's tables; ``steps``
     are the load fractions answered (None: those of a whole load path); ``stop_after`` interrupts the run after that
     many load steps and resumes it from disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone`` has one
-    rank solve it where several are there.
+    rank solve it where several are there; ``same_as`` names a study and its case that is the same: an answer in that
+    study's folder, beside this study's, is taken.
     """
 
     name: str
@@ -39,6 +43,7 @@ class Case:
     budget: Mapping[str, float] = field(default_factory=dict)
     alone: bool = False
     numerics: Mapping[str, Any] = field(default_factory=dict)
+    same_as: tuple[str, str] | None = None
 
     @property
     def parallel(self) -> bool:
@@ -50,7 +55,7 @@ class Case:
         return MODELS[self.model].solve(self.problem, run)
 
     def key(self) -> str:
-        """Return a digest that changes whenever a saved answer to this case is one no more."""
+        """Return a digest that changes whenever a saved answer no longer answers this case."""
         varied = sorted({**self.constants, **self.numerics}.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())
@@ -83,12 +88,18 @@ def _element_format() -> str:
     return f"elements {FORMAT}"
 
 
-@cache
 def _linear_code() -> str:
-    """Return a digest of the linear model's code as this process found it."""
     import linear_bem  # noqa: PLC0415
 
+    return code_of(Path(linear_bem.__file__).parent)
+
+
+@cache
+def code_of(*folders: Path) -> str:
+    """Return a digest of the code and scenes in folders as this process found them."""
     digest = hashlib.sha256()
-    for file in sorted(Path(linear_bem.__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
+    for folder in folders:
+        for file in sorted(folder.rglob("*")):
+            if file.suffix in (".py", ".toml"):
+                digest.update(file.read_bytes())
     return digest.hexdigest()

@@ -1,9 +1,8 @@
-"""What a study's folder holds: one JSON file per case, written as the case goes on, valid as long as its key."""
+"""What a study's folder holds: one JSON file per case, written while the case runs and valid as long as its key."""
 
 from __future__ import annotations
 
 import fcntl
-import json
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,59 +10,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from linear_bem.errors import OutputUnusable
-from runs.process.files import replacing
-from runs.process.json_values import plain, to_json
-from runs.session.run_folder import MARK
+from runs.display.numbers import attraction
+from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
+from runs.studies.framework.study import CASES, read_json, write
 
-CASES = "cases"
 DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
 """States of a record; every other one names how the case ended without an answer."""
+ENDED = (DONE, "refused", "not converged", "failed")
+"""Those that tell how a case ended."""
 
 
 class StudyFolder:
-    """A study's output folder, which several runs may share. Use on rank 0 alone.
+    """The cases in the output folder of ``study``, which several runs may share. Use on rank 0 alone."""
 
-    Raises `OutputUnusable` for a folder that holds something else or cannot be written.
-    """
-
-    def __init__(self, path: Path, identity: Mapping[str, Any]) -> None:
-        self.path = path
-        identity = plain(identity)
-        try:
-            (path / CASES).mkdir(parents=True, exist_ok=True)
-            mark = _read(path / MARK)
-            strangers = [p.name for p in path.iterdir() if not p.name.startswith(".") and p.name != CASES]
-        except OSError as error:
-            raise OutputUnusable(f"{path}: cannot write there: {error.strerror or error}; name another --out") from None
-        if mark is None and [name for name in strangers if name != MARK]:
-            raise OutputUnusable(f"{path}: holds files of no study ({strangers[0]}); name a new or empty --out")
-        if mark is not None and mark.get("identity") != identity:
-            raise OutputUnusable(
-                f"{path}: holds another run, {json.dumps(mark.get('identity'))}, and this one is "
-                f"{json.dumps(identity)}; name another --out"
-            )
-        if mark is None:
-            self.write(MARK, to_json({"identity": identity, "state": "running"}))
-
-    def write(self, name: str, text: str) -> None:
-        """Write a text file whole or not at all."""
-        with replacing(self.path / name) as draft:
-            draft.write_text(text, encoding="utf-8")
+    def __init__(self, path: Path, study: str) -> None:
+        self.path, self.study = path, study
+        (path / CASES).mkdir(exist_ok=True)
 
     def workspace(self, case: Case) -> Path:
         """Return where the case's own files go until it is done."""
         return self.path / CASES / case.name
 
     def record(self, case: Case) -> dict[str, Any] | None:
-        """Return what is saved of a case under its present key."""
-        saved = _read(self.path / CASES / f"{case.name}.json")
-        return saved if saved is not None and saved.get("key") == case.key() else None
+        """Return what is saved of a case under its present key, here or by the study that has the same case."""
+        saved = _valid(self.path, case.name, case)
+        if saved is None and case.same_as is not None:
+            study, name = case.same_as
+            saved = _valid(self.path.with_name(self.path.name.replace(self.study, study)), name, case)
+            return None if saved is None or saved["state"] == RUNNING else saved
+        return saved
 
     def save(self, case: Case, record: Mapping[str, Any]) -> None:
         """Write a case's record; drop its own files once it is no longer running."""
-        self.write(f"{CASES}/{case.name}.json", to_json({"key": case.key(), **record}))
+        write(self.path / CASES / f"{case.name}.json", to_json({"key": case.key(), **record}))
         if record["state"] != RUNNING:
             shutil.rmtree(self.workspace(case), ignore_errors=True)
 
@@ -107,8 +87,16 @@ class Found:
         """Return "done", "running", how the case ended without an answer, or "not run yet"."""
         return str(self.records.get(name, {}).get("state", NOT_RUN))
 
+    def done(self, part: str) -> list[Case]:
+        """Return the cases of one part of the study that have an answer."""
+        return [case for case in self.of_part(part) if self.state(case.name) == DONE]
+
+    def of_part(self, part: str) -> list[Case]:
+        """Return the cases of one part of the study, which their label "part" names."""
+        return [case for case in self.cases if case.labels["part"] == part]
+
     def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
-        """Return one sentence for every case whose state is none of ``answers``."""
+        """Return one sentence for every case whose state is not among ``answers``."""
         sentences = []
         for case in self.cases:
             state = self.state(case.name)
@@ -134,9 +122,11 @@ class Found:
         return found
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return None
-    return data if isinstance(data, dict) else None
+def pull(balls: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """Return T of the first ball towards the others [N], and its error."""
+    return attraction(balls, 0, balls[0]["tangential_force"]), float(balls[0]["tangential_force_error"])
+
+
+def _valid(folder: Path, name: str, case: Case) -> dict[str, Any] | None:
+    saved = read_json(folder / CASES / f"{name}.json")
+    return saved if saved is not None and saved.get("key") == case.key() else None

@@ -1,7 +1,7 @@
 """How a study of many cases is run: shared out, resumed after a kill, one failing case recorded and passed over.
 
 Every rank runs this. Cases of finite elements are solved by all ranks together, others by rank 0; each record is
-written as its case goes on, and tables and figures are made from whatever is there.
+written while its case runs, and tables and figures are made from whatever is there.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,68 +22,53 @@ from runs.session.progress import Progress, tell
 from runs.session.session import path_so_far
 from runs.studies import Options
 from runs.studies.framework.case import Case, varied
-from runs.studies.framework.publishing import publish
 from runs.studies.framework.records import DONE, NOT_RUN, RUNNING, Found, StudyFolder
+from runs.studies.framework.study import Study, command
 
 
-@dataclass(frozen=True)
-class Study:
-    """A study: its cases, and ``present``, which makes tables and figures in a folder and returns the answer's text."""
+def study_of_cases(
+    name: str,
+    cases: Callable[[bool], Sequence[Case]],
+    present: Callable[[Found, Path], str],
+    publishes: Sequence[str] = (),
+    answers: Sequence[str] = (DONE,),
+) -> Study:
+    """Return a study of ``cases`` (quick or not), whose ``present`` makes tables and figures and returns the text.
 
-    name: str
-    cases: Sequence[Case]
-    present: Callable[[Found, Path, bool], str]
-    publishes: Sequence[str] = field(default_factory=tuple)
-    """Files of the output folder that belong on the study's page."""
-    answers: Sequence[str] = (DONE,)
-    """States of a case that answer the study's question."""
+    ``answers`` are the states of a case that answer the study's question.
+    """
 
+    def compute(path: Path, options: Options) -> None:
+        folder = StudyFolder(path, name) if ranks.is_root() else None
+        part, parts = options.shard
+        mine = cases(options.quick)[part - 1 :: parts]
+        comm = ranks.world() if any(case.parallel for case in mine) else None
+        for number, case in enumerate(mine, start=1):
+            signals.check()
+            if folder is not None and options.fresh:
+                folder.forget(case)
+            _run_case(case, folder, comm, f"{number}/{len(mine)} {case.name}")
 
-def run(study: Study, options: Options) -> None:
-    """Solve this run's part of the cases, then make tables and figures from all that are there."""
-    root = ranks.is_root()
-    folder = None
-    if root:  # before MPI starts: a folder that cannot be used ends the run at once
-        identity = {"command": "study", "study": study.name, "quick": options.quick}
-        name = f"study-{study.name}" + ("-quick" if options.quick else "")
-        folder = StudyFolder(options.out or Path("out") / name, identity)
-    part, parts = options.shard
-    mine = [] if options.tables else list(study.cases)[part - 1 :: parts]
-    comm = ranks.world() if any(case.parallel for case in mine) else None
-    for number, case in enumerate(mine, start=1):
-        signals.check()
-        if folder is not None and options.fresh:
-            folder.forget(case)
-        _run_case(case, folder, comm, f"{number}/{len(mine)} {case.name}")
-    if folder is not None:
-        _tell_answer(study, folder, options)
+    def page(path: Path, quick: bool) -> str:
+        found = Found.of(StudyFolder(path, name), cases(quick))
+        lines = [present(found, path), "", made_by(found, command(name, quick))]
+        missing = found.missing(answers)
+        if missing:
+            lines += ["", f"**Not there: {len(missing)} of {len(found.cases)} cases.**", ""]
+            lines += [f"- {sentence}" for sentence in missing]
+        return "\n".join(lines)
 
-
-def _tell_answer(study: Study, folder: StudyFolder, options: Options) -> None:
-    found = Found.of(folder, study.cases)
-    command = f"thirdbody study {study.name}{' --quick' if options.quick else ''}"
-    lines = [study.present(found, folder.path, options.quick), "", made_by(found, command)]
-    missing = found.missing(study.answers)
-    if missing:
-        lines += ["", f"**Not there: {len(missing)} of {len(found.cases)} cases.**", ""]
-        lines += [f"- {sentence}" for sentence in missing]
-    text = "\n".join(lines) + "\n"
-    folder.write("answer.md", text)
-    print(text, end="")
-    if options.publish:
-        page = publish(study.name, text, [folder.path / name for name in study.publishes])
-        tell(f"published in {page}")
-    tell(f"answer.md, tables (CSV) and figures are in {folder.path}")
+    return Study(name, compute, page, publishes)
 
 
-def made_by(found: Found, command: str) -> str:
+def made_by(found: Found, by: str) -> str:
     """Return the sentence that says how the numbers were made."""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
     states = [found.state(case.name) for case in found.cases]
     ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
     answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
     return (
-        f"Made by `{command}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "
+        f"Made by `{by}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "
         f"processor time{f' ({versions})' if versions else ''}."
     )
 
@@ -160,10 +144,10 @@ class _Attempt:
             workspace = self.comm.bcast(workspace, root=0)
         goal = max(case.problem.load.values) if case.problem.load.kind == "approach" else None
         while True:
-            progress = Progress(
+            observer = _Stopper(
                 Scale.of(case.problem), goal, root=self.folder is not None, take=self._take, log=lambda _: None
             )
-            observer = _Stopper(progress, self.stop_after)
+            observer.left = self.stop_after
             try:
                 run = Run(case.accuracy, self.comm, workspace, observer, None, case.budget, case.steps, case.numerics)
                 return case.solve(run)
@@ -206,16 +190,14 @@ class _Attempt:
         return True
 
 
-class _Stopper:
-    """An observer that hands everything on, and interrupts the run after a number of load steps."""
+class _Stopper(Progress):
+    """Interrupts the run after a number of load steps."""
 
-    def __init__(self, inner: Progress, stop_after: int | None) -> None:
-        self.inner, self.left = inner, stop_after
-        self.started, self.attempt, self.newton = inner.started, inner.attempt, inner.newton
+    left: int | None = None
 
     def step_done(self, step: Step, fields: Any) -> None:
-        """Hand the step on; raise after the last one wanted."""
-        self.inner.step_done(step, fields)
+        """Take the step; raise after the last one wanted."""
+        super().step_done(step, fields)
         if self.left is not None:
             self.left -= 1
             if self.left == 0:

@@ -12,27 +12,34 @@ from runs.display.numbers import with_error
 from runs.process.files import replacing
 
 
-def markdown(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str] | None = None) -> list[str]:
+def markdown(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, str] | None = None,
+    *,
+    digits: int = 4,
+    aligned: bool = True,
+) -> list[str]:
     """Return lines of a table; ``columns`` maps keys to headings, by default the keys of the first row.
 
-    A pair (value, error) is written to the place of its error.
+    A pair (value, error) is written to the place of its error. ``aligned`` tables have their numbers on the right.
     """
     if not rows:
         return ["(no rows yet)"]
     columns = columns or {key: key.replace("_", " ") if key.islower() else key for key in rows[0]}
-    sides = [":--" if any(isinstance(row.get(key), str) for row in rows) else "--:" for key in columns]
+    words = {key for row in rows for key, value in row.items() if isinstance(value, str)}
+    sides = [("---" if not aligned else ":--" if key in words else "--:") for key in columns]
     lines = [f"| {' | '.join(columns.values())} |", f"|{'|'.join(sides)}|"]
-    return lines + [f"| {' | '.join(written(row.get(key)) for key in columns)} |" for row in rows]
+    return lines + [f"| {' | '.join(written(row.get(key), digits) for key in columns)} |" for row in rows]
 
 
-def written(value: Any) -> str:
-    """Return one cell: four digits of a number, a dash for none, value and error for a pair."""
+def written(value: Any, digits: int = 4) -> str:
+    """Return one cell: the leading digits of a number, a dash for none, value and error for a pair."""
     if isinstance(value, tuple):
         return with_error(*value)
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.{digits}g}"
     return str(value).replace("|", "\\|").replace("\n", " ")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -144,7 +143,3 @@ def main(approach: float, size: str) -> None:
     )
     version = subprocess.run(["ccx", "-v"], check=False, stdout=subprocess.PIPE, text=True).stdout.split()[-1]
     report("CalculiX", version, approach, f"{kind}, grid {fineness}", 3 * len(layer[0]), 2 * Q, 2 * T)
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]), sys.argv[2])

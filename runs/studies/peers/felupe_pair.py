@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import sys
 from typing import Any
 
 import felupe as fem
@@ -120,7 +119,3 @@ def main(approach: float, size: str) -> None:
     normal = -2 * np.sum(P[2, 2] * dV) / THICKNESS
     tangential = -2 * np.sum((psi - np.sum(H[:, 0] * P[:, 0], axis=0)) * slope * dV)
     scene.report("FElupe", fem.__version__, approach, f"order {order}, grid {fineness}", mesh.ndof, normal, tangential)
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]), sys.argv[2])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import getfem as gf
 import numpy as np
 
@@ -87,7 +85,3 @@ def main(approach: float, size: str) -> None:
     tangential = -2 * layer.integral(f"({ENERGY} - (Grad_u'*{STRESS})(1,1))*{slope}")
     text = f"order {order}, grid {fineness}"
     scene.report("GetFEM", "5.4.2", approach, text, layer.full.nbdof(), normal, tangential)
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]), sys.argv[2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -73,7 +72,3 @@ def main(approach: float, size: str) -> None:
     slope = weight_slope(ng.x, approach, ng.IfPos)
     tangential = -2 * ng.Integrate(eshelby * slope, mesh, order=2 * order + 2)
     report("NGSolve", ng.__version__, approach, f"order {order}, grid {fineness}", u.space.ndof, normal, tangential)
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]), sys.argv[2])

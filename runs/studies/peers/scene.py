@@ -5,8 +5,10 @@ Lengths in radii R, forces in E R². The ball is at x = 1, y = 0, z = 1 - D; x =
 
 from __future__ import annotations
 
+import importlib
 import json
 import resource
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -67,3 +69,7 @@ def report(code: str, version: str, approach: float, discretisation: str, unknow
     found = {"code": code, "version": version, "approach": approach, "discretisation": discretisation}
     found |= {"unknowns": unknowns, "seconds": sum(each.ru_utime + each.ru_stime for each in used)}
     print(json.dumps(found | {"normal_force": Q, "tangential_force": T}))
+
+
+if __name__ == "__main__":
+    importlib.import_module(f"runs.studies.peers.{sys.argv[1]}_pair").main(float(sys.argv[2]), sys.argv[3])

@@ -42,7 +42,3 @@ def main(approach: float, size: str) -> None:
     text = f"asked for {size}; orders {orders}"
     force = ball["tangential_force"][0]
     report("thirdbody", version("thirdbody"), approach, text, solved["unknowns"], ball["normal_force"], force)
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]), sys.argv[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linear_bem import Ball, Elements, FiniteStrain, Layer, Load, Problem
+from linear_bem import Elements
+from runs.studies.framework.pair import pair
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -39,9 +41,8 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     from finite_strain.planning.records import Discretisation  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-    balls = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
-    layer, load = Layer(1.0, FORMS[form], 1.16), Load("approach", (DEPTH, DEPTH))
-    plan = plan_run(Problem(layer, balls, load, None, FiniteStrain(), Elements(form)), 0.02, "finite_strain")
+    balls = pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid")
+    plan = plan_run(dataclasses.replace(balls, elements=Elements(form)), 0.02, "finite_strain")
     levels = [Discretisation(3, fineness) for fineness in FINENESSES]
     level = min(levels, key=lambda level: abs(plan.unknowns(level) - target))
     box = plan.box(level)

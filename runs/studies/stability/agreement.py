@@ -18,12 +18,19 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
 
     None where either has not come as far as the load compared at, or has no error there.
     """
+    other = check["other"]
+    path, against = found.steps(name), found.steps(other)
     if check["at"] == NO_LOAD:
-        return at_no_load(found.steps(name), found.steps(check["other"]))
-    met = _balls_compared(found, name, check["other"], check["at"])
-    if met is None or any(ball["tangential_force_error"] is None for balls in met for ball in balls):
+        return at_no_load(path, against)
+    if found.state(name) != DONE or found.state(other) != DONE:
+        return None
+    mine, theirs = path[-1]["balls"], against[-1]["balls"]
+    if check["at"] == SAME_FORCE:
+        if len(against) < 2:
+            return None
+        theirs = at_force(against, mine)
+    if any(ball["tangential_force_error"] is None for ball in (*mine, *theirs)):
         return None  # saved as nan: an answer that does not know its error
-    mine, theirs = met
     factor = check["factor"]
     worst, allowed = 0.0, check["within"]
     size = max(math.hypot(*ball["tangential_force"]) for ball in mine)
@@ -36,19 +43,8 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
     return worst, allowed
 
 
-def _balls_compared(found: Found, name: str, other: str, at: str) -> tuple[list[Any], list[Any]] | None:
-    """Return the balls of both cases at the load that they are compared at; None where one has not come there."""
-    mine, theirs = found.steps(name), found.steps(other)
-    if found.state(name) != DONE or found.state(other) != DONE:
-        return None
-    balls = mine[-1]["balls"]
-    if at == SAME_FORCE:
-        return (balls, at_force(theirs, balls)) if len(theirs) > 1 else None
-    return balls, theirs[-1]["balls"]
-
-
 def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> tuple[float, float] | None:
-    """Return by which part T differs from another theory's in the limit of no load, and what their bars grant.
+    """Return by which part T differs from another theory's in the limit of no load, and by which it may.
 
     Departures shrink like the square root of the approach: the ratio at the first common step, and at the last one up
     to `FAR_ENOUGH` times as deep, go along a straight line over it. Bars are the larger ones of the two steps.

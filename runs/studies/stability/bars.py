@@ -6,41 +6,41 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from runs.studies.framework.case import LINEAR, SMALL
 from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.agreement import share_of_error
-from runs.studies.stability.matrix import LINEAR, SMALL
 
 WELL_KNOWN = 0.1
 """Part of an error bar to which the linear answer must be known, to judge the bar."""
 
 
 def path_bars(found: Found) -> list[dict[str, Any]]:
-    """Return one row per small-strain case: how its errors along the load compare with the bars that came with them."""
+    """Return one row per small-strain case: how its errors along the load compare with the bars that came with them.
+
+    None of a case whose linear twin does not know T better.
+    """
     rows = []
     for case in found.cases:
-        if case.model == SMALL:
-            row = bars_of(found, case.name, f"{case.labels['case']}-{LINEAR.replace('_', '-')}")
-            rows += [] if row is None else [{"case": case.labels["case"], **row}]
+        name = case.labels["case"]
+        shares = _shares(found, case.name, f"{name}-{LINEAR.replace('_', '-')}") if case.model == SMALL else []
+        if not shares:
+            continue
+        depth, worst, error = max(shares, key=lambda entry: entry[1])
+        rows.append(
+            {
+                "case": name,
+                "steps": len(shares),
+                "beyond their bar": sum(share > 1.0 for _, share, _ in shares),
+                "largest error over bar": worst,
+                "at D / R": depth,
+                "error there [%]": 100.0 * error,
+                "error over bar at full load": shares[-1][1] if found.state(case.name) == DONE else None,
+            }
+        )
     return rows
 
 
-def bars_of(found: Found, name: str, twin: str) -> dict[str, Any] | None:
-    """Return how a case's errors along the load compare with its bars; None where its linear ``twin`` tells nothing."""
-    shares = _shares(found, name, twin)
-    if not shares:
-        return None
-    worst = max(shares, key=lambda entry: entry[1])
-    return {
-        "steps": len(shares),
-        "beyond their bar": sum(share > 1.0 for _, share, _ in shares),
-        "largest error over bar": worst[1],
-        "at D / R": worst[0],
-        "error there [%]": 100.0 * worst[2],
-        "error over bar at full load": shares[-1][1] if found.state(name) == DONE else None,
-    }
-
-
-def told(rows: Sequence[Mapping[str, Any]]) -> str:
+def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return in a sentence how many bars hold at full load and how many on the way; nothing where none are known."""
     ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
     if not ends:

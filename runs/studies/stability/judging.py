@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from linear_bem.grid.contacts import COARSEST
+from runs.studies.framework.case import Case
 from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.agreement import compared
 from runs.studies.stability.matrix import NO_LOAD
@@ -19,8 +21,6 @@ FORCES = 1e-6
 """Largest relative difference of the forces on the balls and the reaction of the base."""
 RESIDUAL = 1e-3
 """Largest recomputed residual of a linear answer, over the approach, the peak pressure or the load."""
-
-
 SLOPE_ON_GRIDS = 1e-3
 """Part of T by which the slope integral is off on a grid of 256 cells a ball: the check's noise, not the answer's."""
 NOT_CONVERGED = "not converged"
@@ -72,132 +72,130 @@ def meshed_forces(record: Mapping[str, Any]) -> list[float] | None:
     return [force / ball["normal_force"] for force, ball in zip(forces, balls, strict=True)]
 
 
-def largest(steps: Sequence[Mapping[str, Any]], key: str) -> float:
-    """Return the largest value of a step's record; nan where none has it."""
-    return max((step["record"][key] for step in steps if step.get("record", {}).get(key) is not None), default=math.nan)
+def took(found: Found, case: Case) -> dict[str, Any]:
+    """Return what a load path took: steps, those cut back, iterations; its smallest J and its penetration over R."""
+    steps = found.steps(case.name)
+    counts: dict[str, Any] = dict.fromkeys(("steps", "cuts", "iterations"))
+    if case.parallel:
+        counts = {"steps": len(steps), "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps)}
+        counts["iterations"] = sum(step["record"].get("iterations", 0) for step in steps)
+    penetration = max(_recorded(steps, "penetration"), default=math.nan) / case.problem.balls[0].radius
+    smallest = min(_recorded(steps, "smallest_volume_ratio"), default=math.nan)
+    return {**counts, "J": smallest, "penetration": penetration}
 
 
-def smallest(steps: Sequence[Mapping[str, Any]], key: str) -> float:
-    """Return the smallest value of a step's record; nan where none has it."""
-    return min((step["record"][key] for step in steps if step.get("record", {}).get(key) is not None), default=math.nan)
+def _recorded(steps: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    """Return a value of the steps' records, where it is there."""
+    return [value for step in steps if (value := step.get("record", {}).get(key)) is not None]
+
+
+@dataclass
+class Checks:
+    """What the checks of a case said."""
+
+    faults: list[str] = field(default_factory=list)
+    passed: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def judge(self, holds: bool, text: str) -> None:
+        """Note one check."""
+        (self.passed if holds else self.faults).append(text)
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended, in a word, and why: right, named refusal, not checked, WRONG, or its state."""
-    state, steps = found.state(name), found.steps(name)
+    state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # what a case leaves on its way is cleared once it ends
-    reason = (found.records.get(name, {}).get("reason") or "").split("; its finished steps are kept in ")[0]
-    notes: list[str] = []
+    reason = (record.get("reason") or "").split("; its finished steps are kept in ")[0]
     if state == "refused":
         return ("named refusal" if reason else "WRONG"), reason or "refused without a reason"
-    if state != DONE:
-        if state == NOT_CONVERGED and steps:
-            faults, passed = _own_checks(steps)
-            if labels["check"] is not None and labels["check"]["at"] == NO_LOAD:
-                _agreement(found, name, labels["check"], faults, passed, notes)
-            reason += f"; what it reached: {'; '.join(passed) or 'not checked'}"
-            return ("WRONG", "; ".join([*faults, reason])) if faults else (state, reason)
+    if state != DONE and not (state == NOT_CONVERGED and steps):
         return state, reason
-    found_faults, passed = _own_checks(
-        steps, meshed_forces(found.records[name]), found.records[name].get("solved", {}).get("unknowns", 0)
-    )
-    residuals = found.records[name].get("solved", {}).get("certificate", {})
-    if "force_balance" not in residuals and residuals:  # recomputed by linear_bem from the pressures it returns
-        text = f"largest recomputed residual {max(residuals.values()):.2g}"
-        (passed if max(residuals.values()) <= RESIDUAL else found_faults).append(text)
-    if labels["check"] is not None:
-        _agreement(found, name, labels["check"], found_faults, passed, notes)
-    if found_faults:
-        return "WRONG", "; ".join(found_faults)
-    return ("right" if passed else "not checked"), "; ".join(passed + notes)
+    checks, check = Checks(), labels["check"]
+    _judge_path(checks, record)
+    if check is not None and (state == DONE or check["at"] == NO_LOAD):
+        _judge_agreement(checks, found, name, check)
+    if state != DONE:
+        reason += f"; what it reached: {'; '.join(checks.passed) or 'not checked'}"
+        return ("WRONG", "; ".join([*checks.faults, reason])) if checks.faults else (state, reason)
+    if checks.faults:
+        return "WRONG", "; ".join(checks.faults)
+    return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
 
 
-def _agreement(
-    found: Found, name: str, check: Mapping[str, Any], faults: list[str], passed: list[str], notes: list[str]
-) -> None:
+def _judge_agreement(checks: Checks, found: Found, name: str, check: Mapping[str, Any]) -> None:
     """Judge a case by the one that it is checked against."""
     outcome = compared(found, name, check)
     if outcome is None:
-        notes.append(f"not compared with {check['other']}, which has no answer with an error")
+        checks.notes.append(f"not compared with {check['other']}, which has no answer with an error")
         return
     difference, allowed = outcome
     text = f"{check['words']}: T differs by {100 * difference:.2g} %, tolerance {100 * allowed:.2g} %"
-    (passed if difference <= allowed else faults).append(text)
+    checks.judge(difference <= allowed, text)
 
 
-def _own_checks(
-    steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = None, unknowns: int = 0
-) -> tuple[list[str], list[str]]:
-    """Return faults and passed checks of a load path by itself."""
-    faults: list[str] = []
-    passed: list[str] = []
-    energy, forces = energy_balance(steps, meshed), largest(steps, "force_balance")
+def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
+    """Judge a load path by itself."""
+    steps, solved = record.get("steps", []), record.get("solved", {})
+    energy = energy_balance(steps, meshed_forces(record))
+    forces = max(_recorded(steps, "force_balance"), default=math.nan)
     for value, limit, words in ((energy, BALANCE, "energy against work"), (forces, FORCES, "forces against base")):
-        if math.isnan(value):
-            continue
-        text = f"{words}: {100 * value:.2g} %"
-        (passed if value <= limit else faults).append(text)
-    folded = smallest(steps, "smallest_volume_ratio")
+        if not math.isnan(value):
+            checks.judge(value <= limit, f"{words}: {100 * value:.2g} %")
+    folded = min(_recorded(steps, "smallest_volume_ratio"), default=math.nan)
     if folded <= 0.0:
-        faults.append(f"an element is folded over: smallest J = {folded:.2g}")
-    passed += _routes(steps, unknowns, faults)
-    _third_law(steps, faults, passed)
-    error, size = _error(steps)
+        checks.faults.append(f"an element is folded over: smallest J = {folded:.2g}")
+    balls = steps[-1]["balls"] if steps else []
+    _judge_routes(checks, balls, solved.get("unknowns", 0))
+    _judge_third_law(checks, balls)
+    error, size = max((_error(ball) for ball in balls), default=0.0), max((_size(ball) for ball in balls), default=0.0)
     if size > 0.0 and error > size:
-        faults.append("the error of T is larger than T")
-    return faults, passed
+        checks.faults.append("the error of T is larger than T")
+    residuals = solved.get("certificate", {})
+    if "force_balance" not in residuals and residuals:  # recomputed by linear_bem from the pressures it returns
+        largest = max(residuals.values())
+        checks.judge(largest <= RESIDUAL, f"largest recomputed residual {largest:.2g}")
 
 
-def _routes(steps: Sequence[Mapping[str, Any]], unknowns: int, faults: list[str]) -> list[str]:
-    """Return whether a linear answer's two routes to T agree within its error; elements have theirs in the error."""
-    passed: list[str] = []
+def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: int) -> None:
+    """Judge whether a linear answer's two routes to T agree within its error; elements have theirs in the error."""
     noise = SLOPE_ON_GRIDS if unknowns >= COARSEST**2 else 0.0
-    for number, ball in enumerate(steps[-1]["balls"] if steps else []):
+    for number, ball in enumerate(balls):
         routes = ball.get("tangential_force_routes", {})
         if {"mutual", "slope"} <= set(routes):
-            apart, size = math.dist(routes["mutual"], routes["slope"]), math.hypot(*ball["tangential_force"])
-            allowed = 1.001 * ball["tangential_force_error"] + ROUNDOFF * ball["normal_force"]
-            text = (
-                f"mutual formula against slope integral, ball {number}: {apart:.2g}, "
-                f"tolerance {max(allowed, noise * size):.2g}"
-            )
-            (passed if apart <= max(allowed, noise * size) else faults).append(text)
-    return passed
+            apart = math.dist(routes["mutual"], routes["slope"])
+            own = 1.001 * ball["tangential_force_error"] + ROUNDOFF * ball["normal_force"]
+            allowed = max(own, noise * _size(ball))
+            text = f"mutual formula against slope integral, ball {number}: {apart:.2g}, tolerance {allowed:.2g}"
+            checks.judge(apart <= allowed, text)
 
 
-def _third_law(steps: Sequence[Mapping[str, Any]], faults: list[str], passed: list[str]) -> None:
+def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]]) -> None:
     """Judge whether unlike balls pull each other alike; it is symmetry where they are alike, and no check."""
-    balls = steps[-1]["balls"] if steps else []
     loads = [ball["normal_force"] for ball in balls]
     if len(balls) < 2 or min(loads) > (1.0 - 1e-6) * max(loads):
         return
     left_over = math.hypot(*(sum(ball["tangential_force"][axis] for ball in balls) for axis in (0, 1)))
-    errors, size = (
-        sum(values)
-        for values in zip(
-            *((ball["tangential_force_error"] or math.inf, math.hypot(*ball["tangential_force"])) for ball in balls),
-            strict=True,
-        )
-    )
+    errors, size = sum(_error(ball) or math.inf for ball in balls), sum(_size(ball) for ball in balls)
     if size > 0.0:
-        text = (
-            f"third law: T of all balls adds up to {100 * left_over / size:.2g} %, tolerance "
-            f"{100 * errors / size:.2g} %"
-        )
-        (passed if left_over <= errors else faults).append(text)
+        share, tolerance = 100 * left_over / size, 100 * errors / size
+        text = f"third law: T of all balls adds up to {share:.2g} %, tolerance {tolerance:.2g} %"
+        checks.judge(left_over <= errors, text)
+
+
+def _size(ball: Mapping[str, Any]) -> float:
+    return math.hypot(*ball["tangential_force"])
+
+
+def _error(ball: Mapping[str, Any]) -> float:
+    """Return the error of a ball's T; one that is not known is saved as None."""
+    return math.inf if ball["tangential_force_error"] is None else float(ball["tangential_force_error"])
 
 
 def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> float:
     """Return the part of the load that was reached; a stop on the first mesh says it in words alone."""
     if steps:
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
-    told = re.search(r"last good state is at (\S+) of the full load", reason)
-    return float(told[1]) if state == NOT_CONVERGED and told else 0.0
+    named = re.search(r"last good state is at (\S+) of the full load", reason)
+    return float(named[1]) if state == NOT_CONVERGED and named else 0.0
 
-
-def _error(steps: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
-    balls = steps[-1]["balls"] if steps else []
-    return (
-        max((math.inf if (e := ball["tangential_force_error"]) is None else e for ball in balls), default=0.0),
-        max((math.hypot(*ball["tangential_force"]) for ball in balls), default=0.0),
-    )

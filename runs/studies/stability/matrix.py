@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
-from runs.studies.framework.case import Case
+from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
+from runs.studies.framework.case import FINITE, LINEAR, POINT, SMALL, Case
 from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.pair import as_seen_by, pair
 
-STIFF = Elastic(1e3, 0.3)
 ACCURACY = 0.1
 """Relative accuracy of T that is asked of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
@@ -26,7 +26,6 @@ GRADED = {"growth": 2.0}
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
 """Where two cases are compared: at full load, in the limit of no load, or where the other passes the same Q."""
-FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
 
 
 @dataclass(frozen=True)
@@ -58,27 +57,23 @@ class Hard:
     levels: tuple[Level, ...] = ()
 
 
-def pair(
-    approach: float,
-    *,
-    thickness: float = 1.16,
-    poisson: float = 0.48,
-    substrate: Elastic | None = STIFF,
-    radii: tuple[float, float] = (1.0, 1.0),
-    scale: float = 1.0,
-) -> Problem:
-    """Return two spheres that touch; ``scale`` multiplies lengths, and moduli by its cube."""
-    half = (radii[0] * radii[1]) ** 0.5 * scale
-    balls = tuple(Ball((side * half, 0.0), r * scale, "sphere") for side, r in zip((-1.0, 1.0), radii, strict=True))
-    modulus = scale**3
-    below = None if substrate is None else Elastic(substrate.young * modulus, substrate.poisson)
-    load = Load("approach", (approach * scale,) * 2)
-    return Problem(Layer(modulus, poisson, thickness * scale), balls, load, below, FiniteStrain())
+def scaled(problem: Problem, scale: float) -> Problem:
+    """Return a problem of balls pressed in on a substrate with lengths times ``scale`` and moduli times its cube."""
+    layer, below, modulus = problem.layer, problem.substrate, scale**3
+    assert below is not None
+    return dataclasses.replace(
+        problem,
+        layer=Layer(layer.young * modulus, layer.poisson, layer.thickness * scale),
+        balls=tuple(Ball((b.position[0] * scale, b.position[1] * scale), b.radius * scale) for b in problem.balls),
+        load=Load("approach", tuple(value * scale for value in problem.load.values)),
+        substrate=Elastic(below.young * modulus, below.poisson),
+    )
 
 
 def hard_cases() -> list[Hard]:
     """Return every hard case; those that others are checked against come first, the longest last."""
     usual = pair(0.1)
+    unequal = dataclasses.replace(pair(0.05), balls=(Ball((-0.5, 0.0), 1.0), Ball((0.5, 0.0), 0.25)))
 
     def checks(name: str) -> dict[str, Check]:
         return {
@@ -102,7 +97,7 @@ def hard_cases() -> list[Hard]:
                Check("path independence: many steps", twin, 1e-3)),
         finite("restart", "stopped after the third load step and started again", {},
                Check("a run that was not stopped", twin, 1e-6), stop_after=3),
-        Hard("scaled", "the same in other units: lengths 1000 times, moduli 1e9 times", pair(0.1, scale=1e3),
+        Hard("scaled", "the same in other units: lengths 1000 times, moduli 1e9 times", scaled(usual, 1e3),
              (FINITE,), {FINITE: Check("scaling: T ~ E R^2", twin, 1e-6, 1e15)}),
         finite("coarse", "quadratic elements on the two coarsest meshes", {}, Check("the usual elements", twin),
                levels=QUADRATIC),
@@ -120,7 +115,7 @@ def hard_cases() -> list[Hard]:
         three("rigid-base", "no substrate", pair(0.1, substrate=None)),
         three("equal-substrate", "a substrate of the layer's own material", pair(0.1, substrate=Elastic(1.0, 0.48))),
         three("soft-substrate", "a substrate a tenth as stiff", pair(0.1, substrate=Elastic(0.1, 0.3))),
-        three("unequal", "radii 1 and 0.25", pair(0.05, radii=(1.0, 0.25))),
+        three("unequal", "radii 1 and 0.25", unequal),
         three("force", "forces prescribed, 0.085 E R^2 on each", usual.with_load("force", (0.085, 0.085)),
               Check("approaches prescribed", twin, at=SAME_FORCE)),
         Hard("lifted", "one ball without load", usual.with_load("force", (0.085, 0.0)), (FINITE, SMALL, LINEAR)),
@@ -151,15 +146,10 @@ def cases(quick: bool) -> list[Case]:
 
 def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     """Return the case of a model; ``accuracy`` is asked of finite elements, along the whole load path."""
-    problem = hard.problem
-    if model != FINITE:
-        problem = Problem(problem.layer, problem.balls, problem.load, problem.substrate)
+    problem = as_seen_by(model, hard.problem)
     check = hard.checks.get(model)
-    labels = {
-        "case": hard.name,
-        "words": hard.words,
-        "check": dataclasses.asdict(check) if check is not None else None,
-    }
+    said = dataclasses.asdict(check) if check is not None else None
+    labels = {"case": hard.name, "words": hard.words, "check": said}
     name = f"{hard.name}-{model.replace('_', '-')}"
     if model not in (FINITE, SMALL):
         return Case(name, problem, model, LINEAR_ACCURACY, labels=labels, steps=None if model == LINEAR else (1.0,))

@@ -9,10 +9,11 @@ from typing import Any
 from runs.display.numbers import number, with_error
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
-from runs.studies.strengthening.matrix import SIDES
+from runs.studies.strengthening.matrix import SIDES, cases
 from runs.studies.strengthening.ratios import factors
 
 Rows = Sequence[Mapping[str, Any]]
@@ -23,7 +24,7 @@ DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def present(found: Found, folder: Path) -> str:
     """Write tables and figures; return the answer as Markdown."""
     rows = factors(found, folder)
     named = {case.name: case for case in found.cases}
@@ -36,7 +37,7 @@ def present(found: Found, folder: Path, quick: bool) -> str:
     lines += _sentence(found, rows)
     lines += ["", "![Strengthening of both cases along the load](strengthening.svg)"]
     for h, side in SIDES.items():
-        lines += _path(rows.get(f"headline-{side}-L2-nu0.48", []), h, side)
+        lines += _path(headline(rows, side), h, side)
     lines += _ladder(rows)
     lines += _slopes(found, rows)
     lines += _parameters(found, rows)
@@ -63,11 +64,11 @@ def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     lines = [
         '"For the case of finite deformations, the effect should be stronger" [1]: at equal force and full load T is'
     ]
-    for kind, cases in verdicts.items():
-        lines.append(f"- **{kind}** in {len(cases)} case(s)" + (f": {'; '.join(cases)}." if cases else "."))
+    for kind, words in verdicts.items():
+        lines.append(f"- **{kind}** in {len(words)} case(s)" + (f": {'; '.join(words)}." if words else "."))
     stronger_from = []
     for h, side in SIDES.items():
-        path = [row for row in rows.get(f"headline-{side}-L2-nu0.48", []) if row["S_Q"] is not None]
+        path = [row for row in headline(rows, side) if row["S_Q"] is not None]
         from_here = [row["D"] for i, row in enumerate(path) if all(r["S_Q"] - r["S_Q_error"] > 1.0 for r in path[i:])]
         if from_here:
             stronger_from.append(f"for h = {h:g} R from D = {number(from_here[0], 3)} R on")
@@ -78,32 +79,36 @@ def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     return [*lines, "", "[1] Materials 2021, 14(19), 5689, doi 10.3390/ma14195689."]
 
 
+def headline(rows: Mapping[str, Rows], side: str, group: str = "headline") -> Rows:
+    """Return the rows of the paper's pair on the thin or the thick layer."""
+    return rows.get(f"{group}-{side}-L2-nu0.48", [])
+
+
 def _words(case: Case) -> str:
     return "h = {h:g} R, L = {L:g} R, nu = {nu:g}".format(**case.labels)
 
 
 def _path(path: Rows, h: float, side: str) -> list[str]:
-    columns = {
-        "D": "D / R", "Q": "Q / E1 R²", "Tq": "T / Q", "geometry": "sphere / paraboloid", "sq": "S_Q", "sd": "S_D"
-    }  # fmt: skip
     shown = [
         {
-            **row,
-            "Tq": row["T"] / row["Q"],
-            "sq": (row["S_Q"], row["S_Q_error"]),
-            "sd": (row["S_D"], row["S_D_error"]),
+            "D / R": row["D"],
+            "Q / E1 R²": row["Q"],
+            "T / Q": row["T"] / row["Q"],
+            "sphere / paraboloid": row["geometry"],
+            "S_Q": (row["S_Q"], row["S_Q_error"]),
+            "S_D": (row["S_D"], row["S_D_error"]),
         }
         for row in path
     ]
-    return ["", f"## Along the load, {side} layer: h = {h:g} R, L = 2 R, nu = 0.48", "", *markdown(shown, columns)]
+    return ["", f"## Along the load, {side} layer: h = {h:g} R, L = 2 R, nu = 0.48", "", *markdown(shown)]
 
 
 def _ladder(rows: Mapping[str, Rows]) -> list[str]:
     """Say what the indenter's exact shape adds and what the bulk adds, at equal force."""
     shown = []
     for side in SIDES.values():
-        path = rows.get(f"headline-{side}-L2-nu0.48", [])
-        plain = rows.get(f"paraboloid-{side}-L2-nu0.48", [])
+        path = headline(rows, side)
+        plain = headline(rows, side, "paraboloid")
         for depth in DEPTHS:
             bulk = at_depth(path, depth)
             shape = at_depth(path, depth, "geometry")
@@ -206,5 +211,9 @@ def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit
 
 
 def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
-    path = rows.get(f"headline-{side}-L2-nu0.48", [])
+    path = headline(rows, side)
     return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
+
+
+PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters") for kind in ("svg", "png")]
+STUDY = study_of_cases("strengthening", cases, present, PICTURES)

@@ -13,6 +13,8 @@ import numpy as np
 from runs.comparison.interpolant import Interpolant
 
 Row = Mapping[str, Any]
+Known = tuple[float, float, float]
+"""Measure of the load, factor and its error."""
 DEGREES = (2, 3, 4, 5)
 SMALL_LOAD = 0.07
 """Approach over R up to which the slope at zero load is drawn from."""
@@ -52,7 +54,7 @@ class Fit:
         )
 
 
-def fit(points: Sequence[tuple[float, float, float]], variable: str, degree: int) -> Fit | None:
+def fit(points: Sequence[Known], variable: str, degree: int) -> Fit | None:
     """Return the weighted fit through (x, S, error); None where there are fewer points than coefficients.
 
     Errors of the points are bounds of one sign along a curve rather than independent, so the errors of the
@@ -72,7 +74,7 @@ def fit(points: Sequence[tuple[float, float, float]], variable: str, degree: int
     return Fit(variable, tuple(float(c) for c in coefficients), errors, float(x.min()), float(x.max()), misfit)
 
 
-def simplest(points: Sequence[tuple[float, float, float]], variable: str) -> Fit | None:
+def simplest(points: Sequence[Known], variable: str) -> Fit | None:
     """Return the fit of the lowest degree, from the second, that passes through all error bars; else of the highest."""
     best = None
     for degree in DEGREES:
@@ -84,35 +86,31 @@ def simplest(points: Sequence[tuple[float, float, float]], variable: str) -> Fit
     return best
 
 
-def best(points_in: Mapping[str, Sequence[tuple[float, float, float]]]) -> Fit | None:
-    """Return the simplest fit among several measures of the load, given (x, S, error) in each; then the closest."""
-    found = [fit for variable, known in points_in.items() if (fit := simplest(known, variable)) is not None]
-    return min(found, key=lambda fit: (len(fit.coefficients), fit.misfit), default=None)
-
-
-def points(
-    rows: Sequence[Row], variable: str, thickness: float, factor: str = "S_Q"
-) -> list[tuple[float, float, float]]:
-    """Return (x, S, error) of the rows that have a factor."""
+def points(rows: Sequence[Row], variable: str, thickness: float) -> list[Known]:
+    """Return (x, S_Q, error) of the rows that have a factor."""
     measure = VARIABLES[variable]
-    return [(measure(row, thickness), row[factor], row[f"{factor}_error"]) for row in rows if row[factor] is not None]
+    return [(measure(row, thickness), row["S_Q"], row["S_Q_error"]) for row in rows if row["S_Q"] is not None]
 
 
-def initial_slope(rows: Sequence[Row], variable: str, thickness: float, factor: str = "S_Q") -> Fit | None:
+def initial_slope(rows: Sequence[Row], variable: str, thickness: float) -> Fit | None:
     """Return the fit of second degree to the small loads alone: its first coefficient is the slope at zero load."""
     small = [row for row in rows if row["D"] <= SMALL_LOAD]
-    return fit(points(small, variable, thickness, factor), variable, 2) if len(small) >= 3 else None
+    return fit(points(small, variable, thickness), variable, 2) if len(small) >= 3 else None
 
 
-def collapse(curves: Mapping[str, tuple[Sequence[Row], float]], factor: str = "S_Q") -> list[Fit]:
+def collapse(curves: Mapping[str, tuple[Sequence[Row], float]]) -> list[Fit]:
     """Return one fit through all curves (rows and thickness, by name) for every measure of the load, best first."""
-    found = []
-    for variable in VARIABLES:
-        together = [point for rows, h in curves.values() for point in points(rows, variable, h, factor)]
-        common = simplest(together, variable)
-        if common is not None:
-            found.append(common)
-    return sorted(found, key=lambda f: f.misfit)
+    together = {x: [point for rows, h in curves.values() for point in points(rows, x, h)] for x in VARIABLES}
+    return sorted(_fits(together), key=lambda f: f.misfit)
+
+
+def best(measures: Mapping[str, Sequence[Known]]) -> Fit | None:
+    """Return the simplest fit among several measures of the load, given (x, S, error) in each; then the closest."""
+    return min(_fits(measures), key=lambda fit: (len(fit.coefficients), fit.misfit), default=None)
+
+
+def _fits(measures: Mapping[str, Sequence[Known]]) -> list[Fit]:
+    return [found for variable, known in measures.items() if (found := simplest(known, variable)) is not None]
 
 
 def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q", measure: str = "D") -> tuple[float, float] | None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import Case
+from runs.studies.framework.pair import POISSON, THICK, THIN, pair
 
-THIN, THICK = 1.16, 6.0
-"""Thickness over R of the paper's separation case and of its attraction case."""
-POISSON, SUBSTRATE = 0.48, Elastic(1e3, 0.3)
 DISTANCES = (3.0, 4.0, 6.0)
 POISSONS = (0.3, 0.4, 0.4999)
 NEAR_SIGN_CHANGE = (1.7, 1.9)
@@ -21,14 +18,6 @@ DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, 120e3
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline."""
 SIDES = {THIN: "thin", THICK: "thick"}
-
-
-def pair(
-    thickness: float, approach: float, *, distance: float = 2.0, poisson: float = POISSON, shape: str = "sphere"
-) -> Problem:
-    """Return two balls ``distance`` R apart, pressed in by ``approach`` R; R = 1, E1 = 1."""
-    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
-    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", (approach,) * 2), SUBSTRATE, FiniteStrain())
 
 
 def cases(quick: bool) -> list[Case]:
@@ -68,7 +57,7 @@ def _along(
     unknowns: float = UNKNOWNS,
 ) -> Case:
     deepest = approaches[-1]
-    problem = pair(thickness, deepest, distance=distance, poisson=poisson, shape=shape)
+    problem = pair(deepest, thickness, distance=distance, poisson=poisson, shape=shape)
     words = [group, SIDES.get(thickness, f"h{thickness:g}"), f"L{distance:g}", f"nu{poisson:g}"]
     labels = {"group": group, "h": thickness, "L": distance, "nu": poisson, "shape": shape}
     steps, budget = tuple(approach / deepest for approach in approaches), {"unknowns": unknowns}

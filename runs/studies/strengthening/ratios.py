@@ -7,7 +7,6 @@ force ``geometry`` is T of the second over T of the first, S_Q of the third over
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,10 +15,10 @@ from typing import Any
 from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import compare_steps
 from runs.display.numbers import attraction
-from runs.process.files import replacing
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
+from runs.studies.framework.study import read_json, write
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""
@@ -27,10 +26,7 @@ KEPT = "ratios.json"
 
 def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of every finite-strain case, by its name; see `_rows`."""
-    try:
-        kept = json.loads((folder / KEPT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        kept = {}
+    kept = read_json(folder / KEPT) or {}
     now: dict[str, dict[str, Any]] = {}
     for case in found.cases:
         steps = found.steps(case.name)
@@ -39,8 +35,7 @@ def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
         key = [case.key(), len(steps)]
         old = kept.get(case.name, {})
         now[case.name] = old if old.get("key") == key else {"key": key, "rows": _rows(case, steps)}
-    with replacing(folder / KEPT) as draft:
-        draft.write_text(to_json(now), encoding="utf-8")
+    write(folder / KEPT, to_json(now))
     return {name: entry["rows"] for name, entry in now.items()}
 
 

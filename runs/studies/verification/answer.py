@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.studies.framework.records import Found
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import ENDED, Found
+from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.verification import (
     bars,
@@ -19,22 +21,24 @@ from runs.studies.verification import (
     small_load,
     timing,
 )
-from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row, cases_of
+from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row
 
 PARTS = (
     one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, hard.PART, timing.PART,
 )  # fmt: skip
 """In the order of the page."""
-ENDINGS = ("done", "refused", "not converged", "failed")
-"""States that tell how a case ended: all but those that wait."""
-ENDED = frozenset(ENDINGS)
 COUNTED = (
     "Only what is right or wrong is a claim: a refusal or a stop gives no answer, and an answer whose own error bar is "
     "above 10 % claims nothing."
 )
 
 
-def present(found: Found, folder: Path, quick: bool) -> str:
+def cases(quick: bool) -> list[Case]:
+    """Return the cases of every part."""
+    return [case for part in PARTS for case in part.cases(quick)]
+
+
+def present(found: Found, folder: Path) -> str:
     """Write one CSV per part and the figure; return the answer as Markdown."""
     tables = {part.name: part.rows(found) for part in PARTS}
     for name, rows in tables.items():
@@ -54,7 +58,7 @@ def present(found: Found, folder: Path, quick: bool) -> str:
 
 
 def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:
-    mine = cases_of(found, part.name)
+    mine = found.of_part(part.name)
     ended = f"{sum(found.state(case.name) in ENDED for case in mine)} of {len(mine)}"
     return {"part": part.title, "cases": ended, **_counts(rows)}
 
@@ -65,3 +69,6 @@ def _counts(rows: Sequence[Row]) -> dict[str, int]:
     return {word: verdicts.count(word) for word in (RIGHT, WRONG, REFUSED, STOPPED)} | {
         "without a claim": verdicts.count(None)
     }
+
+
+STUDY = study_of_cases("verification", cases, present, ("verification.svg", "verification.png"), ENDED)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from runs.comparison.linear_states import LinearStates
-from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.pair import pair
+from runs.studies.framework.records import Found, pull
 from runs.studies.verification import convergence
-from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
+from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "bars"
 LEVELS = (Level(2, 1.0), Level(3, 1.0), Level(4, 1.0), Level(4, 1.5))
@@ -32,9 +32,7 @@ def cases(quick: bool) -> list[Case]:
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per answer that has a better one: `linear_bem`'s at small strain, else that of the finest mesh."""
     table = []
-    for case in [*cases_of(found, convergence.NAME), *cases_of(found, NAME)]:
-        if found.state(case.name) != DONE:
-            continue
+    for case in [*found.done(convergence.NAME), *found.done(NAME)]:
         steps, words = found.steps(case.name), "finest mesh"
         better = steps[-1]
         if case.model == "small_strain":
@@ -46,7 +44,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _row(case: Case, step: Mapping[str, Any], better: Mapping[str, Any], words: str) -> dict[str, Any]:
-    (value, bar), (known, left) = (_pull(each) for each in (step, better))
+    (value, bar), (known, left) = (pull(each["balls"]) for each in (step, better))
     off, record = abs(value - known), step["record"]
     # a better answer that is hardly better judges nothing
     verdict = claimed(off <= bar + left, bar / abs(value)) if left <= BETTER * bar else None
@@ -56,11 +54,6 @@ def _row(case: Case, step: Mapping[str, Any], better: Mapping[str, Any], words: 
         "off": 100.0 * off / abs(known), "bar": 100.0 * bar / abs(value), "known": 100.0 * left / abs(known),
         "ratio": bar / off if off else None, "verdict": verdict,
     }  # fmt: skip
-
-
-def _pull(step: Mapping[str, Any]) -> tuple[float, float]:
-    ball = step["balls"][0]
-    return attraction(step["balls"], 0, ball["tangential_force"]), float(ball["tangential_force_error"])
 
 
 PART = Part(

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from runs.comparison.linear_states import LinearStates
-from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.records import DONE, Found
-from runs.studies.verification.part import Part, as_seen_by, cases_of, claimed, pair
+from runs.studies.framework.pair import as_seen_by, pair
+from runs.studies.framework.records import Found, pull
+from runs.studies.verification.part import Part, claimed
 
 NAME = "convergence"
 LEVELS = ((2, 1.0), (3, 1.0), (4, 1.0), (4, 1.5))
@@ -45,9 +45,7 @@ def cases(quick: bool) -> list[Case]:
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case and quantity: its errors over the resolution, and the order that they show."""
     table = []
-    for case in cases_of(found, NAME):
-        if found.state(case.name) != DONE:
-            continue
+    for case in found.done(NAME):
         steps = found.steps(case.name)
         (truth,) = LinearStates(case.problem, 1e-7, {}).at_approach(steps[-1:])["steps"]
         sizes = [step["record"]["order"] * step["record"]["fineness"] for step in steps]
@@ -75,10 +73,8 @@ def judged(resolutions: Sequence[float], errors: Sequence[float]) -> dict[str, A
 
 
 def _value(step: Any, quantity: str) -> float:
-    ball = step["balls"][0]
-    if quantity == "Q":
-        return float(ball["normal_force"])
-    return float(attraction(step["balls"], 0, ball["tangential_force"]) / np.square(ball["normal_force"]))
+    force = float(step["balls"][0]["normal_force"])
+    return force if quantity == "Q" else float(pull(step["balls"])[0] / np.square(force))
 
 
 PART = Part(

@@ -1,6 +1,7 @@
 """Hard cases: each ends in an answer that its check confirms, or in a refusal or a stop that names step and reason.
 
-Cases of the study ``stability`` are taken from there; the ones that it lacks are added.
+Cases of the study ``stability`` are taken from there, with the answers that its folder holds; the ones that it lacks
+are added.
 """
 
 from __future__ import annotations
@@ -8,25 +9,19 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import FINITE, LINEAR, SMALL, Case
+from runs.studies.framework.pair import pair
 from runs.studies.framework.records import Found
-from runs.studies.stability.judging import energy_balance, largest, smallest, verdict
-from runs.studies.stability.matrix import FINITE, LINEAR, SMALL, Check, Hard, case_of, hard_cases
-from runs.studies.verification.part import COARSE, Part, cases_of, pair, worded
+from runs.studies.stability.judging import energy_balance, took, verdict
+from runs.studies.stability.matrix import Check, Hard, case_of, hard_cases
+from runs.studies.verification.part import COARSE, Part, worded
 
 NAME = "hard"
 ACCURACY = 0.1
 TAKEN = (
-    "usual",
-    "one-step",
-    "coarse",
-    "incompressible",
-    "nearly-incompressible",
-    "equal-substrate",
-    "very-deep",
-    "deepest",
+    "usual", "one-step", "coarse", "incompressible", "nearly-incompressible", "equal-substrate", "very-deep", "deepest",
     "lifted",
-)
+)  # fmt: skip
 """Cases of the study ``stability`` that belong here; where two are checked against each other, the reference first."""
 LARGER_THAN_T = "the error of T is larger than T"
 """What the judge says of a T that is zero within its error."""
@@ -36,17 +31,13 @@ def chosen() -> list[Hard]:
     """Return every hard case of this study."""
     linear = "linear_bem, another model of the same problem"
     known = {hard.name: hard for hard in hard_cases()}
-    found = [known[name] for name in TAKEN]
-    small = [hard for hard in found if hard.checks.get(SMALL)]
-    found = [
-        dataclasses.replace(
-            hard,
-            models=tuple(m for m in hard.models if m in (FINITE, SMALL, LINEAR) and (m == FINITE or hard in small)),
-        )
-        for hard in found
-    ]
+
+    def asked(hard: Hard) -> tuple[str, ...]:
+        """Return the models of a case taken: small strain where linear_bem checks it."""
+        return tuple(m for m in hard.models if m == FINITE or (m in (SMALL, LINEAR) and SMALL in hard.checks))
+
     return [
-        *found,
+        *(dataclasses.replace(known[name], models=asked(known[name])) for name in TAKEN),
         Hard(
             "thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, 0.2), (LINEAR, SMALL, FINITE),
             {SMALL: Check(linear, "hard-thin-layer-linear-bem")},
@@ -72,12 +63,13 @@ def _case(hard: Hard, model: str, quick: bool) -> Case:
     check = labels["check"]
     if check is not None and not check["other"].startswith(NAME):
         labels["check"] = {**check, "other": f"{NAME}-{check['other']}"}
-    return dataclasses.replace(case, name=f"{NAME}-{case.name}", labels=labels)
+    same = ("stability", case.name) if hard.name in TAKEN else None
+    return dataclasses.replace(case, name=f"{NAME}-{case.name}", labels=labels, same_as=same)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case and model; a stop and a refusal are neither right nor wrong if they say why."""
-    return [_row(found, case) for case in cases_of(found, NAME)]
+    return [_row(found, case) for case in found.of_part(NAME)]
 
 
 def judged(found: Found, case: Case) -> tuple[str, str]:
@@ -86,11 +78,10 @@ def judged(found: Found, case: Case) -> tuple[str, str]:
     But for a ball that only rests: nothing holds it against its neighbour, so its T is no more than its error.
     """
     ended, why = verdict(found, case.name, case.labels)
-    if ended != "WRONG" or why != LARGER_THAN_T or case.problem.load.kind != "approach":
-        return ended, why
-    if min(case.problem.load.values) > 0.0:
-        return ended, why
-    return "right", "T is zero within its error"
+    rests = case.problem.load.kind == "approach" and min(case.problem.load.values) <= 0.0
+    if rests and (ended, why) == ("WRONG", LARGER_THAN_T):
+        return "right", "T is zero within its error"
+    return ended, why
 
 
 def _row(found: Found, case: Case) -> dict[str, Any]:
@@ -99,15 +90,11 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
     row: dict[str, Any] = {"case": case.labels["words"], "model": case.model, "ended": ended, "why": why}
     row["verdict"] = worded(found, case, ended)
     if steps:
-        balls = steps[-1]["balls"]
-        ball = balls[0]
+        ball = steps[-1]["balls"][0]
         row |= {
             "D": ball["approach"],
             "T": (ball["tangential_force"][0], ball["tangential_force_error"]),
-            "steps": len(steps) if case.parallel else None,
-            "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps) if case.parallel else None,
-            "J": smallest(steps, "smallest_volume_ratio"),
-            "penetration": largest(steps, "penetration"),
+            **took(found, case),
             "balance": energy_balance(steps),
             "cpu": found.records[case.name].get("cpu_seconds"),
         }

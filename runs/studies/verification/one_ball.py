@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,9 @@ from linear_bem.closed_forms import (
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
+from runs.studies.framework.pair import as_seen_by
 from runs.studies.framework.records import Found
-from runs.studies.verification.part import COARSE, Part, as_seen_by, cases_of, claimed
+from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "one-ball"
 DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
@@ -37,8 +39,8 @@ AXISYMMETRIC = {
     2.0: {0.05: 1.11838, 0.1: 1.17867, 0.2: 1.25985, 0.3: 1.32289, 0.4: 1.37158, 0.5: 1.40815},
 }
 """Q over Hertz's at D / R for h / R, nu = 0.4999, of another code: axisymmetric, Q2/P1, quadrature-point contact."""
-Reference = tuple[str, float | None, float]
-"""Name, force [N] (None: none there), relative band; a band of inf makes no claim."""
+Reference = tuple[str, float, float]
+"""Name, force [N], relative band; a band of inf makes no claim."""
 
 
 def single(approach: float, thickness: float, poisson: float, shape: str) -> Problem:
@@ -76,11 +78,10 @@ def _case(name: str, problem: Problem, model: str, accuracy: float, kind: str) -
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case, load step shown, and reference."""
     table: list[dict[str, Any]] = []
-    for case in cases_of(found, NAME):
+    for case in found.of_part(NAME):
         steps = found.steps(case.name)
         for step in shown(steps):
-            for reference in references(case, step["balls"][0]["approach"]):
-                table += _row(case, step, reference)
+            table += [_row(case, step, reference) for reference in references(case, step["balls"][0]["approach"])]
         if case.name == f"{NAME}-hertz" and len(steps) > 1:
             table.append(_limit(case, steps))
     return table
@@ -113,7 +114,10 @@ def references(case: Case, depth: float) -> list[Reference]:
     other = hertz_force(depth, 1.0, layer.contact_modulus) * float(
         np.interp(depth**0.5, [d**0.5 for d in table], list(table.values()))
     )
-    published: list[Reference] = [("Long 2011", _long(depth, layer), LONG_BAND)]
+    published: list[Reference] = []
+    with warnings.catch_warnings(), suppress(UserWarning):  # outside the range of the fit
+        warnings.simplefilter("error")
+        published.append(("Long 2011", long_force(depth, 1.0, layer, layer.thickness), LONG_BAND))
     if min(table) <= depth <= max(table) * (1.0 + 1e-9):
         published.append(("axisymmetric elements", other, AXISYMMETRIC_BAND))
     return published
@@ -131,32 +135,19 @@ def half_space_sphere(depth: float, layer: Layer) -> float:
     return sneddon_sphere(radius, 1.0, layer.contact_modulus)[1]
 
 
-def _long(depth: float, layer: Layer) -> float | None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return long_force(depth, 1.0, layer, layer.thickness)
-        except UserWarning:  # outside the range of the fit
-            return None
-
-
-def _row(case: Case, step: Mapping[str, Any], reference: Reference) -> list[dict[str, Any]]:
+def _row(case: Case, step: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
     name, force, band = reference
-    if force is None:
-        return []
     ball, layer = step["balls"][0], case.problem.layer
     hertz = hertz_force(ball["approach"], 1.0, layer.contact_modulus)
     bar = step["record"]["normal_force_error"][0] / ball["normal_force"]
     off = ball["normal_force"] / force - 1.0
-    return [
-        {
-            "model": case.model, "h": layer.thickness, "nu": layer.poisson, "D": ball["approach"],
-            "ratio": (ball["normal_force"] / hertz, bar * ball["normal_force"] / hertz),
-            "reference": name, "expected": force / hertz, "off": 100.0 * off, "bar": 100.0 * bar,
-            "band": 100.0 * band if np.isfinite(band) else None,
-            "verdict": claimed(bool(abs(off) <= bar + band), bar) if np.isfinite(band) else None,
-        }
-    ]  # fmt: skip
+    return {
+        "model": case.model, "h": layer.thickness, "nu": layer.poisson, "D": ball["approach"],
+        "ratio": (ball["normal_force"] / hertz, bar * ball["normal_force"] / hertz),
+        "reference": name, "expected": force / hertz, "off": 100.0 * off, "bar": 100.0 * bar,
+        "band": 100.0 * band if np.isfinite(band) else None,
+        "verdict": claimed(bool(abs(off) <= bar + band), bar) if np.isfinite(band) else None,
+    }  # fmt: skip
 
 
 def _limit(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

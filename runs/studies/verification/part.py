@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 
-THIN, POISSON, STIFF = 1.16, 0.48, Elastic(1e3, 0.3)
-"""The paper's separation case: thickness over R, Poisson's ratio, substrate."""
-PAPER_LOAD = 2.66666e-3
 COARSE = 0.2
 """Accuracy asked of T in the quick version: the coarsest meshes that there are."""
 RIGHT, WRONG, REFUSED, STOPPED = "right", "WRONG", "refused by name", "not converged"
@@ -42,11 +38,6 @@ class Part:
     columns: Mapping[str, str]
 
 
-def cases_of(found: Found, part: str) -> list[Case]:
-    """Return the cases of one part."""
-    return [case for case in found.cases if case.labels["part"] == part]
-
-
 def worded(found: Found, case: Case, ended: str) -> str | None:
     """Return the verdict on how a case ended (see `runs.studies.stability.judging.verdict`).
 
@@ -59,20 +50,3 @@ def worded(found: Found, case: Case, ended: str) -> str | None:
         return (STOPPED if ended == STOPPED else REFUSED) if said else WRONG
     accuracy = found.records[case.name].get("solved", {}).get("accuracy") or {}
     return claimed(ended == RIGHT, accuracy.get("reached") or 0.0)
-
-
-def pair(
-    approach: float | Sequence[float], thickness: float = THIN, *, distance: float = 2.0, poisson: float = POISSON,
-    substrate: Elastic | None = STIFF, shape: str = "sphere",
-) -> Problem:  # fmt: skip
-    """Return two balls ``distance`` R apart; R = 1, E1 = 1; one number presses both in."""
-    depths = (approach, approach) if isinstance(approach, int | float) else tuple(approach)
-    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
-    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", depths), substrate, FiniteStrain())
-
-
-def as_seen_by(model: str, problem: Problem) -> Problem:
-    """Return the problem without the effect that a small-strain model lacks."""
-    if model == "finite_strain":
-        return problem
-    return Problem(problem.layer, problem.balls, problem.load, problem.substrate)

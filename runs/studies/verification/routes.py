@@ -11,8 +11,9 @@ from typing import Any
 from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
+from runs.studies.framework.pair import pair
 from runs.studies.framework.records import DONE, Found
-from runs.studies.verification.part import COARSE, Part, claimed, pair
+from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "routes"
 DISTANCE, SHIFT = 2.1, 0.02

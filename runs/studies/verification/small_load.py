@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from linear_bem.problem import Load
 from runs.comparison.linear_states import LinearStates
-from runs.display.numbers import attraction
-from runs.studies.framework.case import Case
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.case import FINITE, SMALL, Case
+from runs.studies.framework.pair import PAPER_LOAD, THIN, as_seen_by, pair
+from runs.studies.framework.records import Found, pull
 from runs.studies.verification.one_ball import extrapolation_weights
-from runs.studies.verification.part import PAPER_LOAD, THIN, Part, as_seen_by, cases_of, claimed, pair
+from runs.studies.verification.part import Part, claimed
 
 NAME = "small-load"
 THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
 ACCURACY = 0.02
 LIGHT = 0.004
 """Approach over R of the larger of two loads; the smaller is a third of it."""
-TWO_LOADS = (1.0 / 3.0, 1.0)
+TWO_LOADS: tuple[float, ...] = (1.0 / 3.0, 1.0)
 WANTED = 0.01
 """Departure that is wanted, over |T| or, where T is near its zero, over a tenth of the half-space's mutual force."""
 
@@ -29,40 +27,28 @@ WANTED = 0.01
 def cases(quick: bool) -> list[Case]:
     """Return both kinematics for every thickness and distance; the quick version has one case at small strain."""
     if quick:
-        return [_paper_load(THIN, 2.0, quick)]
-    return [
-        case
-        for h in THICKNESSES
-        for distance in DISTANCES
-        for case in (_paper_load(h, distance, quick), _two_loads(h, distance, quick))
-    ]
+        return [_case(SMALL, THIN, 2.0, WANTED)]
+    return [_case(model, h, distance) for h in THICKNESSES for distance in DISTANCES for model in (SMALL, FINITE)]
 
 
-def _paper_load(h: float, distance: float, quick: bool) -> Case:
-    problem = as_seen_by("small_strain", pair(1.0, h, distance=distance, shape="paraboloid"))
-    problem = dataclasses.replace(problem, load=Load("force", (PAPER_LOAD,) * 2))
-    return _case("small_strain", problem, h, distance, quick, (1.0,))
-
-
-def _two_loads(h: float, distance: float, quick: bool) -> Case:
-    return _case("finite_strain", pair(LIGHT, h, distance=distance), h, distance, quick, TWO_LOADS)
-
-
-def _case(model: str, problem: Any, h: float, distance: float, quick: bool, steps: Sequence[float]) -> Case:
+def _case(model: str, h: float, distance: float, accuracy: float = ACCURACY) -> Case:
+    problem, steps = pair(LIGHT, h, distance=distance), TWO_LOADS
+    if model == SMALL:
+        problem = as_seen_by(model, pair(1.0, h, distance=distance, shape="paraboloid"))
+        problem, steps = problem.with_load("force", (PAPER_LOAD,) * 2), (1.0,)
     name = f"{NAME}-{model.replace('_', '-')}-h{h:g}-L{distance:g}"
-    labels = {"part": NAME, "h": h, "L": distance}
-    return Case(name, problem, model, WANTED if quick else ACCURACY, labels=labels, steps=steps)
+    return Case(name, problem, model, accuracy, labels={"part": NAME, "h": h, "L": distance}, steps=steps)
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case that is done."""
-    return [_row(case, found.steps(case.name)) for case in cases_of(found, NAME) if found.state(case.name) == DONE]
+    return [_row(case, found.steps(case.name)) for case in found.done(NAME)]
 
 
 def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     from finite_strain.geometry.extent import scale_of_force  # noqa: PLC0415  (only where elements are pressed)
 
-    if case.model == "small_strain":
+    if case.model == SMALL:
         steps = steps[-1:]
     linear = LinearStates(case.problem, None, {}).at_force(steps)["steps"]
     ratios, bars = np.array([_ratio(step, other) for step, other in zip(steps, linear, strict=True)]).T
@@ -73,7 +59,7 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         weights = extrapolation_weights(depths[[0, -1]] ** 0.5)
         value, bar = float(weights @ ratios[[0, -1]]), float(max(bars[0], bars[-1]))
     ball = linear[-1]["balls"][0]
-    size = attraction(linear[-1]["balls"], 0, ball["tangential_force"])
+    size, _ = pull(linear[-1]["balls"])
     scale = scale_of_force(case.problem, np.full(2, ball["normal_force"]))
     share = abs(size) / max(abs(size), scale)
     return {
@@ -87,10 +73,9 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, float]:
     """Return T over the linear T at the same force, and its bar."""
-    ball, other = step["balls"][0], linear["balls"][0]
-    size = attraction(linear["balls"], 0, other["tangential_force"])
-    error = step["record"]["tangential_force_error_at_force"][0] + other["tangential_force_error"]
-    return attraction(step["balls"], 0, ball["tangential_force"]) / size, error / abs(size)
+    size, other = pull(linear["balls"])
+    error = step["record"]["tangential_force_error_at_force"][0] + other
+    return pull(step["balls"])[0] / size, error / abs(size)
 
 
 PART = Part(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import DONE, Found
-from runs.studies.verification.part import COARSE, Part, cases_of, claimed, pair
+from runs.studies.framework.pair import pair
+from runs.studies.framework.records import Found, pull
+from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "timing"
 DEPTHS, ASKED = (0.1, 0.3), (0.05, 0.02, 0.01)
@@ -32,12 +32,13 @@ def cases(quick: bool) -> list[Case]:
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case: asked, reached, its difference from the best answer at the same depth, and the time."""
     table = []
-    mine = [case for case in cases_of(found, NAME) if found.state(case.name) == DONE]
+    mine = found.done(NAME)
     for case in mine:
         alike = [other for other in mine if other.labels["depth"] == case.labels["depth"]]
         best = min(alike, key=lambda other: found.records[other.name]["solved"]["accuracy"]["reached"])
         record = found.records[case.name]
-        accuracy, value, other = record["solved"]["accuracy"], _force(found, case), _force(found, best)
+        accuracy = record["solved"]["accuracy"]
+        value, other = (pull(found.steps(each.name)[-1]["balls"]) for each in (case, best))
         off = abs(value[0] / other[0] - 1.0)
         table.append(
             {
@@ -52,11 +53,6 @@ def rows(found: Found) -> list[dict[str, Any]]:
             }
         )  # fmt: skip
     return table
-
-
-def _force(found: Found, case: Case) -> tuple[float, float]:
-    balls = found.steps(case.name)[-1]["balls"]
-    return attraction(balls, 0, balls[0]["tangential_force"]), float(balls[0]["tangential_force_error"])
 
 
 PART = Part(

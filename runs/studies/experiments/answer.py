@@ -1,25 +1,67 @@
-"""The study's answer as text, table and figure."""
+"""Every run in both models, and what they answer: text, table and figures."""
 
 from __future__ import annotations
 
-import csv
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
-from runs.process.files import replacing
-from runs.studies.experiments import side_by_side
+from runs.process import signals
+from runs.session.progress import tell
+from runs.studies import Options
+from runs.studies.experiments import cases, side_by_side
 from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
+from runs.studies.framework.study import Study, command
+from runs.studies.framework.tables import markdown, save_csv
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}
+
+
+class Judged(NamedTuple):
+    """A point with what the runs of each model show of it; None where runs are missing."""
+
+    point: Point
+    small: Finding | None
+    large: Finding | None
+
+
+def compute(folder: Path, options: Options) -> None:
+    """Evolve every case by small strain, and by finite strain where its table is there."""
+    for case in cases.chosen(options.quick):
+        for model, scene in cases.runs_of(case, options.quick):
+            signals.check()
+            begun = time.monotonic()
+            cases.evolve(case, scene, model, folder, fresh=options.fresh, pictures=not options.quick)
+            tell(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
+
+
+def page(folder: Path, quick: bool) -> str:
+    """Write table and figures; return the answer as Markdown."""
+    found: dict[str, dict[str, Any]] = {model: {} for model in MODELS}
+    missing: dict[str, str] = {}
+    for case in cases.chosen(quick):
+        runs = cases.runs_of(case, quick)
+        if case.finite is not None and len(runs) < 2:
+            missing[case.name] = f"mpirun -n 2 thirdbody evolve runs/scenes/experiment_{case.finite}.toml"
+        for model, scene in runs:
+            document = cases.evolve(case, scene, model, folder, compute=False)
+            if document is None:
+                tell(f"{case.name}, {model}: not there")
+            else:
+                found[model][case.name] = document
+    save_csv(folder / "experiments.csv", _members(found))
+    draw(folder, found)
+    draw_gathering(folder, found)
+    return answer(found, missing, side_by_side.comparisons(), command("experiments", quick))
 
 
 def findings(point: Point, documents: Documents) -> Finding | None:
@@ -27,39 +69,34 @@ def findings(point: Point, documents: Documents) -> Finding | None:
     return point.judge(documents) if all(name in documents for name in point.cases) else None
 
 
-def answer(
-    found: Mapping[str, Documents],
-    missing: Mapping[str, str],
-    pairs: Sequence[Comparison],
-    command: str,
-    seconds: float,
-) -> str:
+def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Sequence[Comparison], by: str) -> str:
     """Return the answer in Markdown; ``missing`` names the command that makes each absent finite-strain table.
 
     ``pairs``: what moves two balls in both models.
     """
-    judged = {model: [findings(point, found[model]) for point in POINTS] for model in MODELS}
-    lines = [_sentence(judged), "", "| the source reports | small strain | finite strain | numbers, and why |"]
-    lines.append("|---|---|---|---|")
-    for k, point in enumerate(POINTS):
-        small, large = judged["linear_bem"][k], judged["finite_strain"][k]
-        numbers = [f"{small.numbers}" if small else ""]
+    judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
+    turned = [one.point.title for one in judged if one.small and one.large and one.small.verdict != one.large.verdict]
+    rows = []
+    for point, small, large in judged:
+        numbers = [small.numbers if small else ""]
         if large is not None:
             numbers.append(f"finite strain: {large.numbers}")
         verdicts = {f.verdict for f in (small, large) if f is not None}
         if point.reason and (verdicts & {NO, OPEN} or "fitted" in point.reason):
             numbers.append(point.reason)
-        cells = [f.verdict if f is not None else "no table yet" for f in (small, large)]
-        lines.append(f"| {point.title} | {cells[0]} | {cells[1]} | {'. '.join(n for n in numbers if n)} |")
-    lines.append("")
+        cells = (f.verdict if f is not None else "no table yet" for f in (small, large))
+        words = (point.title, *cells, ". ".join(n for n in numbers if n))
+        rows.append(dict(zip(("the source reports", *MODELS.values(), "numbers, and why"), words, strict=True)))
+    lines = [_sentence(judged, turned), "", *markdown(rows, aligned=False), ""]
     if pairs:
-        lines += [side_by_side.sentence(pairs, _turned(judged)), "", *side_by_side.force_table(pairs)]
+        lines += [side_by_side.sentence(pairs, turned), "", *side_by_side.force_table(pairs)]
     lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**How well this is known.**", ""]
     lines += _errors(found)
     if missing:
         lines += ["", "Finite-strain tables that are not there (each about 14 finite-element runs; resumable):", ""]
         lines += [f"- {', '.join(names)}: `{one}`" for one, names in _by_command(missing).items()]
-    lines += ["", f"Made by `{command}` in {seconds:.0f} s of processor time (tables of pairs not counted)."]
+    seconds = sum(document["solved"]["seconds"] for model in MODELS for document in found[model].values())
+    lines += ["", f"Made by `{by}` in {seconds:.0f} s of processor time (tables of pairs not counted)."]
     return "\n".join(lines)
 
 
@@ -70,28 +107,18 @@ def _by_command(missing: Mapping[str, str]) -> dict[str, list[str]]:
     return out
 
 
-def _sentence(judged: Mapping[str, list[Finding | None]]) -> str:
-    small = [f for f in judged["linear_bem"] if f is not None]
-    counts = {verdict: sum(f.verdict == verdict for f in small) for verdict in (YES, NO, OPEN)}
+def _sentence(judged: Sequence[Judged], turned: Sequence[str]) -> str:
+    small = [one.small.verdict for one in judged if one.small is not None]
+    counts = {verdict: small.count(verdict) for verdict in (YES, NO, OPEN)}
     text = (
         f"Of {len(small)} reports, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
         f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
     )
-    both = sum(s is not None and f is not None for s, f in zip(*judged.values(), strict=True))
+    both = sum(one.small is not None and one.large is not None for one in judged)
     if both:
-        other = _turned(judged)
-        changed = f"changes the verdict on: {'; '.join(other)}" if other else "changes no verdict"
+        changed = f"changes the verdict on: {'; '.join(turned)}" if turned else "changes no verdict"
         text += f" Finite strain {changed} (of {both} that its tables cover)."
     return text
-
-
-def _turned(judged: Mapping[str, list[Finding | None]]) -> list[str]:
-    """Return the reports that finite strain judges otherwise."""
-    return [
-        point.title
-        for point, s, f in zip(POINTS, judged["linear_bem"], judged["finite_strain"], strict=True)
-        if s is not None and f is not None and s.verdict != f.verdict
-    ]
 
 
 def _errors(found: Mapping[str, Documents]) -> list[str]:
@@ -163,9 +190,9 @@ def _speeds(documents: Documents) -> list[str]:
     return [f"- nine balls, small strain: {'; '.join(texts)}"] if texts else []
 
 
-def write_table(folder: Path, found: Mapping[str, Documents]) -> None:
-    """Write experiments.csv: every ensemble member of every run."""
-    rows = [
+def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:
+    """Return one row per ensemble member of every run."""
+    return [
         {
             "model": model,
             "case": case,
@@ -184,10 +211,6 @@ def write_table(folder: Path, found: Mapping[str, Documents]) -> None:
         for case, document in found[model].items()
         for member in document["ensemble"]
     ]
-    with replacing(folder / "experiments.csv") as draft, open(draft, "w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def draw(folder: Path, found: Mapping[str, Documents]) -> None:
@@ -242,3 +265,6 @@ def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:
             color=color,
             label=f"{size} mm balls" if model == "linear_bem" else None,
         )
+
+
+STUDY = Study("experiments", compute, page, ("experiments.svg", "gathering.svg"), saves="*-linear_bem")

@@ -1,0 +1,77 @@
+"""What is measured, one table after the other, and the page that shows them."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from runs.process import signals
+from runs.session.progress import tell
+from runs.studies import Options
+from runs.studies.benchmarks import pair, sphere
+from runs.studies.framework.study import Study, read_json, write
+from runs.studies.framework.tables import markdown, save_csv
+
+GRIDS = (256, 512, 1024)
+COUNTS = (9, 100, 300, 1000)
+KEPT = "benchmarks.json"
+"""File of the study's folder with what was measured, and when."""
+TITLES = {
+    "sphere": "One sphere on a half-space, tolerance 1e-8, one thread: time and relative errors against Hertz",
+    "kernel_table": "The kernel's table, once per pair of materials",
+    "pair": "The paper's pair: best time to T, its error and the solver's own estimate",
+    "growth": "Touching balls under one holder, T to 1e-3",
+}
+
+
+def compute(folder: Path, options: Options) -> None:
+    """Measure all; nothing is taken from an earlier run."""
+    before = os.getloadavg()[0]
+    rows: list[dict[str, Any]] = []
+    for cells in GRIDS[:1] if options.quick else GRIDS:
+        ours = 0.0
+        for code in sphere.CODES:
+            signals.check()
+            row = vars(sphere.measure(code, cells)).copy()
+            ours = ours or row["seconds"]
+            rows.append({**row, "over_this_project": row["seconds"] / ours})
+            tell(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")
+    tables = {
+        "sphere": rows,
+        "kernel_table": [{"seconds": pair.table_seconds(), "aim_seconds": 0.3}],
+        "pair": pair.times_to_accuracy(2 if options.quick else 7),
+        "growth": pair.growth(list(COUNTS[:2] if options.quick else COUNTS)),
+    }
+    words = (
+        f"One run on one thread of {os.cpu_count()} cores; load of the machine over the last minute "
+        f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, something else ran too, and "
+        f"ratios tell more than seconds. Codes: {', '.join(_versions())}."
+    )
+    write(folder / KEPT, json.dumps({"words": words, "tables": tables}, indent=1))
+
+
+def page(folder: Path, quick: bool) -> str:
+    """Write one CSV per table; return them as Markdown."""
+    kept = read_json(folder / KEPT) or {"words": "Nothing has been measured yet.", "tables": {}}
+    lines = [kept["words"]]
+    for name, rows in kept["tables"].items():
+        save_csv(folder / f"{name}.csv", rows)
+        columns = {key: key.replace("_", " ") for key in rows[0]}
+        lines += ["", f"## {TITLES[name]}", "", *markdown(rows, columns, digits=3, aligned=False)]
+    return "\n".join(lines)
+
+
+def _versions() -> list[str]:
+    """Return the codes and the libraries they stand on with their versions, where they are installed."""
+    found = []
+    for name in ("thirdbody", "tamaas", "aspher", "numpy", "scipy"):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found.append(f"{name} {importlib.metadata.version(name)}")
+    return found
+
+
+STUDY = Study("benchmarks", compute, page, text="benchmarks.md")

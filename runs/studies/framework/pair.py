@@ -1,0 +1,31 @@
+"""The paper's pair of balls as the studies vary it, dimensionless: R = 1 and E1 = 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+
+THIN, THICK = 1.16, 6.0
+"""Thickness over R of the paper's separation case and of its attraction case."""
+POISSON, STIFF = 0.48, Elastic(1e3, 0.3)
+"""Poisson's ratio of the layer, and the substrate."""
+PAPER_LOAD = 2.66666e-3
+"""The paper's normal force on each ball, over E1 R^2."""
+
+
+def pair(
+    approach: float | Sequence[float], thickness: float = THIN, *, distance: float = 2.0, poisson: float = POISSON,
+    substrate: Elastic | None = STIFF, shape: str = "sphere",
+) -> Problem:  # fmt: skip
+    """Return two balls ``distance`` apart at finite strain; one approach presses both in."""
+    depths = (approach, approach) if isinstance(approach, int | float) else tuple(approach)
+    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
+    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", depths), substrate, FiniteStrain())
+
+
+def as_seen_by(model: str, problem: Problem) -> Problem:
+    """Return the problem without the effect that a small-strain model lacks."""
+    if model == "finite_strain":
+        return problem
+    return Problem(problem.layer, problem.balls, problem.load, problem.substrate)

@@ -1,0 +1,94 @@
+"""What every study is: answers computed into a folder, and a page made of whatever answers are there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from linear_bem.errors import OutputUnusable
+from runs.process import ranks
+from runs.process.files import replacing
+from runs.process.json_values import to_json
+from runs.session.progress import tell
+from runs.session.run_folder import MARK, difference
+from runs.studies import Options
+from runs.studies.framework.publishing import publish
+
+CASES = "cases"
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study: ``compute`` saves answers in its folder (on every rank), ``page`` makes tables and figures of them.
+
+    ``page`` gets the folder and whether this is the quick version, and returns Markdown.
+    """
+
+    name: str
+    compute: Callable[[Path, Options], None]
+    page: Callable[[Path, bool], str]
+    publishes: Sequence[str] = ()
+    """Files of the output folder that belong on the study's page."""
+    text: str = "answer.md"
+    """File of the output folder with the page."""
+    saves: str = f"{CASES}/*"
+    """Files by which a folder is known as the study's though nothing in it says so."""
+
+
+def run(study: Study, options: Options) -> None:
+    """Compute what the folder has no answer to, then make the page; raises `OutputUnusable`."""
+    folder = options.out or Path("out") / f"study-{study.name}{'-quick' if options.quick else ''}"
+    if ranks.is_root():  # before MPI starts: a folder that cannot be used ends the run at once
+        _open(folder, study, {"command": "study", "study": study.name, "quick": options.quick})
+    if not options.tables:
+        study.compute(folder, options)
+    if not ranks.is_root():
+        return
+    text = study.page(folder, options.quick).rstrip("\n") + "\n"
+    write(folder / study.text, text)
+    print(text, end="")
+    if options.publish:
+        tell(f"published in {publish(study.name, text, [folder / name for name in study.publishes])}")
+    tell(f"{study.text}, tables (CSV) and figures are in {folder}")
+
+
+def command(name: str, quick: bool) -> str:
+    """Return the command that makes the study's page."""
+    return f"thirdbody study {name}{' --quick' if quick else ''}"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    with replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the object that a file holds; None where it is not there or not whole."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) else None
+
+
+def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
+    """Make the folder and mark it as the study's; several runs may share it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        mark = read_json(folder / MARK)
+        strangers = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+        known = mark is not None or set(strangers) <= {MARK, CASES} or any(folder.glob(study.saves))
+    except OSError as error:
+        raise OutputUnusable(f"{folder}: cannot write there: {error.strerror or error}; name another --out") from None
+    if not known:
+        raise OutputUnusable(f"{folder}: holds files of no study ({strangers[0]}); name a new or empty --out")
+    if mark is None:
+        write(folder / MARK, to_json({"identity": identity, "state": "running"}))
+    elif mark.get("identity") != identity:
+        raise OutputUnusable(
+            f"{folder}: holds another run ({difference(mark.get('identity'), identity)}); name another --out"
+        )

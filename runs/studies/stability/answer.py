@@ -1,0 +1,70 @@
+"""The study's page: how every case ended and what it took, and whether the error bars hold along the load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import ENDED, Found
+from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.stability.bars import path_bars, sentence
+from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
+from runs.studies.stability.matrix import cases
+
+BARS = (
+    "T of small_strain at every load step, held against linear_bem at the same approach (or force), which knows it at "
+    "least ten times as well as the bar says. The accuracy asked for is that of full load; where a contact is only few "
+    "elements wide, the bars of the steps before are estimates of a mesh that is too coarse to know better."
+)
+
+
+def present(found: Found, folder: Path) -> str:
+    """Write stability.csv and return the table and the counts as Markdown."""
+    rows = [_row(found, case) for case in found.cases]
+    bars = path_bars(found)
+    pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
+    save_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
+    save_csv(folder / "bars.csv", bars)
+    ended = [row["ended"] for row in rows]
+    counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
+    numbers = {key: key for key in rows[0] if key not in ("why", "words")}
+    return "\n".join(
+        [
+            "# Hard cases: a right answer or a named refusal", "",
+            f"**Of {len(rows)} cases times models: {counts}.** {sentence(bars)}", "",
+            "## What it took", "", *markdown(rows, numbers), "",
+            "## What each case is, and why it is right", "",
+            *markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"}), "",
+            "## Whether the error bars hold on the way", "", BARS, "", *markdown(bars),
+        ]
+    )  # fmt: skip
+
+
+def _row(found: Found, case: Case) -> dict[str, Any]:
+    steps, record = found.steps(case.name), found.records.get(case.name, {})
+    ended, why = verdict(found, case.name, case.labels)
+    path = took(found, case)
+    last = steps[-1]["balls"] if steps else []
+    size = max((abs(ball["tangential_force"][0]) for ball in last), default=0.0)
+    error = max((ball["tangential_force_error"] for ball in last), default=0.0)
+    return {
+        "case": case.name,
+        "words": case.labels["words"],
+        "ended": ended,
+        "reached": last_good(steps, found.state(case.name), record.get("reason") or ""),
+        "steps": path["steps"],
+        "cut-backs": path["cuts"],
+        "iterations": path["iterations"],
+        "smallest J": path["J"],
+        "penetration / R": path["penetration"],
+        "energy balance": energy_balance(steps, meshed_forces(record)),
+        "T": (last[0]["tangential_force"][0], last[0]["tangential_force_error"]) if last else None,
+        "error of T [%]": 100.0 * error / size if size else None,
+        "CPU seconds": record.get("cpu_seconds"),
+        "why": why,
+    }
+
+
+STUDY = study_of_cases("stability", cases, present, answers=ENDED)
