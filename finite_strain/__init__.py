@@ -12,6 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from finite_strain.numerics import DEFAULT, Numerics
+from finite_strain.observer import Observer, Silence
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
@@ -23,7 +25,7 @@ NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 FORMAT = 13
 """Changes whenever a run that an older version left behind must not be continued or shown as current."""
 DEFAULT_ACCURACY = 0.02
-"""Relative accuracy of the tangential force that is aimed at where none is asked for."""
+"""Default relative accuracy of the tangential force."""
 
 
 def solve(
@@ -33,31 +35,31 @@ def solve(
     tangential_force: float = DEFAULT_ACCURACY,
     comm: Any = None,
     folder: Path | str | None = None,
-    observer: Any = None,
+    observer: Observer | None = None,
     fields: FieldChoice | None = None,
     seconds: float | None = None,
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
+    numerics: Numerics = DEFAULT,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
     Parameters
     ----------
     problem
-        What is pressed into what.
+        What is pressed into what. With the effect ``finite_strain`` the layer is hyperelastic and contact is in the
+        deformed configuration; without it the same code takes linear elasticity and linearised contact.
     model
-        "finite_strain" is hyperelastic with contact in the deformed configuration; "small_strain" is the
-        same code with linear elasticity and linearised contact.
+        Which of the two is expected: "finite_strain" or "small_strain"; a problem of the other one is refused.
     tangential_force
         Relative accuracy of T at full load: meshes are refined until the result's own error meets it, or until
-        the next one would pass the budget. ``solved.accuracy`` tells what was reached and why it ended there.
+        the next one would pass the budget. ``solved.accuracy`` states what was reached and why refinement ended.
     comm
         MPI communicator; by default all ranks of the run.
     folder
-        Where mesh, fields and checkpoint go. A run of the same problem that was stopped goes on from there.
+        Where mesh, fields and checkpoint go. An interrupted run of the same problem resumes from there.
     observer
-        Object with ``started``, ``attempt``, ``newton``, ``step_done``; called on all ranks. ``step_done`` gets the
-        step and a function that gathers the whole scene's deformed top surface on rank 0 (collective).
+        Follows the progress of the run; see `Observer`. Called on all ranks.
     fields
         Which fields are written into the folder and on which steps; by default all on every step.
     seconds, unknowns
@@ -66,6 +68,8 @@ def solve(
     steps
         Fractions of the load at which answers are wanted, rising; by default full load alone. None stands for six
         equal steps of the approach.
+    numerics
+        Numerical parameters that studies vary.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -81,13 +85,15 @@ def solve(
         os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps)
+    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.refinement_loop import simulate  # noqa: PLC0415  (imports DOLFINx)
+    from finite_strain.mpi import working_folder  # noqa: PLC0415
+    from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
-    where = None if folder is None else Path(folder)
-    return simulate(plan, MPI.COMM_WORLD if comm is None else comm, where, observer, fields)
+    comm = MPI.COMM_WORLD if comm is None else comm
+    with working_folder(None if folder is None else Path(folder), comm) as where:
+        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
 def plan(
@@ -99,10 +105,10 @@ def plan(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
-    """Return what `solve` would simulate and what it would cost, without DOLFINx."""
+    """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there."""
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "Numerics", "Observer", "plan", "solve"]

@@ -161,13 +161,9 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
 
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that a finite-element result depends on."""
-    petsc = ".".join(str(n) for n in PETSc.Sys.getVersion())
-    return {
-        "dolfinx": dolfinx.__version__,
-        "petsc": petsc,
-        "mpi": MPI.Get_library_version().split(",")[0].split("\n")[0],
-        "gmsh": gmsh.__version__,
-    }
+    petsc, mpi = PETSc.Sys.getVersion(), MPI.Get_library_version().split(",")[0].split("\n")[0]
+    known = {"dolfinx": dolfinx.__version__, "petsc": ".".join(map(str, petsc)), "mpi": mpi}
+    return {**known, "gmsh": gmsh.__version__}
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:

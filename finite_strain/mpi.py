@@ -1,4 +1,4 @@
-"""What ranks do together: work of rank 0 whose failure is everyone's, and a folder that all of them know."""
+"""Collective helpers: work on rank 0 whose failure all ranks raise, and a folder that all ranks share."""
 
 from __future__ import annotations
 
@@ -48,10 +48,3 @@ def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
     finally:
         if scratch:
             scratch.cleanup()
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    draft = path.with_suffix(".part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -15,16 +16,15 @@ from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
 from finite_strain.discretisation.nodal_values import smallest_volume_ratio
-from finite_strain.equilibrium.load_control import load_control
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.domain_integral import ForceMeter
-from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.mpi import on_root
-from finite_strain.planning.records import ContactState, Discretisation
+from finite_strain.observer import Observer
+from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
-from linear_bem.problem import Problem
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
 
@@ -39,18 +39,17 @@ class ModelRun:
     """A model with its load path and force meter on one mesh."""
 
     def __init__(
-        self, problem: Problem, plan: RunPlan, kinematics: Kinematics, meshed: Meshed, box: Box,
-        level: Discretisation, observer: Any, name: str,
-    ) -> None:  # fmt: skip
-        self.model = Model(problem, plan.reduction, kinematics, meshed, level.order)
-        control = load_control(problem, plan.reduction)
-        self.solver = NewtonSolver(self.model, control, lambda i, r: observer.newton({"iteration": i, "residual": r}))
+        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str
+    ) -> None:
+        problem = plan.problem
+        self.model = Model(problem, plan.reduction, meshed, level.order, plan.numerics.contact_degree)
+        control = prescribed(problem).on(plan.reduction)
+        self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
         self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
         self.path = LoadPath(
-            problem, self.model, control, self.solver,
-            lambda fraction, cuts: observer.attempt({"mesh": name, "fraction": fraction, "cuts": cuts}),
-            level.penalty,
+            problem, self.model, control, self.solver, partial(observer.attempt, name), level.penalty,
+            plan.numerics.shortest_step,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -73,30 +72,26 @@ class ModelRun:
         forces, areas = model.forces(), model.contact_areas()
         extremes = self.extremes()
         return ContactState(
-            fraction=fraction,
-            approach=model.contact.approaches.copy(),
-            normal_force=forces[:, 2],
-            tangential_force=self.meter.domain(np.sqrt(areas / math.pi)),
-            traction_force=forces[:, :2],
-            contact_area=areas,
-            peak_pressure=extremes[:, 0],
-            penetration=extremes[:, 1],
-            mean_gap=model.mean_gaps(),
-        )
+            fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],
+            tangential_force=self.meter.domain(np.sqrt(areas / math.pi)), traction_force=forces[:, :2],
+            contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1], mean_gap=model.mean_gaps(),
+        )  # fmt: skip
 
 
 class MeshRun:
     """The run's own model and, where the plan pairs it, the small-strain one on the same mesh and order."""
 
-    def __init__(self, plan: RunPlan, level: Discretisation, mesh_file: Path, comm: MPI.Comm, observer: Any, name: str):
+    def __init__(
+        self, plan: RunPlan, level: Discretisation, mesh_file: Path, comm: MPI.Comm, observer: Observer, name: str
+    ):
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
         meshed = mesh_box(box, mesh_file, comm)
-        self.own = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, observer, name)
+        self.own = ModelRun(plan, meshed, box, level, observer, name)
         self.small: ModelRun | None = None
         if plan.is_paired:
-            self.small = ModelRun(plan.problem, plan, Small(), meshed, box, level, observer, f"{name}, small strain")
-        self._began = time.monotonic()
+            pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
+            self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
 
     def close(self) -> None:
         """Free what both models hold (collective)."""
@@ -104,34 +99,28 @@ class MeshRun:
             if run is not None:
                 run.close()
 
-    def details(self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState) -> dict[str, Any]:
-        """Return the solver's account of a finished step, the last of those since the last account (collective)."""
-        model, record = self.own.model, records[-1]
-        now, began = time.monotonic(), self._began
-        self._began = now
-        reaction = model.base_reaction()
-        pressed = float(model.part_forces().sum())
-        return {
-            "fraction": record.fraction,
-            "iterations": sum(each.newton_iterations for each in records),
-            "tangents": sum(each.tangents for each in records),
-            "augmentation_iterations": sum(each.augmentation_iterations for each in records),
-            "pair_iterations": 0 if small is None else small.newton_iterations,
-            "augmented": record.augmented,
-            "cuts": max(each.cuts for each in records),
-            "residual": record.residual,
-            "penetration": float(state.penetration.max()),
-            "force_balance": abs(pressed - reaction) / pressed,
-            "smallest_volume_ratio": smallest_volume_ratio(model.space, model.nodal),
-            "strain_energy": 2 ** len(self.plan.reduction.planes) * model.strain_energy(),
-            **{key: value for key, value in self.own.solver.account().items() if key != "tangents"},
-            "seconds": now - began,
-        }
+    def account(
+        self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, began: float
+    ) -> SolverAccount:
+        """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`] (collective).
 
-
-def kinematics_of(plan: RunPlan) -> Kinematics:
-    """Return the kinematics that the plan's model and the scene's law ask for."""
-    if plan.model == "small_strain":
-        return Small()
-    effect = plan.problem.finite_strain
-    return Finite() if effect is None else Finite(effect.law)
+        Linear solves count from where the caller last reset the solver's ``effort``.
+        """
+        model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
+        reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
+        return SolverAccount(
+            fraction=record.fraction,
+            iterations=sum(each.newton_iterations for each in records),
+            tangents=sum(each.tangents for each in records),
+            augmentation_iterations=sum(each.augmentation_iterations for each in records),
+            pair_iterations=0 if small is None else small.newton_iterations,
+            augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
+            penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
+            smallest_volume_ratio=smallest_volume_ratio(model.space, model.nodal),
+            strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
+            linear_solver=solver.choice.method,
+            seconds_assembly=self.comm.allreduce(effort.seconds_assembly, op=MPI.MAX),
+            seconds_solve=self.comm.allreduce(effort.seconds_solve, op=MPI.MAX),
+            linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,
+            residuals=solver.residuals, seconds=time.monotonic() - began,
+        )  # fmt: skip

@@ -6,8 +6,8 @@ import hashlib
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -15,40 +15,26 @@ from mpi4py import MPI
 from finite_strain import FORMAT, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.discretisation.checkpoint import Snapshot
-from finite_strain.equilibrium.load_path import StepRecord
-from finite_strain.equilibrium.solver_options import solver_notes, solvers_of
+from finite_strain.equilibrium.load_path import State, StepRecord
+from finite_strain.equilibrium.newton import Effort
+from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
-from finite_strain.mpi import on_root, replace_text, working_folder
+from finite_strain.mpi import on_root
+from finite_strain.observer import Observer
 from finite_strain.one_discretisation import MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.planning.records import NAME, ContactState, Record, Row, saved_records, text_of
+from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import NotConverged, ThirdBodyError
-from linear_bem.result import Result, Solved, Step
+from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
 """What the discretisations of a run are called: the path finder, the first that answers, and those after it."""
 NEAR_ZERO = "a tenth of the half-space's mutual force"
-
-
-class Silence:
-    """The observer that watches nothing."""
-
-    def __getattr__(self, name: str) -> Any:
-        """Take a call of any name and do nothing."""
-        return lambda *_: None
-
-
-def simulate(
-    plan: RunPlan, comm: MPI.Comm, folder: Path | None, observer: Any, fields: FieldChoice | None = None
-) -> Result:
-    """Run a plan; see `finite_strain.solve`."""
-    with working_folder(folder, comm) as where:
-        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
 
 
 class Refinement:
@@ -58,14 +44,14 @@ class Refinement:
     """
 
     def __init__(
-        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Any, fields: FieldChoice | None, keep: bool
+        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Observer, fields: FieldChoice | None, keep: bool
     ) -> None:
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
         self.fields, self.keep = fields, keep
         self.began = time.monotonic()
-        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget)
+        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics)
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
-        self.records: list[Record] = on_root(comm, lambda: saved_records(folder / NAME, self.key))
+        self.records: list[Record] = on_root(comm, lambda: saved_records(folder, self.key))
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def run(self) -> Result:
@@ -99,7 +85,7 @@ class Refinement:
     def _reach(self, number: int) -> float:
         """Return the largest load fraction that a discretisation has answered."""
         steps = self.records[number].steps
-        return float(steps[-1]["record"]["fraction"]) if steps else 0.0
+        return steps[-1].fraction if steps else 0.0
 
     def _press(self, number: int) -> None:
         """Drive one discretisation along the load path, from where an earlier run left it (collective)."""
@@ -122,73 +108,68 @@ class Refinement:
         plan, began, spent = self.plan, time.monotonic(), record.seconds
         record.unknowns = run.own.model.unknowns
         coarse = self.records[number - 1] if number else None
-        answers = writer = None
+        writer = None
         if coarse is not None:
-            answers = Answers(plan, self.records[max(number - 2, 0) : number + 1])
             if self.keep:
                 writer = FieldWriter(run.own.model, self.folder, self.fields)
                 writer.forget_after(len(record.steps))
             self._announce(run, record)
-        own_records: list[StepRecord] = []
         self._resume(run, record, number)
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
         path = [f for f in plan.path if f > reached and (coarse is None or f in plan.goals or f > found)]
-        pair_stopped = bool(record.rows) and record.rows[-1].small is None
+        taken, mark = list[StepRecord](), time.monotonic()
         for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
-            own_records.append(done)
+            taken.append(done)
             if done.fraction not in plan.goals:
                 continue
             run.own.path.augment(done)
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
-            small, pair = None, None
-            if run.small is not None and not pair_stopped:
-                try:
-                    small, pair = self._pair(run.small, number, done.fraction)
-                except NotConverged:
-                    pair_stopped = True
-            row = Row(own, small)
-            record.rows.append(row)
+            small, pair = self._pair(run.small, record, number, done.fraction)
+            record.rows.append(Row(own, small))
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
-            if answers is not None and coarse is not None and coarse.at(done.fraction) is not None:
-                truth = on_root(self.comm, lambda fraction=done.fraction: answers.truth(fraction))  # type: ignore[misc]
-                details = {"mesh": number, **run.details(own_records, pair, own)}
-                own_records = []
-                earlier = [Step.from_dict(step) for step in record.steps]
-                step = answers.step(done.fraction, truth, details, earlier, run.own.solver.tolerance)
-                if writer is not None:
-                    taken = writer.write(len(record.steps) + 1, done.fraction)
-                    step = replace(step, record={**step.record, "seconds_output": taken})
-                record.steps.append(step.to_dict())
-                record.seconds = spent + time.monotonic() - began
+            if coarse is None or coarse.at(done.fraction) is None:
                 self._save()
-                self.observer.step_done(step, lambda: TopSurface(run.own.model).gathered())
-            else:
-                self._save()
+                continue
+            answer = self._answer(number, run.account(taken, pair, own, mark), run.own.solver.tolerance)
+            taken, mark, run.own.solver.effort = [], time.monotonic(), Effort()
+            if writer is not None:
+                answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
+            record.steps.append(answer)
+            record.seconds = spent + time.monotonic() - began
+            self._save()
+            self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
-    def _pair(self, run: ModelRun, number: int, fraction: float) -> tuple[ContactState, StepRecord]:
-        """Return the small-strain state at a load fraction (collective)."""
-        last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
-        run.path.augment(last)
-        self._keep(run.snapshot(fraction), number, "small")
-        return run.state(fraction), last
+    def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
+        """Return the answer of a discretisation at the step that it has reached (collective)."""
+        answers = Answers(self.plan, self.records[max(number - 2, 0) : number + 1])
+        truth = on_root(self.comm, partial(answers.truth, account.fraction))
+        answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
+        return replace(answer, mesh=number)
+
+    def _pair(
+        self, run: ModelRun | None, record: Record, number: int, fraction: float
+    ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
+        """Return the small-strain state at a load fraction; none from where it has no equilibrium on (collective)."""
+        if run is None or (record.rows and record.rows[-1].small is None):
+            return None, None
+        try:
+            last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
+            run.path.augment(last)
+            self._keep(run.snapshot(fraction), number, "small")
+            return run.state(fraction), last
+        except NotConverged:
+            return None, None
 
     def _announce(self, run: MeshRun, record: Record) -> None:
-        self.observer.started(
-            {
-                "model": self.plan.model,
-                "mesh": run.name,
-                "forms": describe_forms(self.plan.problem),
-                "unknowns": record.unknowns,
-                "ranks": self.comm.size,
-                "load_steps": len(self.plan.goals),
-                "symmetry_planes": len(self.plan.reduction.planes),
-                "resumed_steps": len(record.steps),
-                "versions": compat.versions(),
-            }
-        )
+        self.observer.started({
+            "model": self.plan.model, "mesh": run.name, "forms": describe_forms(self.plan.problem),
+            "unknowns": record.unknowns, "ranks": self.comm.size, "load_steps": len(self.plan.goals),
+            "symmetry_planes": len(self.plan.reduction.planes), "resumed_steps": len(record.steps),
+            "versions": compat.versions(),
+        })  # fmt: skip
 
     def _file(self, number: int, model: str, fraction: float) -> Path:
         return self.folder / f"state_{number}_{model}_{self.plan.goals.index(fraction) + 1:03d}.npz"
@@ -196,7 +177,7 @@ class Refinement:
     def _keep(self, snapshot: Snapshot, number: int, model: str) -> None:
         on_root(self.comm, lambda: snapshot.save(self._file(number, model, snapshot.fraction)))
 
-    def _predicted(self, run: ModelRun, number: int, model: str, fraction: float):  # type: ignore[no-untyped-def]
+    def _predicted(self, run: ModelRun, number: int, model: str, fraction: float) -> State | None:
         """Return the coarser discretisation's state at a load fraction, where it has one."""
         if number == 0 or fraction not in self.plan.goals:
             return None
@@ -216,13 +197,13 @@ class Refinement:
         """Note how far T is known at the last step: the largest error of a ball's T over the scale, and its terms."""
         if not record.steps:
             return
-        last = Step.from_dict(record.steps[-1])
+        last = record.steps[-1]
         forces = np.array([ball.normal_force for ball in last.balls])
         largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
         record.scale = max(largest, scale_of_force(self.plan.problem, forces))
         worst = int(np.argmax([ball.tangential_force_error for ball in last.balls]))
         if record.scale > 0.0:
-            record.terms = {name: values[worst] / record.scale for name, values in last.record["error_terms"].items()}
+            record.terms = {name: values[worst] / record.scale for name, values in last.error_terms.items()}
             record.reached = last.balls[worst].tangential_force_error / record.scale
         else:
             record.reached = 0.0
@@ -230,11 +211,11 @@ class Refinement:
             record.reached = math.inf
 
     def _save(self) -> None:
-        on_root(self.comm, lambda: replace_text(self.folder / NAME, text_of(self.key, self.records)))
+        on_root(self.comm, lambda: save_records(self.folder, self.key, self.records))
 
     def _result(self, answered: int, why: str) -> Result:
         plan, record = self.plan, self.records[answered]
-        steps = [Step.from_dict(step) for step in record.steps]
+        steps = record.steps
         # a force of another kind is a bound to compare with only where T itself is smaller
         near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
         reference = NEAR_ZERO if near_zero else "the largest tangential force"
@@ -256,28 +237,20 @@ class Refinement:
             notes.append(
                 "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
             )
-        failures = dict.fromkeys(step.record["linear_failure"] for step in steps if step.record["linear_failure"])
+        failures = dict.fromkeys(step.linear_failure for step in steps if step.linear_failure)
         notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
         notes += self._overrun(record)
-        notes += solver_notes([step.record for step in steps])
+        solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # a run may go on elsewhere
+        notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))
         certificate = ("penetration", "force_balance", "residual")
-        return Result(
-            model=plan.model,
-            balls=steps[-1].balls,
-            steps=tuple(steps),
-            solved=Solved(
-                converged=True,
-                iterations=sum(step.record["iterations"] for step in steps),
-                unknowns=record.unknowns,
-                seconds=self.earlier_seconds + time.monotonic() - self.began,
-                ranks=self.comm.size,
-                versions=compat.versions(),
-                notes=tuple(notes),
-                certificate={name: max(step.record[name] for step in steps) for name in certificate},
-                accuracy=said,
-                linear_solver=solvers_of([step.record for step in steps]),
-            ),
-        )
+        solved = Solved(
+            converged=True, iterations=sum(step.iterations for step in steps), unknowns=record.unknowns,
+            seconds=self.earlier_seconds + time.monotonic() - self.began, ranks=self.comm.size,
+            versions=compat.versions(), notes=tuple(notes),
+            certificate={name: max(getattr(step, name) for step in steps) for name in certificate},
+            accuracy=said, linear_solver=solvers,
+        )  # fmt: skip
+        return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
 
     def _overrun(self, record: Record) -> list[str]:
         """Return where the run passed its budget: the first discretisations are run whatever they cost."""

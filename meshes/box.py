@@ -2,13 +2,14 @@
 
 ``fineness`` (f) sets the sizes everywhere: in a block they grow from one element to the next by 1 + `GROWTH` / f at
 most, outside by half of that; f, to the nearest whole number, are the elements along half a quadrant's rim.
+A box may ask for a multiple of that growth.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +63,10 @@ class Zone:
 
 @dataclass(frozen=True)
 class Box:
-    """The meshed region: x and y intervals, layer thickness, substrate depth (0: none), all in m; fineness f >= 1."""
+    """The meshed region: x and y intervals, layer thickness, substrate depth (0: none), all in m; fineness f >= 1.
+
+    ``growth`` multiplies `GROWTH` and `FILLER_GROWTH`.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -70,6 +74,7 @@ class Box:
     substrate: float
     zones: tuple[Zone, ...]
     fineness: float
+    growth: float = 1.0
 
     def in_units_of(self, length: float) -> Box:
         """Return the same box with every length divided by ``length`` [m]."""
@@ -78,7 +83,8 @@ class Box:
             Zone(place, zone.contact_radius / length, zone.half_width / length, zone.smallest)
             for place, zone in zip(places, self.zones, strict=True)
         )
-        return Box(x, y, self.thickness / length, self.substrate / length, zones, self.fineness)
+        thickness, substrate = self.thickness / length, self.substrate / length
+        return replace(self, x=x, y=y, thickness=thickness, substrate=substrate, zones=zones)
 
     @property
     def elements(self) -> int:
@@ -88,7 +94,12 @@ class Box:
     @property
     def rate(self) -> float:
         """Growth of element size per length outside the blocks."""
-        return math.log1p(FILLER_GROWTH / self.fineness)
+        return math.log1p(self.growth * FILLER_GROWTH / self.fineness)
+
+    @property
+    def slope(self) -> float:
+        """Growth of element size per length inside the blocks, and with the depth."""
+        return math.log1p(self.growth * GROWTH / self.fineness)
 
     @property
     def coarsest(self) -> float:
@@ -110,7 +121,7 @@ class Box:
 
     def rings(self, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
         """Return radii [m] of the lines of a block, from core to outline, and how square they are (0: a circle, 1)."""
-        a, m, slope = zone.contact_radius, zone.half_width, math.log1p(GROWTH / self.fineness)
+        a, m, slope = zone.contact_radius, zone.half_width, self.slope
         edge_size = min(EDGE * a, FILM_EDGE * self.thickness) / self.fineness
         if a > 0.9 * m:  # no line at the contact's edge fits
             core = CORE * m
@@ -127,9 +138,9 @@ class Box:
 
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
         """Return heights [m] of the faces between elements, downwards: of the layer, and of the substrate (or none)."""
-        slope = math.log1p(GROWTH / self.fineness)
+        slope = self.slope
         radius = min(zone.smallest * zone.contact_radius for zone in self.zones)
-        first = min(FIRST_LAYER * radius, self.thickness / LAYERS) * slope / GROWTH
+        first = min(FIRST_LAYER * radius, self.thickness / LAYERS) * slope / (self.growth * GROWTH)
 
         def size(z: np.ndarray) -> np.ndarray:
             return first - slope * z
@@ -166,12 +177,9 @@ class Box:
 
 
 def half_widths(
-    positions: list[tuple[float, float]],
-    contact_radii: list[float],
-    x: tuple[float, float],
-    y: tuple[float, float],
-    planes: tuple[int, ...] = (),
-) -> list[float]:
+    positions: list[tuple[float, float]], contact_radii: list[float],
+    x: tuple[float, float], y: tuple[float, float], planes: tuple[int, ...] = (),
+) -> list[float]:  # fmt: skip
     """Return the half-widths [m] of the balls' blocks; x[0] or y[0] is a mirror plane for each axis in ``planes``.
 
     Neighbours in line share a face where both can; elsewhere a strip of a third of their distance is left.

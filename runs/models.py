@@ -7,13 +7,16 @@ import enum
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import OutputTable, Scene
+
+if TYPE_CHECKING:
+    from finite_strain import Observer
 
 
 class ModelName(enum.StrEnum):
@@ -29,17 +32,19 @@ class ModelName(enum.StrEnum):
 class Run:
     """What a model needs beside the problem.
 
-    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, and the load
-    fractions at which answers are wanted (None: those that a load path passes from first touch).
+    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
+    at which answers are wanted (None: those that a load path passes from first touch), and values of
+    `finite_strain.Numerics` other than its defaults.
     """
 
     tangential_force: float | None = None
     comm: Any = None
     folder: Path | None = None
-    observer: Any = None
+    observer: Observer | None = None
     output: OutputTable | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     steps: Sequence[float] | None = (1.0,)
+    numerics: Mapping[str, Any] = field(default_factory=dict)
 
 
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
@@ -78,9 +83,9 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
 
 def load_path(problem: Problem) -> Sequence[float]:
     """Return the load fractions that are answered where no steps are asked for."""
-    from finite_strain.equilibrium.load_steps import answered_fractions  # noqa: PLC0415  (no DOLFINx)
+    from finite_strain.geometry.load_control import prescribed  # noqa: PLC0415  (no DOLFINx)
 
-    return answered_fractions(problem.load.kind)
+    return prescribed(problem).answered_fractions()
 
 
 def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
@@ -106,8 +111,9 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
             chosen = {} if run.output.fields is None else {"names": run.output.fields}
             options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
         return finite_strain.solve(
-            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer, **options
-        )
+            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
+            numerics=finite_strain.Numerics(**run.numerics), **options,
+        )  # fmt: skip
 
     return solve
 

@@ -1,1 +1,1 @@
-"""The answer and how far off it may be: pairs with the small-strain problem, and the error budget."""
+"""The answer and its error: pairs with the small-strain problem, and the error budget."""

@@ -1,22 +1,22 @@
-"""The answer at a load step: what the finest discretisation and its pair say, and the error budget."""
+"""The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
-from finite_strain.planning.records import Record, Row
+from finite_strain.geometry.load_control import prescribed
+from finite_strain.planning.records import Answer, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import Problem
-from linear_bem.result import BallResult, Step
+from linear_bem.result import BallResult
 from linear_bem.solver import solve
 
 UNSURE = ("transfer", "force_transfer")
@@ -27,7 +27,7 @@ LEAST, MOST = 1.5, 3.0
 
 
 class Answers:
-    """Turns rows of discretisations into answers for the balls of the scene, step by step along a load path.
+    """Turns results of discretisations into answers for the balls of the scene, step by step along a load path.
 
     ``records`` are the last two or more discretisations, the finest last.
     """
@@ -35,8 +35,8 @@ class Answers:
     def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
         self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
         self._older = records[-3] if len(records) > 2 else None
-        self.forces_given = plan.problem.load.kind != "approach"
-        self._relative: dict[str, list[np.ndarray]] = {"T": [], "Q": [], "R": []}
+        load = prescribed(plan.problem)
+        self.forces_given, self.follows = load.forces_given, load.follows
 
     def truth(self, fraction: float) -> LinearTruth | str:
         """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
@@ -48,38 +48,26 @@ class Answers:
             balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
         except ThirdBodyError as error:
             return str(error)
-        chosen = [balls[ball.index] for ball in plan.reduction.balls]
+        chosen = [(ball.index, balls[ball.index]) for ball in plan.reduction.balls]
+        names = ("normal_force", "approach", "contact_area", "peak_pressure")
         return LinearTruth(
-            np.array([ball.normal_force for ball in chosen]),
-            np.array([ball.approach for ball in chosen]),
-            np.array(
-                [
-                    plan.reduction.to_model(b.index, c.tangential_force)
-                    for b, c in zip(plan.reduction.balls, chosen, strict=True)
-                ]
-            ),
-            np.array([ball.tangential_force_error for ball in chosen]),
-            np.array([ball.contact_area for ball in chosen]),
-            np.array([ball.peak_pressure for ball in chosen]),
+            tangential_force=np.array([plan.reduction.to_model(i, ball.tangential_force) for i, ball in chosen]),
+            error=np.array([ball.tangential_force_error for _, ball in chosen]),
+            **{name: np.array([getattr(ball, name) for _, ball in chosen]) for name in names},
         )
 
-    def step(
-        self, fraction: float, said: LinearTruth | str, details: dict[str, Any], earlier: list[Step], tolerance: float
-    ) -> Step:
-        """Return the finished step; ``said`` is what `truth` returned, ``tolerance`` [N] what the solver left."""
-        fine, coarse, truth = self.fine.at(fraction), self.coarse.at(fraction), None if isinstance(said, str) else said
-        assert fine is not None and coarse is not None  # noqa: PT018
-        last = None if self._older is None else self._older.at(fraction)
-        now, before = self._paired(fine, truth), self._paired(coarse, truth)
-        older = None if last is None else self._paired(last, truth)
+    def answer(self, step: int, account: SolverAccount, said: LinearTruth | str, tolerance: float) -> Answer:
+        """Return the answer at load step number ``step``, described by ``account``.
+
+        ``said`` is what `truth` returned, ``tolerance`` [N] the solver's residual.
+        """
+        truth = None if isinstance(said, str) else said
+        fine, now, before, older = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
-        adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
-        if self.plan.is_paired:
-            levels = self.fine.level, self.coarse.level
-            now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
+        share = enforcement(fine.own, fine.small, weight)
+        solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
         size = np.linalg.norm(now.tangential_force, axis=1)
-        floor = np.maximum(size, self._scale(now.normal_force))
-        squared, pull = now.normal_force**2, now.tangential_force
+        floor, squared = np.maximum(size, self._scale(now.normal_force)), now.normal_force**2
 
         def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
             """Return the discretisation's error of a value (balls, k) of the paired answers, which hold a known one."""
@@ -87,70 +75,58 @@ class Answers:
                 return np.zeros_like(scale)
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
 
-        share = enforcement(fine.own, fine.small, weight)
-        solver = np.full_like(size, tolerance) + (0.0 if truth is None else truth.error)
-        # of T at given force
-        at_force = Terms(
-            change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor),
-            np.zeros_like(size),
-            squared * now.transfer,
-            solver,
-        )
-        # of what follows: Q at given approach, D at given force
-        follows = now.approach if self.forces_given else now.normal_force
-        through = Terms(
-            change("Q", lambda a: (a.approach if self.forces_given else a.normal_force)[:, None], follows),
-            np.abs(follows) * share * (1.0 if self.forces_given else MOST),
-            np.abs(follows) * now.force_transfer,
-            tolerance
-            * (follows / np.maximum(LEAST * now.normal_force, 1e-300) if self.forces_given else np.ones_like(size)),
-        )
-        if self.forces_given:
-            terms = at_force
-        else:
-            terms = Terms(
-                change("T", lambda answer: answer.tangential_force, floor),
-                2.0 * MOST * size * share,
-                adds(at_force.transfer, 2.0 * size * now.force_transfer),
-                solver,
-            )
-        area, peak = fine.own.contact_area, fine.own.peak_pressure
-        if truth is not None and fine.small is not None:
-            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** weight
-            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** weight
-        imbalance, doubt = self._imbalance(pull, terms.total)
-        error = doubt * terms.total
         none = np.zeros_like(size)
-        record = {
-            "step": len(earlier) + 1,
-            **details,
-            "linear_failure": said if isinstance(said, str) else "",
-            "error_terms": {name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
-            "pair_weight": self._per_ball(weight),
-            "imbalance": imbalance,
-            "normal_force_error": self._per_ball(none if self.forces_given else through.total),
-            "approach_error": self._per_ball(through.total if self.forces_given else none),
-            "tangential_force_error_at_force": self._per_ball(doubt * at_force.total),
-        }
-        named = {"domain": pull, "domain_without_pair": fine.own.tangential_force, "traction": fine.own.traction_force}
-        reduction, balls = self.plan.reduction, []
+        rest = change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor)
+        at_force = Terms(rest, none, squared * now.transfer, solver)
+        follows = getattr(now, self.follows)
+        changed = change("Q", lambda answer: getattr(answer, self.follows)[:, None], follows)
+        if self.forces_given:
+            terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
+        else:
+            adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
+            moved = adds(at_force.transfer, 2.0 * size * now.force_transfer)
+            rest = change("T", lambda answer: answer.tangential_force, floor)
+            terms, left, rate = Terms(rest, 2.0 * MOST * size * share, moved, solver), MOST * share, np.ones_like(size)
+        through = Terms(changed, np.abs(follows) * left, np.abs(follows) * now.force_transfer, tolerance * rate).total
+        imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
+        return Answer(
+            **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total), step=step,
+            linear_failure=said if isinstance(said, str) else "",
+            error_terms={name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
+            pair_weight=self._per_ball(weight), imbalance=imbalance,
+            normal_force_error=self._per_ball(none if self.forces_given else through),
+            approach_error=self._per_ball(through if self.forces_given else none),
+            tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
+        )  # fmt: skip
+
+    def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired, Paired | None]:
+        """Return the finest row, and the paired answers of the finest, the one before, and the one before that."""
+        fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
+        assert fine is not None and coarse is not None  # noqa: PT018
+        last = None if self._older is None else self._older.at(fraction)
+        now, before = self._paired(fine, truth), self._paired(coarse, truth)
+        if self.plan.is_paired:
+            levels = self.fine.level, self.coarse.level
+            now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
+        return fine, now, before, None if last is None else self._paired(last, truth)
+
+    def _balls(self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray) -> tuple[BallResult, ...]:
+        """Return the state of every ball of the scene; ``error`` (balls,) [N] is that of T."""
+        area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
+        if truth is not None and fine.small is not None:
+            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
+            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
+        pull, own = now.tangential_force, fine.own
+        named = {"domain": pull, "domain_without_pair": own.tangential_force, "traction": own.traction_force}
+        balls = []
         for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
             b = image.model_ball
             turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
-            balls.append(
-                BallResult(
-                    position=ball.position,
-                    radius=ball.radius,
-                    approach=float(now.approach[b]),
-                    normal_force=float(now.normal_force[b]),
-                    tangential_force=turned["domain"],
-                    tangential_force_error=float(error[b]),
-                    peak_pressure=float(peak[b]),
-                    contact_area=float(area[b]),
-                    tangential_force_routes=turned,
-                )
-            )
-        return Step(tuple(balls), record)
+            balls.append(BallResult(
+                ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), turned["domain"],
+                float(error[b]), float(peak[b]), float(area[b]), turned,
+            ))  # fmt: skip
+        return tuple(balls)
 
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
         if truth is None or (self.plan.is_paired and row.small is None):
@@ -162,22 +138,18 @@ class Answers:
         known = paired(row.own, row.own, truth, scale, self.forces_given)
         own = unpaired(row.own)
         wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
-        share = (
-            known.approach / np.maximum(own.approach, 1e-300)
-            if self.forces_given
-            else known.normal_force / np.maximum(own.normal_force, 1e-300)
-        )
+        share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
 
     def _change(
         self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
     ) -> np.ndarray:
-        """Return the discretisation's error, and remember it for the steps that follow."""
-        path, last = self._relative[name], np.linalg.norm(now - before, axis=1)
+        """Return the discretisation's error, and note it in its record for the steps that follow."""
+        path, last = self.fine.changes.setdefault(name, []), np.linalg.norm(now - before, axis=1)
         observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
         factor = gain(self.fine.level, self.coarse.level, observed)
         error = discretisation(now, before, factor, path, size)
-        path.append(ratio(factor * last, size))
+        path.append(ratio(factor * last, size).tolist())
         return error
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""How far off an answer may be: a few terms, each a function with its derivation. No constant is calibrated.
+"""The error budget of an answer: a few terms, each a function with its derivation. No constant is calibrated.
 
 discretisation   what the paired answer changed by since the coarser discretisation
 enforcement      what the surface still penetrates the balls, as an approach that the ball lacks
@@ -10,6 +10,7 @@ The terms are independent in origin; the error of T is the root of the sum of th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
 
 
 def discretisation(
-    now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: list[np.ndarray], size: np.ndarray
+    now: np.ndarray, before: np.ndarray, factor: np.ndarray | float, path: Sequence[list[float]], size: np.ndarray
 ) -> np.ndarray:
     """Return the error of values (balls, k) whose coarser values are ``before``, (balls,).
 
@@ -80,7 +81,7 @@ def discretisation(
     if not path:
         return error
     relative = np.divide(error, size, out=np.zeros_like(error), where=size > 0.0)
-    return np.maximum(error, np.median([*path, relative], axis=0) * size)
+    return np.maximum(error, np.median(np.array([*path, relative]), axis=0) * size)
 
 
 def enforcement(own: ContactState, small: ContactState | None, weight: np.ndarray) -> np.ndarray:

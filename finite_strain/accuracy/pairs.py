@@ -20,9 +20,9 @@ from finite_strain.planning.records import ContactState
 
 ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
 """Difference of T / Q^2 between finite and small strain, over the larger of them, up to which the pair counts in full,
-and from which on it does not count. Both are choices: the error budget holds what they leave open."""
+and from which on it does not count. Both are choices: the error budget covers what they leave open."""
 UNSURE = 0.2
-"""Part of the correction that is never taken as certain, a choice likewise."""
+"""Part of the correction that always counts as uncertain, likewise a choice."""
 
 
 @dataclass(frozen=True)
@@ -81,27 +81,17 @@ def paired(own: ContactState, small: ContactState, truth: LinearTruth, scale: np
     unlike = _length(own.per_squared_force - small.per_squared_force) / largest
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), UNSURE, 1.0)
+    factor, shift = np.ones_like(weight), np.zeros_like(weight)
     if forces_given:
-        factor = np.ones_like(weight)
         shift = weight * (truth.approach - small.approach)
+        known, own_value, small_value = truth.approach, own.approach, small.approach
     else:
         factor = ratio(truth.normal_force, small.normal_force, empty=1.0) ** weight
-        shift = np.zeros_like(weight)
-    known, own_value, small_value = (
-        (truth.approach, own.approach, small.approach)
-        if forces_given
-        else (truth.normal_force, own.normal_force, small.normal_force)
-    )
+        known, own_value, small_value = truth.normal_force, own.normal_force, small.normal_force
     apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), UNSURE)
     share = np.abs(ratio(known, small_value, empty=1.0) - 1.0) * apart
-    return Paired(
-        own.normal_force * factor,
-        own.approach + shift,
-        own.per_squared_force + weight[:, None] * correction,
-        transfer,
-        share,
-        weight,
-    )
+    per_squared = own.per_squared_force + weight[:, None] * correction
+    return Paired(own.normal_force * factor, own.approach + shift, per_squared, transfer, share, weight)
 
 
 def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:

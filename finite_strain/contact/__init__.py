@@ -1,1 +1,1 @@
-"""Contact of the layer with rigid indenters: its energy and its penalty."""
+"""Contact of the layer with rigid indenters: its energy."""

@@ -24,8 +24,9 @@ import ufl
 from petsc4py import PETSc
 
 from finite_strain import compat
-from finite_strain.geometry.indenters import gap
+from finite_strain.geometry.estimates import NAMED
 from finite_strain.geometry.symmetry import ModelBall
+from linear_bem.indenter import Indenter
 from meshes.box import TAGS
 
 CANDIDATES = 2
@@ -212,6 +213,20 @@ class Contact:
     def penetration(self) -> Any:
         """Return how deep the surface lies inside a ball that presses on it [m], an expression likewise."""
         return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
+
+
+def gap(shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool) -> Any:
+    """Return the gap [m] of points ``offset`` (3,) [m] from the ball's axis at the undeformed surface.
+
+    At finite strain it is the indenter's own distance of the displaced point. At small strain it is the profile over
+    the undeformed point minus the vertical displacement: pressure acts vertically, and an in-plane force arises only
+    through the profile's slope (the paper's eq. 13).
+    """
+    indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
+    if finite:
+        x, y, z = ((offset[i] + displacement[i]) / unit for i in range(3))
+        return unit * indenter.gap(x, y, z + approach / unit)
+    return unit * indenter.height(offset[0] / unit, offset[1] / unit) - approach - displacement[2]
 
 
 def _turned(vector: Any, angle: float) -> tuple[Any, Any, Any]:

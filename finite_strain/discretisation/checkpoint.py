@@ -1,4 +1,4 @@
-"""A state taken off its mesh: it can be evaluated anywhere, so that other meshes and later runs start from it.
+"""A state that does not depend on its mesh: it can be evaluated anywhere, so other meshes and later runs use it.
 
 Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no
 numbering, number of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order.
@@ -14,7 +14,7 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.lattice import order_of
+from finite_strain.discretisation.nodal_values import order_of
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 

@@ -22,15 +22,12 @@ from finite_strain.contact.contact_energy import Contact
 from finite_strain.discretisation.regions import Bulk, constant, elastic_constants, make_bulks, nothing_where_idle
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
-from finite_strain.mechanics.kinematics import Finite, Kinematics
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.problem import Problem
 from meshes.box import TAGS
 
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
-CONTACT_DEGREE = 6
-"""Degree of the facet rule beyond 2p: the pressure has a kink inside a facet; more changes T by less than 0.1 %."""
-
 _NORMAL, _STIFFNESS, _AREA, _MEAN_GAP = 2, 3, 4, (5, 6)
 """Where `Contact.readings` has the normal force and what follows it."""
 
@@ -41,18 +38,19 @@ Meshed = tuple[Any, Any, Any]
 class Model:
     """Energy, residual and tangent of the reduced scene on one mesh; collective over the mesh's communicator."""
 
-    def __init__(self, problem: Problem, reduction: Reduction, kinematics: Kinematics, meshed: Meshed, order: int):
+    def __init__(self, problem: Problem, reduction: Reduction, meshed: Meshed, order: int, contact_degree: int) -> None:
         self.mesh, self.cell_tags, self.facet_tags = meshed
         self.comm = self.mesh.comm
-        self.reduction, self.kinematics, self.order = reduction, kinematics, order
-        self.is_finite = isinstance(kinematics, Finite)
+        self.reduction, self.order, effect = reduction, order, problem.finite_strain
+        self.kinematics: Kinematics = Small() if effect is None else Finite(effect.law)
+        self.is_finite = effect is not None
         self.space = compat.function_space(self.mesh, order, (3,))
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self.linear_space = compat.function_space(self.mesh, 1)
         self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self._length = min(ball.radius for ball in problem.balls)
-        degree = 2 * order + CONTACT_DEGREE
+        degree = 2 * order + contact_degree
         self.contact = Contact(
             self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
         )

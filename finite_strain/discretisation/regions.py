@@ -35,7 +35,7 @@ def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[
     regions = {"layer": problem.layer, "substrate": problem.substrate}
     for name, solid in ((name, solid) for name, solid in regions.items() if solid is not None):
         pressure = idle = None
-        if is_mixed(problem, name):  # on a space of its own, by which its constraints are told from another's
+        if is_mixed(problem, name):  # on a space of its own, which its constraints belong to
             pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
             idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
         bulks.append(Bulk(TAGS[name], solid, pressure, idle))

@@ -1,4 +1,4 @@
-"""What Newton's line search watches in the mixed form, where equilibrium is a saddle point of the potential.
+"""Merit function of Newton's line search in the mixed form, where equilibrium is a saddle point of the potential.
 
 The potential L(u, p) is a minimum in u only where the volume conditions c = dL/dp = 0 hold. With p the pressures
 that the full Newton step arrives at, kept fixed along the step, the search watches the augmented Lagrangian
@@ -45,7 +45,7 @@ class Merit:
         self._trial.destroy()
 
     def aim(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Take note of a Newton step from the state x to x - y."""
+        """Store the pressures at the end of a Newton step from the state x to x - y."""
         self._aim = x.array_r[self._pressures] - y.array_r[self._pressures]
 
     def __call__(self, x: PETSc.Vec) -> float:

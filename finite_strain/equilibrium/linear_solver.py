@@ -1,7 +1,7 @@
-"""Newton's linear systems in PETSc: what a solver must be told beyond options, and factors where it fails.
+"""Newton's linear systems in PETSc: what a solver needs besides options, and factors where it fails.
 
-The rigid motions go to multigrid. The mixed form is split into displacement and pressure, and the pressure's Schur
-complement is likened to its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
+Multigrid gets the rigid-body near-nullspace. The mixed form is split into displacement and pressure, and the
+pressure's Schur complement is approximated by its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem
 
 _written: dict[str, str] = {}
-"""Options of ours in PETSc's database, which a solver of another form or size replaces; a user's own stay."""
+"""Our options in PETSc's database; a solver of another form or size replaces them, the user's own stay."""
 _open: set[int] = set()
 """Solvers that are not closed yet and may still ask the database."""
 
@@ -33,7 +33,7 @@ def given_options() -> dict[str, str]:
 
 
 def install(options: Mapping[str, str]) -> None:
-    """Put options of ours into PETSc's database in place of those put there before; the user's own win."""
+    """Replace our earlier options in PETSc's database; the user's own take precedence."""
     database, given = PETSc.Options(PREFIX), given_options()
     for key in [key for key in _written if key not in given]:
         database.delValue(key)
@@ -138,7 +138,7 @@ class LinearSolver:
 
 
 def blame_options(error: PETSc.Error) -> None:
-    """Raise `InvalidProblem` for an error of PETSc's where the user gave options, which are the likely cause."""
+    """Raise `InvalidProblem` for a PETSc error if the user gave options, which are the likely cause."""
     given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
     if given:
         said, cause = "", error

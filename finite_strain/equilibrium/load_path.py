@@ -10,21 +10,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.contact.penalty import STIFFENING, penalties
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
-from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.newton import NewtonSolver
-from finite_strain.geometry.estimates import alone
+from finite_strain.geometry.estimates import STIFFENING, alone, penalties
+from finite_strain.geometry.load_control import LoadControl
+from finite_strain.numerics import DEFAULT
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
 ROUGH = 1e5
-"""How much larger the residual may be where multipliers are still to be added."""
-SHORTEST, GROWTH = 3e-3, 1.5
-"""Shortest load step over the goal before a path is given up, and growth of the step after one that went well."""
+"""Factor by which the residual may be larger in a state without multipliers."""
+GROWTH = 1.5
+"""Growth of the load step after a converged one."""
 SPURIOUS = 0.3
 """An augmentation that changes a normal force by more than this part has left the solution branch."""
 SURPLUS = 0.3
@@ -49,7 +49,7 @@ class State:
 
 @dataclass
 class StepRecord:
-    """What one load step took: Newton iterations, new tangents among them, cut-backs.
+    """The cost of one load step: Newton iterations, new tangents among them, cut-backs.
 
     ``augmentation_iterations`` are those of the iterations that were made with multipliers. ``augmented`` is False
     where none were asked for, or no equilibrium was found with them: the contact is then as soft as its penalty.
@@ -72,15 +72,16 @@ class LoadPath:
     """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction.
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
-    penalties of states with multipliers.
+    penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path is given up.
     """
 
     def __init__(
         self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
         observe: Callable[[float, int], None] = lambda _fraction, _cuts: None, stiffer: float = 1.0,
+        shortest: float = DEFAULT.shortest_step,
     ) -> None:  # fmt: skip
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
-        self._observe, self._stiffer = observe, stiffer
+        self._observe, self._stiffer, self._shortest = observe, stiffer, shortest
         self.history: list[State] = []
         self.source = model.contact.penalised
 
@@ -106,7 +107,7 @@ class LoadPath:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
                     else:
                         predicted = None if predicted.source is None else replace(predicted, source=None)
-                    if abs(step) < SHORTEST * abs(goal):
+                    if abs(step) < self._shortest * abs(goal):
                         self._restore()
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
@@ -125,7 +126,7 @@ class LoadPath:
         return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
 
     def resume(self, history: Sequence[State]) -> None:
-        """Go on from the last states of an earlier run."""
+        """Resume from the last states of an earlier run."""
         self.history = [replace(state, source=None) for state in history][-2:]
         self._restore()
 

@@ -1,6 +1,6 @@
-"""Equilibrium at a fixed load: PETSc's Newton solver with a line search that watches the potential.
+"""Equilibrium at a fixed load: PETSc's Newton solver with a line search on the potential.
 
-In the mixed form equilibrium is a saddle point, not a minimum, and the search watches the merit of `line_search.py`.
+In the mixed form equilibrium is a saddle point, not a minimum: the search uses the merit of `line_search.py`.
 """
 
 from __future__ import annotations
@@ -9,19 +9,18 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.equilibrium.line_search import Merit
 from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
-from finite_strain.equilibrium.load_control import LoadControl
 from finite_strain.equilibrium.solver_options import PREFIX
 from finite_strain.equilibrium.tangent_system import TangentSystem
+from finite_strain.geometry.load_control import LoadControl
+from finite_strain.numerics import DEFAULT, Numerics
 from linear_bem.errors import InvalidProblem, NotConverged
 
 _OPTIONS = {
@@ -31,9 +30,7 @@ _OPTIONS = {
 }
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
-"""Options of PETSc's that would end Newton's method early."""
-MOST_LAGGED = 20
-"""Krylov iterations in one system from which on a new tangent is taken for the next."""
+"""PETSc options that would end Newton's method early."""
 LOOSE, TIGHT, BELOW = 3e-2, 1e-3, 0.1
 """Norm of a system's residual over Newton's, at first and near the end; over the norm at which Newton's method stops.
 
@@ -43,13 +40,11 @@ NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 STALL = 1e-3
 """Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
-MOST_ITERATIONS = 25
-"""Newton iterations in one solve; ``-thirdbody_snes_max_it N`` sets another number."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """What one Newton solve took: iterations, new tangents among them, and final residual norm [N]."""
+    """The cost of one Newton solve: iterations, new tangents among them; and the final residual norm [N]."""
 
     iterations: int
     tangents: int
@@ -58,9 +53,9 @@ class Equilibrium:
 
 @dataclass
 class Effort:
-    """What linear systems and assembly took since it was last asked for, on this rank; wall times [s].
+    """Running totals of assembly and linear solves on this rank; wall times [s].
 
-    ``residuals`` are those of the last Newton solve [N]; ``linear_fallbacks`` counts solves that factors had to end.
+    ``linear_fallbacks`` counts solves that factors had to end.
     """
 
     seconds_assembly: float = 0.0
@@ -68,14 +63,16 @@ class Effort:
     tangents: int = 0
     linear_iterations: int = 0
     linear_fallbacks: int = 0
-    residuals: list[float] = field(default_factory=list)
 
 
 class NewtonSolver:
-    """Newton's method on a `Model` under a load, keeping its state unless it converges."""
+    """Newton's method on a `Model` under a load; the state is restored if it fails."""
 
-    def __init__(self, model: Model, control: LoadControl, monitor: Callable[[int, float], None] | None = None) -> None:
-        self.model, self.control = model, control
+    def __init__(
+        self, model: Model, control: LoadControl, numerics: Numerics = DEFAULT,
+        monitor: Callable[[int, float], None] | None = None,
+    ) -> None:  # fmt: skip
+        self.model, self.control, self.numerics = model, control, numerics
         given = given_options()
         refused = [name for name in NOT_TAKEN if name in given]
         if refused:
@@ -86,6 +83,8 @@ class NewtonSolver:
         self.choice = choose_for(model)
         self._options = {**_OPTIONS, **self.choice.options}
         self.effort = Effort()
+        self.residuals: list[float] = []
+        """Norms [N] in the last solve."""
         self.snes = PETSc.SNES().create(model.comm)
         self.snes.setOptionsPrefix(PREFIX)
         ksp = PETSc.KSP().create(model.comm)
@@ -93,7 +92,7 @@ class NewtonSolver:
         ksp.setOperators(model.matrix)
         self.linear = LinearSolver(model, ksp, self.choice)
         self.snes.getKSP().setOptionsPrefix(f"{PREFIX}outer_")
-        self.system = TangentSystem(model, control.moves, ksp, self.snes.getKSP())
+        self.system = TangentSystem(model, control.moves, ksp, self.snes.getKSP(), numerics.krylov_iterations)
         self._x = self.system.matrix.createVecRight()
         self._b, self._start = self._x.duplicate(), self._x.duplicate()
         self.snes.setFunction(self._function, self._b)
@@ -109,7 +108,7 @@ class NewtonSolver:
         self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps, self._is_old, self._prepared = 0.0, False, False, False
-        self.max_iterations = int(given.get("snes_max_it", MOST_ITERATIONS))
+        self.max_iterations = int(given.get("snes_max_it", numerics.newton_iterations))
 
     def close(self) -> None:
         """Free the solver, with the matrix's factors (collective)."""
@@ -125,7 +124,7 @@ class NewtonSolver:
         self.system.store(x, np.linalg.lstsq(self.control.moves, self.model.contact.approaches, rcond=None)[0])
 
     def prepare(self) -> None:
-        """Take the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
+        """Assemble the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
         self._take(self._x)
         self._renew(self._x)
         self._prepared = True
@@ -140,7 +139,7 @@ class NewtonSolver:
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
-        self.effort.residuals = []
+        self.residuals = []
         self._norm, self._keeps = 1e-300, self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
@@ -169,13 +168,6 @@ class NewtonSolver:
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))
-
-    def account(self) -> dict[str, Any]:
-        """Return the effort since the last call in a load step's words (collective); times are the slowest rank's."""
-        done, self.effort = asdict(self.effort), Effort()
-        for name in ("seconds_assembly", "seconds_solve"):
-            done[name] = self.model.comm.allreduce(done[name], op=MPI.MAX)
-        return {"linear_solver": self.choice.method, **done}
 
     def _set_from_options(self, changed: dict[str, str]) -> None:
         install(self._options | changed)
@@ -226,7 +218,7 @@ class NewtonSolver:
         taken, norm = snes.getKSP().getIterationNumber(), snes.getFunctionNorm()
         share = min(max(min(norm / self._norm, 1.0) ** 2, TIGHT), LOOSE)
         self.system.wanted, self._norm = max(share * norm, BELOW * self.tolerance), norm
-        lags = self.choice.direct and taken < MOST_LAGGED
+        lags = self.choice.direct and taken < self.numerics.lagged_iterations
         self._is_old = self._keeps and (self._prepared or lags)
         if not self._is_old:
             self._renew(x)
@@ -254,7 +246,7 @@ class NewtonSolver:
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         reason = PETSc.SNES.ConvergedReason
         residual = norms[2]
-        self.effort.residuals.append(float(residual))
+        self.residuals.append(float(residual))
         if not math.isfinite(residual):
             return reason.DIVERGED_FNORM_NAN
         if residual <= self._goal:

@@ -1,4 +1,4 @@
-"""Which solver takes Newton's linear systems, by their size and the form of the elements. No PETSc here.
+"""The choice of solver for Newton's linear systems, by their size and the form of the elements. No PETSc here.
 
 Factors (MUMPS, LDL^T) are fastest for small systems, and their cost grows faster than the size; multigrid inside a
 Krylov method grows in proportion. The user's own PETSc options of the prefix ``thirdbody_`` win over everything here.
@@ -6,9 +6,8 @@ Krylov method grows in proportion. The user's own PETSc options of the prefix ``
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 PREFIX = "thirdbody_"
 DIRECT_UP_TO = 200_000
@@ -103,15 +102,7 @@ def given_in(text: str) -> dict[str, str]:
     return found
 
 
-def solvers_of(records: Sequence[Mapping[str, Any]]) -> str:
-    """Return what solved the linear systems of a run's load steps; a run that went on elsewhere may have had two."""
-    names = (str(record["linear_solver"]) for record in records if "linear_solver" in record)
-    return ", then ".join(dict.fromkeys(names))
-
-
-def solver_notes(records: Sequence[Mapping[str, Any]]) -> list[str]:
+def solver_notes(method: str, failures: int) -> list[str]:
     """Return what a reader must know of the linear systems: a Krylov method that failed is not passed over."""
-    left = sum(record.get("linear_fallbacks", 0) for record in records)
-    if not left:
-        return []
-    return [f"linear systems: {solvers_of(records)} did not converge {left} time(s); factors (MUMPS) took its place"]
+    note = f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"
+    return [note] if failures else []

@@ -15,19 +15,17 @@ from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
 
-MOST_ITERATIONS = 40
-"""Of the Krylov method in one system; with the factors of an earlier tangent its result is then taken as it is."""
-
 
 class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
     ``moves`` (balls, unknowns) says how unknowns, the last entries of the last rank's vectors, move balls. ``ksp``
-    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``.
+    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``
+    or in ``most`` iterations.
     """
 
-    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP) -> None:
-        self.model, self.moves, self.ksp = model, moves, ksp
+    def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP, most: int) -> None:
+        self.model, self.moves, self.ksp, self.most = model, moves, ksp, most
         self.count, self.solves, self.wanted, self._is_old, self._failed = moves.shape[1], 0, 0.0, False, False
         matrix = model.matrix
         self._inner, self._image = matrix.createVecRight(), matrix.createVecRight()
@@ -41,7 +39,7 @@ class TangentSystem:
         self.matrix = PETSc.Mat().createPython(((size, None), (size, None)), self, comm=model.comm)
         self.matrix.setUp()
         outer.setType("fgmres")
-        outer.setGMRESRestart(MOST_ITERATIONS)
+        outer.setGMRESRestart(most)
         outer.setConvergenceTest(self._converged)
         outer.getPC().setType("python")
         outer.getPC().setPythonContext(self)
@@ -63,7 +61,7 @@ class TangentSystem:
             x.array[self._own :] = values
 
     def linearise(self, is_old: bool) -> None:
-        """Take the system at the model's present state; ``is_old``: its matrix is of an earlier one (collective).
+        """Linearise at the model's present state; ``is_old``: the matrix is that of an earlier state (collective).
 
         Where a trial state has lifted all balls of an unknown off, they come down with the stiffness of before.
         """
@@ -88,7 +86,7 @@ class TangentSystem:
         self.store(y, self._along([self._inner])[:, 0] + self._stiffness @ d)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the preconditioner: the inverse, as far as the solver of the model's matrix is exact and at hand."""
+        """Apply the preconditioner: exact if the matrix is that of the present state and its solver direct."""
         self._inner.array[:] = x.array_r[: self._own]
         self._solve(self._inner, self._image)
         d = np.linalg.solve(self._schur, self.approaches(x) - self._along([self._image])[:, 0])
@@ -105,7 +103,7 @@ class TangentSystem:
         return np.array([c.dot(v) for c in self._columns for v in vectors]).reshape(self.count, len(vectors))
 
     def _add(self, factors: np.ndarray, vectors: list[PETSc.Vec], y: PETSc.Vec) -> None:
-        """Put the image, with multiples of vectors added, into y."""
+        """Store the image plus a linear combination of vectors in y."""
         for factor, vector in zip(factors, vectors, strict=True):
             self._image.axpy(factor, vector)
         y.array[: self._own] = self._image.array_r
@@ -117,6 +115,6 @@ class TangentSystem:
             return int(reason.DIVERGED_NANORINF)
         if norm <= self.wanted:
             return int(reason.CONVERGED_RTOL)
-        if iteration < MOST_ITERATIONS:
+        if iteration < self.most:
             return int(reason.CONVERGED_ITERATING)
         return int(reason.CONVERGED_ITS if self._is_old else reason.DIVERGED_MAX_IT)

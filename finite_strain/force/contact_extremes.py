@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model, assembled
-from finite_strain.discretisation.lattice import Lattice
+from finite_strain.discretisation.nodal_values import Lattice
 from meshes.box import TAGS
 
 

@@ -1,1 +1,1 @@
-"""What is simulated: indenters, mirror symmetry, the box around the balls, estimates that size it. No DOLFINx."""
+"""What is simulated: mirror symmetry, load, how far the model reaches, and estimates that size it. No DOLFINx."""

@@ -1,24 +1,35 @@
-"""What a ball alone is expected to do: to size meshes, penalties and first guesses. No result depends on it."""
+"""Expected state of a single ball, to size meshes, penalties and first guesses. No result depends on it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
+import numpy as np
 from scipy.optimize import brentq
 
-from finite_strain.geometry.indenters import NAMED
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball, Elastic, Layer, Problem
 
+if TYPE_CHECKING:
+    from finite_strain.geometry.symmetry import ModelBall
+
+NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
+"""Indenters of unit radius, which the ball's own radius scales."""
 Expected = tuple[float, float, float]
 """Approach [m], force [N], contact radius [m]."""
 LEAST_SHARE = 0.1
 """Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
+PENETRATION = 1e-2
+"""Mean penetration over the approach without multipliers, where Newton's method finds the contact's edge fast."""
+STIFFENING = 5.0
+"""By how much the penalty grows when multipliers are added."""
 _FARTHEST = 1e3
-"""Approaches and apex radii beyond which no profile is followed."""
+"""Limit of the search for a profile's width, in approaches plus apex radii."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius where the force is given."""
 
@@ -63,20 +74,27 @@ def known_shape(ball: Ball) -> str | Indenter:
     )
 
 
-def expected_indentation(problem: Problem) -> list[Expected]:
-    """Return per ball the expected (approach, force, contact radius) at full load, each ball alone [m, N, m].
+def expected_of(
+    problem: Problem, ball: Ball, *, approach: float | None = None, normal_force: float | None = None
+) -> Expected:
+    """Return what a ball of a problem does alone at an approach [m] or under a force [N]; nothing without load."""
+    if not (approach or normal_force or 0.0) > 0.0:
+        return 0.0, 0.0, 0.0
+    layer, shape = problem.layer, known_shape(ball)
+    state = alone(layer, problem.substrate, shape, ball.radius, approach=approach, normal_force=normal_force)
+    return state.approach, state.normal_force, state.contact_radius
 
-    An estimate to size meshes and first guesses; no result depends on its accuracy.
+
+def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
+    """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: the expected mean pressure over the penetration.
+
+    A ball that is pressed in by less than `LEAST_SHARE` of the deepest has the penalty that it has there.
     """
-    kind, values = problem.load.kind, problem.load.values
-    if kind == "total_force":
-        values = tuple(values[0] / problem.size for _ in problem.balls)
-    name = "approach" if kind == "approach" else "normal_force"
-
-    def of(ball: Ball, value: float) -> Expected:
-        if value <= 0.0:
-            return 0.0, 0.0, 0.0
-        state = alone(problem.layer, problem.substrate, known_shape(ball), ball.radius, **{name: value})
-        return state.approach, state.normal_force, state.contact_radius
-
-    return list(map(of, problem.balls, values))
+    deepest = float(np.max(approaches))
+    answer = []
+    for ball, approach in zip(balls, approaches, strict=True):
+        depth = max(float(approach), LEAST_SHARE * deepest)
+        state = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=depth)
+        pressure = state.normal_force / (math.pi * state.contact_radius**2)
+        answer.append(pressure / (PENETRATION * depth))
+    return np.array(answer)

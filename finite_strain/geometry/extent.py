@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from finite_strain.geometry.load_control import prescribed
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 
@@ -31,10 +32,6 @@ class Extent:
     margin: float
     depth: float
 
-    def larger(self, ratio: float) -> Extent:
-        """Return the extent with both lengths multiplied by a ratio."""
-        return Extent(ratio * self.margin, ratio * self.depth)
-
 
 def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].
@@ -43,10 +40,7 @@ def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     error does not. It is therefore measured against a tenth of the attraction Q_i Q_j (1 - nu^2) / (pi E r^2)
     of the half-space at least.
     """
-    positions = np.array([ball.position for ball in problem.balls])
-    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    np.fill_diagonal(distances, np.inf)
-    pairs = np.outer(forces, forces) / distances**2
+    pairs = np.outer(forces, forces) / _distances(problem) ** 2
     return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
 
 
@@ -56,16 +50,16 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
     The sides act like images of the balls at twice the margin, by the linear kernel K: on T by K' and on an approach by
     K. A substrate cut at a depth z below the surface lacks about (1 - nu^2) Q / (pi E z) of its yielding.
     """
-    positions = np.array([ball.position for ball in problem.balls])
     approaches, forces, radii = (np.array(column) for column in zip(*expected, strict=True))
-    thickness, nearest = problem.layer.thickness, _nearest(positions)
+    thickness, nearest = problem.layer.thickness, float(_distances(problem).min())
+    nearest = nearest if nearest < math.inf else 0.0
     largest = max(ball.radius for ball in problem.balls)
     kernel, load = LayeredKernel.of(problem), float(forces.sum())
     scale = scale_of_force(problem, forces)
     if nearest > 0.0:
         slope = abs(float(kernel.slope(np.array([nearest]))[0]))
         scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
-    given = problem.load.kind == "approach"
+    given = not prescribed(problem).forces_given
     deepest = float(approaches.max())
 
     def acts(pull: float, shift: float) -> bool:
@@ -94,6 +88,9 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
     return Extent(margin, depth)
 
 
-def _nearest(positions: np.ndarray) -> float:
-    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    return float(distances[distances > 0.0].min(initial=np.inf)) if len(positions) > 1 else 0.0
+def _distances(problem: Problem) -> np.ndarray:
+    """Return the balls' distances from each other (balls, balls) [m], infinite on the diagonal."""
+    positions = np.array([ball.position for ball in problem.balls])
+    answer = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    np.fill_diagonal(answer, np.inf)
+    return np.asarray(answer)

@@ -1,4 +1,4 @@
-"""Which part of a scene is simulated: the frame with the most mirror planes, and the balls of the cut scene."""
+"""The simulated part of a scene: the frame with the most mirror planes, the balls of the cut scene, the way back."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from finite_strain.geometry.estimates import expected_indentation, known_shape
+from finite_strain.geometry.estimates import known_shape
+from finite_strain.geometry.load_control import prescribed
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
 
@@ -59,6 +60,36 @@ class Reduction:
     balls: tuple[ModelBall, ...]
     images: tuple[Image, ...]
 
+    @property
+    def turn(self) -> np.ndarray:
+        """The rotation (3, 3) of the model's frame into the scene's axes."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    @property
+    def mirrors(self) -> np.ndarray:
+        """Normals (k, 3) of the mirror planes, which hold the origin, in the model's frame."""
+        return np.eye(3)[list(self.planes)].reshape(-1, 3)
+
+    def scene_vectors(self, vectors: np.ndarray) -> np.ndarray:
+        """Return vectors (n, 3) of the model in the scene's frame."""
+        return vectors @ self.turn.T
+
+    def scene_points(self, points: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) [m] of the model in the scene's frame."""
+        return self.scene_vectors(points) + np.array([*self.origin, 0.0])
+
+    def scene_tensors(self, tensors: np.ndarray) -> np.ndarray:
+        """Return tensors (n, 3, 3) of the model in the scene's frame."""
+        return np.einsum("ik,nkl,jl->nij", self.turn, tensors, self.turn)
+
+    def mirror_signs(self) -> list[np.ndarray]:
+        """Return the signs (3,) of the model's coordinates in each of its mirror images, itself first."""
+        signs = [np.ones(3)]
+        for normal in self.mirrors:
+            signs += [known * (1.0 - 2.0 * normal) for known in signs]
+        return signs
+
     def to_scene(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
         """Return an in-plane vector of the scene's ball from that of its model ball."""
         turned = complex(*np.multiply(self.images[ball].signs, vector)) * cmath.rect(1.0, self.angle)
@@ -73,7 +104,7 @@ class Reduction:
 
 def reduce_scene(problem: Problem) -> Reduction:
     """Find the frame with the most mirror planes, and the balls that remain in the cut scene."""
-    values = problem.load.values if problem.load.kind != "total_force" else (0.0,) * problem.size
+    values = prescribed(problem).values
     positions = np.array([ball.position for ball in problem.balls])
     angles = [0.0]
     for a, b in combinations(positions[: min(len(positions), 12)], 2):
@@ -124,7 +155,7 @@ def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, 
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
     balls: list[ModelBall] = []
-    expected = expected_indentation(problem)
+    expected = prescribed(problem).expected()
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
         if all(position[axis] >= 0.0 for axis in planes):
             fixed = tuple(axis for axis in planes if position[axis] == 0.0)

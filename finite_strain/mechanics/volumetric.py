@@ -72,16 +72,15 @@ def form_faults(problem: Problem, model: str) -> list[str]:
     asked = problem.elements.form if problem.elements is not None else None
     nu = problem.layer.poisson
     if asked == "displacement" and nu > LARGEST_DISPLACEMENT_POISSON:
-        return [
-            f"elements.form: {model} takes the displacement form for layer.poisson up to "
-            f'{LARGEST_DISPLACEMENT_POISSON:g}, got {nu:g}; use "mixed", or leave the key out'
-        ]
-    if asked == "mixed" and nu < MIXED_CAN:
-        return [
-            f"elements.form: {model} takes the mixed form for layer.poisson from {MIXED_CAN:g} to 0.5, "
-            f'got {nu:g}; use "displacement", or leave the key out'
-        ]
-    return []
+        range_, other = f"up to {LARGEST_DISPLACEMENT_POISSON:g}", "mixed"
+    elif asked == "mixed" and nu < MIXED_CAN:
+        range_, other = f"from {MIXED_CAN:g} to 0.5", "displacement"
+    else:
+        return []
+    return [
+        f"elements.form: {model} takes the {asked} form for layer.poisson {range_}, got {nu:g}; "
+        f'use "{other}", or leave the key out'
+    ]
 
 
 def form_notes(problem: Problem) -> list[str]:

@@ -18,15 +18,13 @@ import numpy as np
 import ufl
 
 from finite_strain import compat
+from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
-from finite_strain.geometry.indenters import gap
-from finite_strain.geometry.scene_frame import SceneFrame
 from finite_strain.mpi import on_root
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
-from finite_strain.output.gathered_arrays import write_gathered
+from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.output.xdmf import stem, write_step_and_index
 
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
 _STRAINS = {"volume_ratio", "principal_stretches"}
@@ -39,7 +37,6 @@ class FieldWriter:
         self.model = model
         self.folder = folder
         self.choice = choice or FieldChoice()
-        self._frame = SceneFrame.of(model.reduction)
         self._nodes = CellNodes(model.space)
         wanted, owned = set(self.choice.names), len(self._nodes.dofs)
         tagged = [(bulk, model.cell_tags.find(bulk.tag)) for bulk in model.bulks]
@@ -72,18 +69,19 @@ class FieldWriter:
         return time.monotonic() - began
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
-        nodes, index_map = self._nodes, self.model.space.dofmap.index_map
-        hexahedra = nodes.dofs[:, nodes.lattice.hexahedra]
+        index_map = self.model.space.dofmap.index_map
+        hexahedra = self._nodes.dofs[:, self._nodes.lattice.hexahedra]
         region = np.zeros(hexahedra.shape[:2], dtype=np.int64)
         for bulk, cells in self._regions:
             region[cells] = bulk.tag
         numbers = index_map.local_to_global(hexahedra.ravel().astype(np.int32)).reshape(-1, 8)
-        points = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
-        return {"points": self._frame.points(points), "cells": numbers, "cell_fields/region": region.ravel()}
+        nodes = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
+        points = self.model.reduction.scene_points(nodes)
+        return {"points": points, "cells": numbers, "cell_fields/region": region.ravel()}
 
     def _node_fields(self) -> dict[str, np.ndarray]:
         """Return the chosen fields at this rank's own nodes, in the scene's frame."""
-        answer = {"displacement": self._frame.vectors(self.model.nodal)}
+        answer = {"displacement": self.model.reduction.scene_vectors(self.model.nodal)}
         if self._top is not None:
             answer["contact_pressure"] = self._top.pressure()
         answer |= self._gap() | self._strain_fields() | self._stress_fields()
@@ -119,7 +117,7 @@ class FieldWriter:
         pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
         deviator = stress + pressure[:, None, None] * np.eye(3)
         return {
-            "cauchy_stress": self._frame.tensors(stress),
+            "cauchy_stress": self.model.reduction.scene_tensors(stress),
             "von_mises": np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2))),
             "pressure": pressure,
         }
@@ -135,23 +133,23 @@ class FieldWriter:
         for name in self.choice.names:
             field = CATALOGUE[name]
             file[f"node_fields/{name}"].attrs.update(unit=field.unit, kind=field.kind, meaning=field.meaning)
-        frame, reduction = self._frame, self.model.reduction
+        reduction = self.model.reduction
         balls = [(image, reduction.balls[image.model_ball]) for image in reduction.images]
         axes = np.array([[*np.multiply(image.signs, ball.position), 0.0] for image, ball in balls])
         file.attrs.update(
             step=number,
             fraction=fraction,
             deformed=self.model.is_finite,
-            ball_positions=frame.points(axes)[:, :2],
+            ball_positions=reduction.scene_points(axes)[:, :2],
             layer_young=self.model.bulks[0].solid.young,
             ball_radii=[ball.radius for _, ball in balls],
             ball_shapes=[s if isinstance(s := ball.shape, str) else type(s).__name__.lower() for _, ball in balls],
             ball_approaches=[self.model.contact.approaches[image.model_ball] for image, _ in balls],
             frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
-            frame_turn=frame.turn,
-            frame_origin=frame.origin,
+            frame_turn=reduction.turn,
+            frame_origin=np.array([*reduction.origin, 0.0]),
             frame_angle=reduction.angle,
-            mirror_planes=frame.scene_mirrors,
+            mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )
 

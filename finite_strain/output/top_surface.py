@@ -10,7 +10,7 @@ import numpy as np
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
-from finite_strain.geometry.scene_frame import SceneFrame
+from finite_strain.geometry.symmetry import Reduction
 from meshes.box import TAGS
 
 
@@ -57,7 +57,7 @@ class TopSurface:
         _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
         triangles = _triangles(inverse.reshape(-1, 4), pressure[first])
         part = SurfaceFields(reference[first], (reference + u)[first], triangles, pressure[first])
-        return _completed(SceneFrame.of(model.reduction), part)
+        return _completed(model.reduction, part)
 
 
 def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -68,12 +68,12 @@ def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
     return around[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
-def _completed(frame: SceneFrame, part: SurfaceFields) -> SurfaceFields:
+def _completed(reduction: Reduction, part: SurfaceFields) -> SurfaceFields:
     """Mirror the simulated part at its symmetry planes and turn it into the scene's frame."""
-    count, signs = len(part.reference), frame.mirror_signs()
+    count, signs = len(part.reference), reduction.mirror_signs()
     return SurfaceFields(
-        np.concatenate([frame.points(part.reference * s) for s in signs]),
-        np.concatenate([frame.points(part.points * s) for s in signs]),
+        np.concatenate([reduction.scene_points(part.reference * s) for s in signs]),
+        np.concatenate([reduction.scene_points(part.points * s) for s in signs]),
         np.concatenate([part.triangles + k * count for k in range(len(signs))]),
         np.tile(part.pressure, len(signs)),
     )

@@ -1,17 +1,18 @@
-"""What a model says at a load step, and what the discretisations of a run said so far: values, and their JSON."""
+"""The results of a run as values: of one model at a load step, of each discretisation, and their JSON."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from linear_bem.errors import OutputUnusable
+from linear_bem.result import BallResult, Step
 
 NAME = "discretisations.json"
 
@@ -42,23 +43,17 @@ class ContactState:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactState:
-        """Return the state that `text_of` wrote."""
+        """Return the state that `save_records` wrote."""
         arrays = {name: np.array(value, dtype=float) for name, value in data.items() if name != "fraction"}
         return cls(fraction=float(data["fraction"]), **arrays)
 
 
 @dataclass(frozen=True)
 class Row:
-    """What one discretisation says at a load step: the run's own model, and the small-strain one where it could."""
+    """Results of one discretisation at a load step: of the run's own model and, if it converged, its pair."""
 
     own: ContactState
     small: ContactState | None = None
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Row:
-        """Return the row that `text_of` wrote."""
-        small = data["small"]
-        return cls(ContactState.from_dict(data["own"]), None if small is None else ContactState.from_dict(small))
 
 
 @dataclass(frozen=True)
@@ -76,12 +71,74 @@ class Discretisation:
         return f"order {self.order}, fineness {self.fineness:g}{wider}{stiffer}"
 
 
+@dataclass(frozen=True, kw_only=True)
+class SolverAccount:
+    """The cost of an answered load step, and how closely it is in equilibrium.
+
+    Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
+    the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
+    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``strain_energy`` [J] is that of
+    the whole scene.
+    """
+
+    fraction: float
+    iterations: int
+    tangents: int
+    augmentation_iterations: int
+    pair_iterations: int
+    augmented: bool
+    cuts: int
+    residual: float
+    penetration: float
+    force_balance: float
+    smallest_volume_ratio: float
+    strain_energy: float
+    linear_solver: str
+    seconds_assembly: float
+    seconds_solve: float
+    linear_iterations: int
+    linear_fallbacks: int
+    residuals: list[float]
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer(SolverAccount):
+    """The answer at load step number ``step``; lists have one value per ball of the scene, forces and errors in N.
+
+    ``mesh`` is the discretisation's number in its run; ``linear_failure`` says why `linear_bem` has no answer;
+    ``imbalance`` is the size of the sum of T. ``normal_force_error`` holds at the given approach, ``approach_error``
+    [m] at the given force.
+    """
+
+    balls: tuple[BallResult, ...]
+    step: int
+    linear_failure: str
+    error_terms: dict[str, list[float]]
+    pair_weight: list[float]
+    imbalance: float
+    normal_force_error: list[float]
+    approach_error: list[float]
+    tangential_force_error_at_force: list[float]
+    mesh: int | None = None
+    seconds_output: float | None = None
+
+    def to_step(self) -> Step:
+        """Return the step of the public contract, whose record holds all but the balls."""
+        return Step(self.balls, {k: v for k, v in vars(self).items() if k != "balls" and v is not None})
+
+    @classmethod
+    def from_step(cls, step: Step) -> Answer:
+        """Return the answer that `to_step` wrote."""
+        return cls(balls=step.balls, **step.record)
+
+
 @dataclass
 class Record:
-    """One discretisation of a run: what it is, what it answered at each load step, and what it took.
+    """One discretisation of a run: its definition, its results at each load step, and its cost.
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not come to full
-    load; ``steps`` are the answers (JSON objects of `linear_bem.result.Step`).
+    load; ``changes`` are the relative errors (balls,) by change of T, Q and R = T / Q^2 at the answered steps so far.
     """
 
     level: Discretisation
@@ -89,7 +146,8 @@ class Record:
     seconds: float = 0.0
     finished: bool = False
     rows: list[Row] = field(default_factory=list)
-    steps: list[dict[str, Any]] = field(default_factory=list)
+    steps: list[Answer] = field(default_factory=list)
+    changes: dict[str, list[list[float]]] = field(default_factory=dict)
     terms: dict[str, float] = field(default_factory=dict)
     reached: float = math.nan
     scale: float = math.nan
@@ -101,18 +159,28 @@ class Record:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Record:
-        """Return the record that `text_of` wrote."""
-        parts = {"level": Discretisation(**data["level"]), "rows": [Row.from_dict(row) for row in data["rows"]]}
-        return cls(**{**data, **parts})
+        """Return the record that `save_records` wrote."""
+        steps = [Answer.from_step(Step.from_dict(step)) for step in data["steps"]]
+        rows = [Row(**{k: v and ContactState.from_dict(v) for k, v in row.items()}) for row in data["rows"]]
+        return cls(**{**data, "level": Discretisation(**data["level"]), "rows": rows, "steps": steps})
 
 
-def text_of(key: str, records: list[Record]) -> str:
-    """Return the text of the file that holds every discretisation of a run."""
-    return json.dumps({"key": key, "discretisations": list(map(asdict, records))}, default=np.ndarray.tolist)
+def save_records(folder: Path, key: str, records: list[Record]) -> None:
+    """Write every discretisation of a run into its folder's file, as a whole or not at all."""
+    draft = (folder / NAME).with_suffix(".part")
+    draft.write_text(json.dumps({"key": key, "discretisations": records}, default=_plain), encoding="utf-8")
+    draft.replace(folder / NAME)
 
 
-def saved_records(path: Path, key: str) -> list[Record]:
-    """Return what an earlier run of the same key left in a file."""
+def _plain(value: object) -> object:
+    if isinstance(value, Answer):
+        return value.to_step().to_dict()
+    return value.tolist() if isinstance(value, np.ndarray) else vars(value)
+
+
+def saved_records(folder: Path, key: str) -> list[Record]:
+    """Return what an earlier run of the same key left in a folder."""
+    path = folder / NAME
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
         return [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []

@@ -13,22 +13,22 @@ from linear_bem.errors import InvalidProblem
 PATH_FINDER = Discretisation(order=2, fineness=1.0)
 """The first discretisation, whose states predict the others'."""
 FINE = 0.005
-"""Accuracy from which on the first discretisation that answers is of order 4: order 3 seldom is as accurate."""
+"""Accuracies up to this one start with order 4: order 3 seldom reaches them."""
 DEFAULT_UNKNOWNS = 120e3
 """Unknowns that the finest mesh may have where nothing is stated."""
 ORDER = 3.0
-"""Order of convergence in the element size that the next mesh is sized with."""
+"""Order of convergence in the element size, used to size the next mesh."""
 SECONDS_POWER = 1.4
 """Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
 HIGHEST = 4
-"""Order of the elements from which on meshes are refined instead."""
+"""Highest order of the elements; beyond it the mesh is refined."""
 STEP = 0.5
-"""Least difference of the fineness of successive meshes: it decides how many elements there are about a contact."""
+"""Smallest increment of the fineness between successive meshes; it sets the number of elements around a contact."""
 WIDER, STIFFER = 1.5, 8.0
-"""By how much the domain or the penalty grows where it is what limits the accuracy."""
+"""Growth factors of the domain and of the penalty where they limit the accuracy."""
 MOST_LEVELS = 8
 STEADY = 0.5
-"""Part of the small-strain error that a finer mesh leaves, above which it is the domain's or the contact's."""
+"""Fraction of the small-strain error left on a finer mesh above which domain or contact, not the mesh, cause it."""
 
 
 @dataclass(frozen=True)
@@ -126,23 +126,17 @@ def account(
 ) -> Mapping[str, Any]:
     """Return the structured account of accuracy for a result: asked, reached, discretisations, why it ended."""
     last = records[answered]
+    meshes = [
+        {
+            **asdict(record.level), "unknowns": record.unknowns, "seconds": record.seconds,
+            "reached": None if record.reached != record.reached else record.reached,
+            "normal_forces": record.rows[-1].own.normal_force.tolist(),
+        }
+        for record in records[: answered + 1]
+        if record.rows
+    ]  # fmt: skip
     return {
-        "asked": asked,
-        "reached": last.reached,
-        "met": last.reached <= asked,
-        "terms": dict(last.terms),
-        "relative_to": {"what": reference, "force": last.scale},
-        "stopped": stopped,
-        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns},
-        "meshes": [
-            {
-                **asdict(record.level),
-                "unknowns": record.unknowns,
-                "seconds": record.seconds,
-                "reached": None if record.reached != record.reached else record.reached,
-                "normal_forces": record.rows[-1].own.normal_force.tolist(),
-            }
-            for record in records[: answered + 1]
-            if record.rows
-        ],
-    }
+        "asked": asked, "reached": last.reached, "met": last.reached <= asked, "terms": dict(last.terms),
+        "relative_to": {"what": reference, "force": last.scale}, "stopped": stopped,
+        "budget": {"seconds": budget.seconds, "unknowns": budget.most_unknowns}, "meshes": meshes,
+    }  # fmt: skip

@@ -1,4 +1,4 @@
-"""From a problem to what will be run: symmetry, discretisations, load steps, and what they cost."""
+"""The plan of a run: symmetry, discretisations, load steps, and their cost."""
 
 from __future__ import annotations
 
@@ -8,53 +8,85 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from finite_strain.equilibrium.load_steps import answered_fractions, load_fractions
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import Expected, expected_indentation
+from finite_strain.geometry.estimates import LEAST_SHARE, Expected, alone
 from finite_strain.geometry.extent import Extent, choose_extent
-from finite_strain.geometry.simulated_box import box_to_mesh
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
+from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem
-from meshes.box import Box
+from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
-LARGEST_APPROACH = 0.9
-"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
 MOST_AT_FIRST = 5e5
-"""Unknowns that the first discretisation that answers may have where no budget is stated."""
+"""Largest number of unknowns of the first answering discretisation where no budget is stated."""
+LATEST = 0.85
+"""Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _PATH_STEP, _FIRST_GOAL = 0.8, 1.2
-"""What a step of the path costs the path finder, and an answered one besides, in answered steps of that size."""
+"""Cost of a step of the path finder, and extra cost of an answered one, in answered steps of the same size."""
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What a run consists of: ``path`` are the load fractions that the path finder passes, ``goals`` those answered."""
+    """The parts of a run: ``goals`` are the load fractions answered."""
 
     problem: Problem
-    model: str
     reduction: Reduction
-    path: tuple[float, ...]
     goals: tuple[float, ...]
     accuracy: float
     budget: Budget
+    numerics: Numerics
     expected: tuple[Expected, ...]
     extent: Extent = field(repr=False)
 
     @property
+    def model(self) -> str:
+        """The model's name, which the problem's effect decides."""
+        return model_of(self.problem)
+
+    @property
     def is_paired(self) -> bool:
         """Whether the small-strain problem runs beside the run's own."""
-        return self.model == "finite_strain"
+        return self.problem.finite_strain is not None
+
+    @property
+    def deepest(self) -> float:
+        """The largest expected approach over its ball's radius."""
+        return max(depth / ball.radius for ball, (depth, _, _) in zip(self.problem.balls, self.expected, strict=True))
+
+    @property
+    def path(self) -> tuple[float, ...]:
+        """The load fractions that the path finder passes."""
+        return prescribed(self.problem).fractions(self.deepest, self.goals, self.numerics.largest_step)
 
     def box(self, level: Discretisation) -> Box:
-        """Return the box that a discretisation meshes."""
-        extent = self.extent.larger(level.extent)
-        return box_to_mesh(self.problem, self.reduction, list(self.expected), extent, level.fineness, self.goals[0])
+        """Return the box that a discretisation meshes, with a block under each ball of the reduced scene."""
+        problem, reduction = self.problem, self.reduction
+        margin, depth = level.extent * self.extent.margin, level.extent * self.extent.depth
+        sides = []
+        for axis in (0, 1):
+            coordinates = [ball.position[axis] for ball in reduction.balls]
+            low = 0.0 if axis in reduction.planes else min(coordinates) - margin
+            sides.append((low, max(coordinates) + margin))
+        radii = []
+        for ball in reduction.balls:
+            # a ball that hardly touches is meshed as if it were pressed in a little
+            least = LEAST_SHARE * self.deepest * ball.radius
+            hardly = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=least)
+            radii.append(max(self.expected[ball.index][2], hardly.contact_radius))
+        positions = [ball.position for ball in reduction.balls]
+        widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
+        lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
+        smallest = self.goals[0] ** (0.5 / prescribed(problem).power)  # as Hertz's contact grows
+        zones = tuple(Zone(*zone, smallest) for zone in zip(positions, lines, widths, strict=True))
+        growth = self.numerics.growth
+        return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 
     def unknowns(self, level: Discretisation) -> float:
         """Estimate the unknowns of a discretisation, within about 30 %."""
@@ -105,53 +137,53 @@ def _bytes(unknowns: float, direct: bool) -> float:
 
 def plan_run(
     problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
-    steps: Sequence[float] | None = (1.0,),
+    steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT,
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
 
-    Raises `UnsupportedProblem`, naming the key, for what the model lacks.
+    ``model`` is the one that the caller expects. Raises `UnsupportedProblem`, naming the key, for what it lacks and
+    where the problem asks for the other one.
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
     _check_supported(problem, model)
-    goals = answered_fractions(problem.load.kind) if steps is None else tuple(steps)
+    load = prescribed(problem)
+    goals = load.answered_fractions() if steps is None else tuple(steps)
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
-    budget = budget or Budget()
-    expected = expected_indentation(problem)
-    deepest = max(approach / ball.radius for ball, (approach, _, _) in zip(problem.balls, expected, strict=True))
+    expected = load.expected()
     plan = RunPlan(
-        problem, model, reduce_scene(problem), load_fractions(problem.load.kind, deepest, goals), goals,
-        tangential_force, budget, tuple(expected), choose_extent(problem, expected, tangential_force),
+        problem, reduce_scene(problem), goals, tangential_force, budget or Budget(), numerics, tuple(expected),
+        choose_extent(problem, expected, tangential_force),
     )  # fmt: skip
-    least = plan.unknowns(plan.first[-1])
-    if least > (MOST_AT_FIRST if budget.unknowns is None else budget.unknowns):
+    least, most = plan.unknowns(plan.first[-1]), plan.budget.unknowns or MOST_AT_FIRST
+    if least > most:
         raise UnsupportedProblem(
             f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "
-            f"got {budget.unknowns or MOST_AT_FIRST:g}; raise it"
+            f"got {most:g}; raise it"
         )
     return plan
+
+
+def model_of(problem: Problem) -> str:
+    """Return the model that a problem asks for: hyperelastic with the effect `finite_strain`, else small strain."""
+    return MODELS[problem.finite_strain is None]
 
 
 def _check_supported(problem: Problem, model: str) -> None:
     if model not in MODELS:
         raise UnsupportedProblem(f"model: the finite-element models are {' and '.join(MODELS)}, got {model}")
     faults = []
+    if model != model_of(problem):
+        rule, remedy = ("needs", "FiniteStrain()") if model == MODELS[0] else ("takes no problem with", "None")
+        faults.append(
+            f"finite_strain: model {model} {rule} this effect, got {problem.finite_strain}; set it to {remedy}, or "
+            f"ask for model {model_of(problem)}"
+        )
     if not 0.0 < problem.layer.thickness < math.inf:
-        thickness = f"{problem.layer.thickness:g}"
-        faults.append(
-            f"layer.thickness: {model} meshes the layer and needs a finite one, got {thickness}; use linear_bem"
-        )
+        rule = f"layer.thickness: {model} meshes the layer and needs a finite one"
+        faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
     faults += form_faults(problem, model)
-    values = problem.load.values
-    if problem.load.kind == "force" and min(values) <= 0.0:
-        faults.append(
-            f"load.force: {model} needs a force > 0 on every ball, got {min(values):g} N; leave that ball out"
-        )
-    if problem.load.kind == "approach" and max(values) >= LARGEST_APPROACH * problem.layer.thickness:
-        faults.append(
-            f"load.approach: {model} takes approaches below {LARGEST_APPROACH:g} of the layer's thickness "
-            f"({problem.layer.thickness:g} m), got {max(values):g} m"
-        )
+    faults += prescribed(problem).faults(model)
     if faults:
         raise UnsupportedProblem("\n".join(faults))

@@ -59,19 +59,19 @@ class Progress:
                     self.log(f"{key}: " + ", ".join(f"{k} {_word(v)}" for k, v in value.items()))
             tell(words)
 
-    def attempt(self, info: Mapping[str, Any]) -> None:
+    def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
         """Note that a load step begins."""
         signals.check()
         self._step_began = time.monotonic()
         if self.root:
-            self.log("attempt: " + ", ".join(f"{key} {_word(value)}" for key, value in info.items()))
-            cuts, self._cuts = self._cuts, info.get("cuts", 0)
-            if self._cuts > cuts:
-                tell(f"the step did not converge: cut back to {100.0 * info['fraction']:.0f} % of the load")
-            elif info.get("mesh", "main") != "main":
-                tell(f"{info['mesh']} mesh: {100.0 * info['fraction']:.0f} % of the load")
+            self.log(f"attempt: mesh {mesh}, fraction {_word(fraction)}, cuts {cuts}")
+            before, self._cuts = self._cuts, cuts
+            if cuts > before:
+                tell(f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load")
+            elif mesh != "main":
+                tell(f"{mesh} mesh: {100.0 * fraction:.0f} % of the load")
 
-    def newton(self, info: Mapping[str, Any]) -> None:
+    def newton(self, iteration: int, residual: float) -> None:
         """Look for an interruption at every iteration."""
         signals.check()
 

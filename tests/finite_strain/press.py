@@ -9,6 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 import finite_strain
+from finite_strain import Numerics
 from linear_bem.errors import ThirdBodyError
 from tests.finite_strain.scenes import Recorder, light_pair
 
@@ -38,21 +39,12 @@ def main() -> None:
     folder, *rest = sys.argv[1:]
     comm = MPI.COMM_WORLD
     observer = StopAfter(int(rest[0]) if rest and rest[0].isdigit() else 0)
-    if "fail" in rest:
-        from finite_strain.equilibrium import load_path, newton  # noqa: PLC0415
-
-        load_path.SHORTEST = 0.4
-        begin = newton.NewtonSolver.__init__
-
-        def hasty(self: Any, *args: Any, **kwargs: Any) -> None:
-            begin(self, *args, **kwargs)
-            self.max_iterations = 1
-
-        newton.NewtonSolver.__init__ = hasty  # type: ignore[method-assign]
+    hasty = Numerics(shortest_step=0.4, newton_iterations=1)
     try:
         result = finite_strain.solve(
-            light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS
-        )
+            light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS,
+            numerics=hasty if "fail" in rest else Numerics(),
+        )  # fmt: skip
     except Stopped:
         raise SystemExit(STOPPED) from None
     except ThirdBodyError as error:

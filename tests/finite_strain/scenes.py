@@ -13,7 +13,7 @@ import pytest
 from finite_strain.geometry.extent import Extent
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import RunPlan, plan_run
-from linear_bem import Ball, Elastic, Elements, Indenter, Layer, Load, Problem
+from linear_bem import Ball, Elastic, Elements, FiniteStrain, Indenter, Layer, Load, Problem
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +53,13 @@ def on_layer(
     substrate: Elastic | None = None,
     poisson: float = 0.48,
 ) -> Problem:
-    return Problem(Layer(1.0, poisson, thickness), balls, load, substrate)
+    """Return the balls on a hyperelastic layer; `at_small_strain` takes the effect off."""
+    return Problem(Layer(1.0, poisson, thickness), balls, load, substrate, FiniteStrain())
+
+
+def at_small_strain(problem: Problem) -> Problem:
+    """Return the problem as the models of small strain take it."""
+    return replace(problem, finite_strain=None)
 
 
 def pair(
@@ -105,7 +111,8 @@ def coarse_plan(
     extent: Extent | None = NEAR,
     accuracy: float = 0.3,
 ) -> RunPlan:
-    """Return the plan of a run that reaches as far as ``extent`` says (None: as far as the accuracy needs)."""
+    """Return the plan of a model's run that reaches as far as ``extent`` says (None: as far as the accuracy needs)."""
+    problem = replace(problem, finite_strain=FiniteStrain()) if model == "finite_strain" else at_small_strain(problem)
     plan = plan_run(problem, accuracy, model, None, steps)
     if extent is None:
         return plan
@@ -164,12 +171,12 @@ def coarse_rig(
     """Mesh a plan's box (or take a mesh) and return the model on it with its solver, force meter and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain.one_discretisation import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415
-    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
 
     box = plan.box(level)
     meshed = meshed or mesh_box(box, folder / "mesh.msh", MPI.COMM_SELF)
-    run = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, observer or Silence(), "test")
+    run = ModelRun(plan, meshed, box, level, observer or Silence(), "test")
     return Rig(plan, run)
 
 
@@ -186,11 +193,11 @@ class Recorder:
     def started(self, info: dict[str, Any]) -> None:
         self.info = info
 
-    def attempt(self, info: dict[str, Any]) -> None:
-        self.attempts.append(info)
+    def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
+        self.attempts.append({"mesh": mesh, "fraction": fraction, "cuts": cuts})
 
-    def newton(self, info: dict[str, Any]) -> None:
-        self.residuals.append(info["residual"])
+    def newton(self, iteration: int, residual: float) -> None:
+        self.residuals.append(residual)
 
     def step_done(self, step: Any, surface: Any) -> None:
         self.steps.append(step)

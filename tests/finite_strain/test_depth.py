@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
-from finite_strain.contact.penalty import PENETRATION
+from finite_strain.geometry.estimates import PENETRATION
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
@@ -21,6 +21,7 @@ from tests.finite_strain.scenes import (
     QUADRATIC,
     STIFF_SUBSTRATE,
     Rig,
+    at_small_strain,
     balls_at,
     coarse_plan,
     coarse_rig,
@@ -36,7 +37,7 @@ STEPS = (0.1, 0.25, 0.5, 0.75, 1.0)
 def strengthening(step: Any, problem: Any) -> float:
     """Return T over the linear model's T at the same normal forces."""
     forces = [ball.normal_force for ball in step.balls]
-    linear = linear_bem.solve(problem.with_load("force", forces))
+    linear = linear_bem.solve(at_small_strain(problem).with_load("force", forces))
     return step.balls[0].tangential_force[0] / linear.balls[0].tangential_force[0]
 
 
@@ -95,7 +96,7 @@ def test_a_single_ball_starts_as_the_linear_model_and_ends_as_the_finite_strain_
     first, last = ball_on_layer.steps[0].balls[0], ball_on_layer.steps[-1].balls[0]
 
     def linear(approach: float, poisson: float = 0.48) -> float:
-        return linear_bem.solve(single(approach, poisson=poisson)).balls[0].normal_force
+        return linear_bem.solve(at_small_strain(single(approach, poisson=poisson))).balls[0].normal_force
 
     # theory: softer by 0.065 sqrt(D/R), 1.1 % at the first step
     assert first.normal_force == relatively(linear(first.approach), 0.02)
@@ -121,14 +122,13 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
     rig = coarse_rig(plan, tmp_path, CUBIC)
     *_, last = rig.press()
     rig.path.augment(last)
-    (reference,) = linear_bem.solve(problem).balls
+    (reference,) = linear_bem.solve(at_small_strain(problem)).balls
     assert rig.normal_forces()[0] == relatively(reference.normal_force, discretisation)
 
 
 def test_three_balls_in_an_l_pull_each_other_without_moving_the_whole() -> None:
-    problem = on_layer(
-        balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid"), Load("approach", (0.2,) * 3), poisson=0.3
-    )
+    balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid")
+    problem = at_small_strain(on_layer(balls, Load("approach", (0.2,) * 3), poisson=0.3))
     result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9)
     linear = linear_bem.solve(problem)
     total, error = np.zeros(2), 0.0
@@ -214,9 +214,9 @@ def test_a_substrate_is_deformed_as_the_linear_model_says(tmp_path: Path) -> Non
     rig = coarse_rig(coarse_plan(soft, "small_strain", extent=None, accuracy=0.02), tmp_path)
     *_, last = rig.press()
     rig.path.augment(last)
-    (reference,) = linear_bem.solve(soft).balls
+    (reference,) = linear_bem.solve(at_small_strain(soft)).balls
     # the sides' and the substrate's end, which a pair would take off: finer meshes have it, too
     assert rig.normal_forces()[0] == relatively(reference.normal_force, 0.06)
-    stiff = linear_bem.solve(single(0.05, 0.8, 0.3, "paraboloid")).balls[0]
+    stiff = linear_bem.solve(at_small_strain(single(0.05, 0.8, 0.3, "paraboloid"))).balls[0]
     assert reference.normal_force < 0.9 * stiff.normal_force
     assert STIFF_SUBSTRATE.young > soft.substrate.young  # type: ignore[union-attr]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
-from finite_strain.planning.records import Discretisation, Record
+from finite_strain.planning.records import Discretisation, Record, save_records, saved_records
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
 from tests.finite_strain.test_pairs import state
@@ -64,7 +65,7 @@ def test_a_correction_that_is_small_by_chance_counts_as_what_convergence_leaves_
 
 def test_a_chance_agreement_at_one_step_is_not_an_error_of_nothing() -> None:
     same, size = np.array([[2.0, 0.0]]), np.array([2.0])
-    path = [np.array([0.01]), np.array([0.03])]
+    path = [[0.01], [0.03]]
     assert discretisation(same, same, 1.0, path, size) == relatively([0.02], ROUNDOFF)
     # a larger change counts itself, and one before does not raise it
     assert discretisation(same, same + 0.5, 1.0, path, size) == relatively([math.hypot(0.5, 0.5)], ROUNDOFF)
@@ -88,3 +89,13 @@ def test_forces_that_do_not_add_up_to_zero_are_doubted_more() -> None:
     # mirror images add up to zero whatever they are
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     assert answers._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)
+
+
+def test_a_resumed_run_knows_the_relative_changes_of_the_steps_before(tmp_path: Path) -> None:
+    plan, records = plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)]
+    large, size = np.array([[2.0, 0.0]]), np.array([2.0])
+    Answers(plan, records)._change("T", large, 0.5 * large, None, size)
+    save_records(tmp_path, "key", records)
+    resumed = saved_records(tmp_path, "key")
+    errors = [Answers(plan, each)._change("T", large, large, None, size)[0] for each in (records, resumed)]
+    assert errors[0] == errors[1] > 0.0  # of a step that does not change by itself

@@ -15,7 +15,6 @@ pytest.importorskip("dolfinx")
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.equilibrium.load_control import PrescribedApproach
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
 from linear_bem import Problem
@@ -257,7 +256,7 @@ def test_a_solver_of_its_own_closes_the_same_equilibrium(tmp_path: Path) -> None
     rig: Any = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path, QUADRATIC)
     rig.press()
     before = rig.meter.domain(rig.contact_radii())
-    other = NewtonSolver(rig.model, PrescribedApproach(np.array([0.1])))
+    other = NewtonSolver(rig.model, rig.path.control)
     other.solve(SOLVER, 1.0, 1.0)
     other.close()
     assert rig.meter.domain(rig.contact_radii())[0, 0] == relatively(before[0, 0], 1e-5)

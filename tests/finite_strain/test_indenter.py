@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("ufl")
 
-from finite_strain.geometry.indenters import gap
+from finite_strain.contact.contact_energy import gap
 from linear_bem import Cone, Ellipsoid, Indenter, Punch
 
 SHAPES: dict[str, str | Indenter] = {

@@ -17,8 +17,8 @@ from mpi4py import MPI
 import finite_strain
 from finite_strain.equilibrium.load_path import LoadPath
 from finite_strain.mechanics.kinematics import Small
-from finite_strain.output import gathered_arrays
-from finite_strain.output.gathered_arrays import write_gathered
+from finite_strain.output import step_files
+from finite_strain.output.step_files import write_gathered
 from linear_bem import NotConverged
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS
@@ -120,7 +120,7 @@ def test_a_full_disk_is_said_before_a_file_is_begun(tmp_path: Path, monkeypatch:
     arrays = {"values": np.zeros((1000, 3))}
     write_gathered(MPI.COMM_SELF, target, arrays, lambda file: None)
     before = target.read_bytes()
-    needed = arrays["values"].nbytes + gathered_arrays.ROOM
+    needed = arrays["values"].nbytes + step_files.ROOM
     for free, works in ((needed, True), (needed - 1, False)):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: SimpleNamespace(free=free))
         if works:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,8 @@ pytest.importorskip("dolfinx")
 
 from petsc4py import PETSc
 
-from finite_strain.equilibrium import linear_solver, newton, tangent_system
+from finite_strain import Numerics
+from finite_strain.equilibrium import linear_solver
 from finite_strain.equilibrium.solver_options import choose, given_in, solver_notes
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair, relatively
@@ -73,14 +75,14 @@ def test_a_plan_reads_the_users_options_where_petsc_does() -> None:
     assert given_in("") == {}  # no options is the usual case
 
 
-def rig_of(problem: Problem, folder: Path, name: str) -> Rig:
+def rig_of(problem: Problem, folder: Path, name: str, **numerics: int) -> Rig:
     path = folder / name
     path.mkdir()
-    return coarse_rig(coarse_plan(problem), path)
+    return coarse_rig(replace(coarse_plan(problem), numerics=Numerics(**numerics)), path)
 
 
-def deep_rig(form: str, poisson: float, folder: Path, name: str) -> Rig:
-    return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name)
+def deep_rig(form: str, poisson: float, folder: Path, name: str, **numerics: int) -> Rig:
+    return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name, **numerics)
 
 
 PATH = [0.3, 0.7, 1.0]
@@ -96,29 +98,28 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
         options("direct_up_to", limit)
         rig = deep_rig(form, poisson, tmp_path, f"limit {limit}")
         rig.press(PATH)
-        account = rig.solver.account()
+        effort, residuals = replace(rig.solver.effort), rig.solver.residuals
         rig.settle()  # a load step ends in a rough equilibrium
         forces.append(rig.normal_forces()[0])
         rig.solver.close()
-    assert account["linear_solver"] == method
+    assert rig.solver.choice.method == method
     # a step begins far from equilibrium, where the tangent may be indefinite: factors then take over
-    assert account["linear_fallbacks"] <= 2 * len(PATH)
-    assert account["linear_iterations"] > 5
-    assert account["seconds_assembly"] > 0.0
-    assert account["seconds_solve"] > 0.0
-    assert account["residuals"][-1] <= rig.solver.tolerance < account["residuals"][0]
+    assert effort.linear_fallbacks <= 2 * len(PATH)
+    assert effort.linear_iterations > 5
+    assert effort.seconds_assembly > 0.0
+    assert effort.seconds_solve > 0.0
+    assert residuals[-1] <= rig.solver.tolerance < residuals[0]
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_tangent_that_serves_several_iterations_finds_the_same_equilibrium_as_new_ones(
-    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    case: str, tmp_path: Path
 ) -> None:
     form, poisson, _ = CASES[case]
     found = []
-    for most in (0, newton.MOST_LAGGED):
-        monkeypatch.setattr(newton, "MOST_LAGGED", most)
-        rig = deep_rig(form, poisson, tmp_path, f"most {most}")
+    for most in (0, Numerics().lagged_iterations):
+        rig = deep_rig(form, poisson, tmp_path, f"most {most}", lagged_iterations=most)
         records = list(rig.path.steps(PATH))
         end = rig.settle()  # a load step ends in a rough equilibrium
         tangents = sum(record.tangents for record in records) + end.tangents
@@ -154,15 +155,12 @@ def test_the_action_is_the_product_with_the_tangent(case: str, tmp_path: Path) -
     assert not action.array_r[~free].any()
 
 
-def test_systems_that_an_old_tangent_leaves_unfinished_do_not_keep_from_the_equilibrium(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_systems_that_an_old_tangent_leaves_unfinished_do_not_keep_from_the_equilibrium(tmp_path: Path) -> None:
     problem = pair(0.05, poisson=0.3)
     rig = rig_of(problem, tmp_path, "usual")
     rig.press()
     expected = rig.normal_forces()[0]
-    monkeypatch.setattr(tangent_system, "MOST_ITERATIONS", 3)
-    rig = rig_of(problem, tmp_path, "unfinished")
+    rig = rig_of(problem, tmp_path, "unfinished", krylov_iterations=3)
     records = rig.press()
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
     assert sum(record.newton_iterations for record in records) > sum(record.tangents for record in records)
@@ -176,7 +174,7 @@ def test_a_prescribed_force_is_found_with_either_solver(
     rig = rig_of(pair(Load("force", (0.03, 0.03)), poisson=0.3), tmp_path, "force")
     rig.press()
     assert rig.normal_forces() == relatively([0.03], 1e-8)
-    assert rig.solver.account()["linear_fallbacks"] == 0
+    assert rig.solver.effort.linear_fallbacks == 0
 
 
 @pytest.mark.parametrize(
@@ -215,12 +213,11 @@ def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(
         options("direct_up_to", limit)
         rig = rig_of(problem, tmp_path, f"limit {limit}")
         rig.press()
-        account = rig.solver.account()
         rig.settle()
         forces.append(rig.normal_forces()[0])
         rig.solver.close()
-    assert account["linear_solver"] == "fgmres + fieldsplit"
-    assert account["linear_fallbacks"] == 0
+    assert rig.solver.choice.method == "fgmres + fieldsplit"
+    assert rig.solver.effort.linear_fallbacks == 0
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
@@ -237,13 +234,11 @@ def test_factors_take_the_place_of_a_krylov_method_that_fails_and_the_record_say
     rig = rig_of(problem, tmp_path, "krylov")
     rig.press()
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
-    record = rig.solver.account()
-    count = record["linear_fallbacks"]
+    count = rig.solver.effort.linear_fallbacks
     assert count > 1
-    (note,) = solver_notes([record])
+    (note,) = solver_notes(rig.solver.choice.method, count)
     assert note.startswith(f"linear systems: fgmres + gamg did not converge {count} time(s)")
-    assert rig.solver.account()["linear_fallbacks"] == 0
-    assert not solver_notes([rig.solver.account()])
+    assert not solver_notes(rig.solver.choice.method, 0)
 
 
 def test_a_system_that_factors_cannot_solve_either_is_said(

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from finite_strain.equilibrium.load_control import load_control
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from linear_bem import Ball, Load
 from linear_bem.closed_forms import indentation_of_layer
@@ -102,7 +102,7 @@ def test_one_total_force_on_mirrored_balls_is_shared_equally(tmp_path_factory: p
 
 def test_loads_begin_where_each_ball_alone_would_be() -> None:
     problem = replace(UNEQUAL, load=Load("force", (0.05, 0.02)))
-    control = load_control(problem, reduce_scene(problem))
+    control = prescribed(problem).on(reduce_scene(problem))
     alone = [
         indentation_of_layer(problem.layer, None, radius, normal_force=0.5 * force).approach
         for radius, force in ((1.0, 0.05), (0.8, 0.02))
@@ -112,10 +112,10 @@ def test_loads_begin_where_each_ball_alone_would_be() -> None:
     assert control.targets(0.5) == relatively([0.5 * 0.025, 0.5 * 0.01], 1e-12)
     assert np.array_equal(control.moves, np.eye(2))
     shared = replace(problem, load=Load("total_force", (0.07,)))
-    control = load_control(shared, reduce_scene(shared))
+    control = prescribed(shared).on(reduce_scene(shared))
     assert control.targets(1.0) == relatively([0.035], 1e-12)
     assert np.array_equal(control.moves, np.ones((2, 1)))
-    given = load_control(UNEQUAL, reduce_scene(UNEQUAL))
+    given = prescribed(UNEQUAL).on(reduce_scene(UNEQUAL))
     assert given.moves.shape == (2, 0)
     assert given.targets(1.0).shape == (0,)
     assert given.approaches(0.5) == relatively([0.05, 0.04], 1e-12)

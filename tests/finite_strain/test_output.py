@@ -230,7 +230,7 @@ def test_every_so_many_steps_are_written_and_always_the_last() -> None:
 def test_an_unwritable_folder_stops_every_rank(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; import numpy as np; from mpi4py import MPI\n"
-        "from finite_strain.output.gathered_arrays import write_gathered\n"
+        "from finite_strain.output.step_files import write_gathered\n"
         "from linear_bem.errors import OutputUnusable\n"
         "comm, said = MPI.COMM_WORLD, ''\n"
         "try:\n"

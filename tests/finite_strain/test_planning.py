@@ -10,14 +10,14 @@ from itertools import pairwise
 import pytest
 
 import finite_strain
-from finite_strain.equilibrium.load_steps import LARGEST_STEP, answered_fractions, load_fractions
-from finite_strain.geometry.estimates import expected_indentation
-from finite_strain.geometry.extent import Extent, choose_extent
+from finite_strain import Numerics
+from finite_strain.geometry.extent import choose_extent
+from finite_strain.geometry.load_control import KINDS, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.refinement import Budget
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, balls_at, on_layer, pair
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
 from tests.launch import python
 
 KEYS = {
@@ -34,12 +34,13 @@ KEYS = {
     "load_steps",
 }
 """What the command ``plan`` prints."""
+LARGEST_STEP = Numerics().largest_step
 
 
 @pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
 @pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
 def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
-    fractions = load_fractions(kind, deepest)
+    fractions = KINDS[kind](pair(0.1)).fractions(deepest, (1.0,), LARGEST_STEP)
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
@@ -56,12 +57,12 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
         paths = []
         for turn in (1, -1):
             values = load.values[::turn]
-            problem = Problem(Layer(1.0, 0.45, 2.0), balls[::turn], Load(load.kind, values))
+            problem = on_layer(balls[::turn], Load(load.kind, values), 2.0, poisson=0.45)
             plan = plan_run(problem, 0.1, "finite_strain")
             paths.append((plan.path, plan.unknowns(CUBIC)))
         assert paths[0][0] == paths[1][0]
         assert paths[0][1] == pytest.approx(paths[1][1])
-        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, expected_indentation(problem)[::-1], strict=True))
+        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, prescribed(problem).expected()[::-1], strict=True))
         power = 1.0 if load.kind == "approach" else 2.0 / 3.0
         assert paths[0][0][0] ** power * deepest <= LARGEST_STEP  # the smaller ball's own first step
 
@@ -70,14 +71,14 @@ def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_fo
     problem = pair(0.2)
     usual = plan_run(problem, 0.02, "finite_strain")
     assert usual.goals == (1.0,)
-    assert usual.path == pytest.approx(load_fractions("approach", 0.2))
+    assert usual.path == pytest.approx(prescribed(problem).fractions(0.2, (1.0,), LARGEST_STEP))
     asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
     assert asked.goals == (0.3, 0.77, 1.0)
-    assert asked.path == load_fractions("approach", 0.2, asked.goals)
+    assert asked.path == prescribed(problem).fractions(0.2, asked.goals, LARGEST_STEP)
     assert set(asked.goals) <= set(asked.path)
     assert list(asked.path) == sorted(asked.path)
     every = plan_run(problem, 0.02, "finite_strain", steps=None)
-    assert every.goals == tuple(answered_fractions("approach"))
+    assert every.goals == prescribed(problem).answered_fractions()
     assert every.path == every.goals  # close enough to follow
 
 
@@ -123,7 +124,7 @@ EXTENT_SCENES = {
 @pytest.mark.parametrize("name", EXTENT_SCENES)
 def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> None:
     problem = EXTENT_SCENES[name]
-    expected = expected_indentation(problem)
+    expected = prescribed(problem).expected()
     extents = [choose_extent(problem, expected, accuracy) for accuracy in (0.3, 0.1, 0.02, 0.005, 0.001)]
     for coarse, fine in pairwise(extents):
         assert coarse.margin <= fine.margin
@@ -133,10 +134,6 @@ def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> No
         assert extents[0].margin < extents[-1].margin
     for extent in extents:  # wide enough for the contacts and the layer in any case
         assert extent.margin >= max(1.2 * problem.layer.thickness, *(3.0 * radius for _, _, radius in expected))
-
-
-def test_an_extent_grows_in_both_lengths() -> None:
-    assert Extent(2.0, 3.0).larger(1.5) == Extent(3.0, 4.5)
 
 
 def test_the_box_is_cut_at_mirror_planes() -> None:
@@ -239,3 +236,19 @@ def test_a_shape_given_as_a_function_is_refused_by_its_key() -> None:
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnsupportedProblem, match="finite_strain and small_strain, got large_strain"):
         plan_run(pair(0.1), 0.02, "large_strain")
+
+
+@pytest.mark.parametrize(
+    ("problem", "model", "remedy"),
+    [
+        (pair(0.1), "small_strain", r"got FiniteStrain\(.*; set it to None, or ask for model finite_strain"),
+        (at_small_strain(pair(0.1)), "finite_strain", r"got None; set it to FiniteStrain\(\), or ask for model sm"),
+    ],
+    ids=["effect for small strain", "no effect for finite strain"],
+)
+def test_a_problem_of_the_other_model_is_refused_by_its_key(problem: Problem, model: str, remedy: str) -> None:
+    for asked in (finite_strain.plan, finite_strain.solve):
+        with pytest.raises(UnsupportedProblem, match=rf"^finite_strain: model {model} .*{remedy}"):
+            asked(problem, model=model)
+    other = {"finite_strain": "small_strain", "small_strain": "finite_strain"}[model]
+    assert plan_run(problem, 0.1, other).model == other

@@ -5,12 +5,23 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from finite_strain.planning.records import ContactState, Discretisation, Record, Row, saved_records, text_of
+from finite_strain import Numerics
+from finite_strain.observer import Silence
+from finite_strain.planning.records import (
+    Answer,
+    ContactState,
+    Discretisation,
+    Record,
+    Row,
+    save_records,
+    saved_records,
+)
 from finite_strain.planning.refinement import (
     FINE,
     MOST_LEVELS,
@@ -22,11 +33,21 @@ from finite_strain.planning.refinement import (
     account,
     decide,
 )
+from finite_strain.planning.run_plan import plan_run
 from linear_bem.errors import OutputUnusable
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, relatively
+from linear_bem.result import BallResult
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, light_pair, relatively
 from tests.finite_strain.test_pairs import state
 
 FREE = Budget(unknowns=1e9)
+ANSWER = Answer(
+    fraction=1.0, iterations=5, tangents=1, augmentation_iterations=5, pair_iterations=4, augmented=True, cuts=0,
+    residual=1e-12, penetration=1e-6, force_balance=1e-9, smallest_volume_ratio=0.9, strain_energy=1.0,
+    linear_solver="cholesky (mumps)", seconds_assembly=0.1, seconds_solve=0.1, linear_iterations=9, linear_fallbacks=0,
+    residuals=[1e-3, 1e-12], seconds=0.3, balls=(BallResult((0.0, 1.0), 1.0, 0.1, 1.0, (0.01, 0.0), 4e-4, 2.0, 0.1),),
+    step=1, linear_failure="", error_terms={"solver": [4e-4]}, pair_weight=[1.0], imbalance=0.0,
+    normal_force_error=[0.0], approach_error=[0.0], tangential_force_error_at_force=[4e-4], mesh=1,
+)  # fmt: skip
 
 
 def size(level: Discretisation) -> float:
@@ -38,7 +59,7 @@ def record(level: Discretisation, reached: float = math.nan, seconds: float = 10
     """Return a finished discretisation that came to an error of T, of which terms are named."""
     named = dict.fromkeys(("discretisation", "enforcement", "transfer", "solver"), 0.0) | terms if terms else {}
     rows = [Row(state(1.0, 0.1, (0.01, 0.0)), state(1.1, 0.1, (0.01, 0.0)))]
-    return Record(level, round(size(level)), seconds, True, rows, [{}], named, reached, 1e-3)
+    return Record(level, round(size(level)), seconds, True, rows, [ANSWER], {"T": [[0.01]]}, named, reached, 1e-3)
 
 
 def first(reached: float, **terms: float) -> list[Record]:
@@ -166,14 +187,18 @@ def test_the_account_of_accuracy_is_plain_and_complete() -> None:
 
 def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(tmp_path: Any) -> None:
     records, file = first(0.04), tmp_path / "discretisations.json"
-    assert saved_records(file, "mine") == []
+    assert saved_records(tmp_path, "mine") == []
     records[0].rows[0] = Row(records[0].rows[0].own)  # a pair that found no equilibrium
-    file.write_text(text_of("mine", records), encoding="utf-8")
-    assert saved_records(file, "another's") == []
-    back = saved_records(file, "mine")
+    save_records(tmp_path, "mine", records)
+    written = file.read_text(encoding="utf-8")
+    assert saved_records(tmp_path, "another's") == []
+    back = saved_records(tmp_path, "mine")
     assert [each.level for each in back] == [QUADRATIC, CUBIC]
     assert back[0].rows[0].small is None
-    assert text_of("key", back[1:]) == text_of("key", records[1:])
+    save_records(tmp_path, "mine", back)
+    assert file.read_text(encoding="utf-8") == written
+    assert back[1].steps == [ANSWER]
+    assert back[1].changes == {"T": [[0.01]]}
     row = back[1].at(1.0)
     assert row is not None
     assert isinstance(row.own, ContactState)
@@ -183,4 +208,19 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     assert back[1].at(0.5) is None
     file.write_text("{ torn", encoding="utf-8")
     with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
-        saved_records(file, "mine")
+        saved_records(tmp_path, "mine")
+
+
+def test_a_run_with_other_numerics_is_another_run(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain.refinement_loop import Refinement  # noqa: PLC0415
+
+    def key(numerics: Numerics) -> str:
+        plan = plan_run(light_pair(), 0.1, "finite_strain", numerics=numerics)
+        return Refinement(plan, tmp_path, MPI.COMM_SELF, Silence(), None, keep=True).key
+
+    assert key(Numerics()) == key(Numerics(newton_iterations=25))
+    changed = {name: 2 * value for name, value in vars(Numerics()).items()}
+    assert len({key(Numerics(**{name: value})) for name, value in changed.items()} | {key(Numerics())}) == 8  # type: ignore[arg-type]

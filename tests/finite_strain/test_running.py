@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
-from tests.finite_strain.scenes import LIGHT, Recorder, light_pair, relatively
+from tests.finite_strain.scenes import LIGHT, Recorder, at_small_strain, light_pair, relatively
 from tests.launch import mpirun
 
 PARALLEL = 1e-6
@@ -104,7 +103,7 @@ def test_every_step_answers_for_the_prescribed_approach(result: Any) -> None:
 def test_the_answer_meets_the_linear_model_under_light_load(result: Any) -> None:
     for step in result.steps:
         forces = [ball.normal_force for ball in step.balls]
-        linear = linear_bem.solve(replace(light_pair(), finite_strain=None).with_load("force", forces)).balls[0]
+        linear = linear_bem.solve(at_small_strain(light_pair()).with_load("force", forces)).balls[0]
         ball = step.balls[0]
         # theory: departures are a third of sqrt(D/R), of T measured as the run measures it
         allowed = math.sqrt(ball.approach) / 3.0 * result.solved.accuracy["relative_to"]["force"]

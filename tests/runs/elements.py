@@ -22,6 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from finite_strain.numerics import DEFAULT, Numerics
+from finite_strain.observer import Observer
+from finite_strain.planning.records import Answer
+from finite_strain.planning.run_plan import model_of
 from linear_bem import NotConverged, Problem, UnsupportedProblem
 from linear_bem import solve as solve_linear
 from linear_bem.result import Result, Solved, Step
@@ -60,26 +64,35 @@ def solve(
     tangential_force: float = 0.01,
     comm: Any = None,
     folder: Path | None = None,
-    observer: Any = None,
+    observer: Observer | None = None,
     fields: Any = None,
     seconds: float | None = None,
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
+    numerics: Numerics = DEFAULT,
 ) -> Result:
     assert comm is not None
     assert folder is not None
     assert observer is not None
+    assert model == model_of(problem)
     checkpoint = folder / "checkpoint.json"
     saved = json.loads(checkpoint.read_text()) if comm.rank == 0 and checkpoint.exists() else []
     done = [Step.from_dict(step) for step in comm.bcast(saved, root=0)]
-    observer.started({"unknowns": 1234, "versions": {"numpy": np.__version__}})
-    for number, fraction in enumerate(FRACTIONS if steps is None else steps):
+    path = FRACTIONS if steps is None else steps
+    if not done:
+        _iterate(observer, model, "coarse", 1.0)
+    if len(done) < len(path):
+        observer.started({
+            "model": model, "mesh": "main", "forms": {"layer": "mixed"}, "unknowns": 1234, "ranks": comm.size,
+            "load_steps": len(path), "symmetry_planes": 1, "resumed_steps": len(done),
+            "versions": {"numpy": np.__version__},
+        })  # fmt: skip
+    for number, fraction in enumerate(path):
         if number < len(done):
             continue
-        observer.attempt({"mesh": "main", "fraction": fraction, "cuts": 0})
         if number == 2:
             _go_wrong(comm, observer, folder.parent)
-        observer.newton({"iteration": 1, "residual": 1e-9})
+        _iterate(observer, model, "main", fraction)
         step = _state(problem, fraction, number, model, tangential_force)
         done.append(step)
         if comm.rank == 0:
@@ -91,10 +104,16 @@ def solve(
     return Result(model, done[-1].balls, solved, tuple(done))
 
 
+def _iterate(observer: Observer, model: str, mesh: str, fraction: float) -> None:
+    for name in (mesh, f"{mesh}, small strain")[: 1 + (model == "finite_strain")]:
+        observer.attempt(name, fraction, 0)
+        observer.newton(1, 1e-9)
+
+
 def _accuracy(step: Step, asked: float, seconds: float | None, unknowns: float | None) -> dict[str, Any]:
     largest = max(math.hypot(*ball.tangential_force) for ball in step.balls)
     mesh = {
-        "order": 3, "fineness": 1.0, "extent": 1.0, "unknowns": 1234, "seconds": 1.0, "reached": asked,
+        "order": 3, "fineness": 1.0, "extent": 1.0, "penalty": 1.0, "unknowns": 1234, "seconds": 1.0, "reached": asked,
         "normal_forces": [ball.normal_force for ball in step.balls],
     }  # fmt: skip
     return {
@@ -105,7 +124,7 @@ def _accuracy(step: Step, asked: float, seconds: float | None, unknowns: float |
     }  # fmt: skip
 
 
-def _go_wrong(comm: Any, observer: Any, out: Path) -> None:
+def _go_wrong(comm: Any, observer: Observer, out: Path) -> None:
     comm.barrier()  # as a solver's collective calls do: no rank goes wrong before rank 0 has written the steps so far
     match os.environ.get("ELEMENTS"):
         case "stop":
@@ -126,7 +145,7 @@ def _go_wrong(comm: Any, observer: Any, out: Path) -> None:
                 time.sleep(30.0)
             except KeyboardInterrupt:
                 print("taken for a failed iteration", file=sys.stderr, flush=True)
-            observer.newton({"iteration": 2})
+            observer.newton(2, 1e-9)
 
 
 def _state(problem: Problem, fraction: float, number: int, model: str, accuracy: float) -> Step:
@@ -140,15 +159,15 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
         error = accuracy * float(np.hypot(*force))
         balls.append(dataclasses.replace(ball, tangential_force=force, tangential_force_error=error))
     errors, none = [ball.tangential_force_error for ball in balls], [0.0] * len(balls)
-    record = {
-        "step": number + 1, "mesh": 1, "fraction": fraction, "iterations": 5, "tangents": 3,
-        "augmentation_iterations": 2, "pair_iterations": 4, "augmented": True, "cuts": 0, "residual": 1e-12,
-        "penetration": 1e-6, "force_balance": 1e-9, "smallest_volume_ratio": 0.9, "strain_energy": 1.0,
-        "error_terms": {name: [0.5 * error for error in errors] for name in TERMS},
-        "pair_weight": [1.0] * len(balls), "imbalance": 0.0, "normal_force_error": none, "approach_error": none,
-        "tangential_force_error_at_force": errors, "linear_solver": "cholesky (mumps)", "seconds": 0.1,
-    }  # fmt: skip
-    return Step(tuple(balls), record)
+    return Answer(
+        balls=tuple(balls), step=number + 1, mesh=1, fraction=fraction, iterations=5, tangents=3,
+        augmentation_iterations=2, pair_iterations=4, augmented=True, cuts=0, residual=1e-12, penetration=1e-6,
+        force_balance=1e-9, smallest_volume_ratio=0.9, strain_energy=1.0, linear_solver="cholesky (mumps)",
+        seconds_assembly=0.02, seconds_solve=0.02, linear_iterations=9, linear_fallbacks=0, residuals=[1e-3, 1e-12],
+        seconds=0.1, seconds_output=0.01, linear_failure="", pair_weight=[1.0] * len(balls), imbalance=0.0,
+        error_terms={name: [0.5 * error for error in errors] for name in TERMS},
+        normal_force_error=none, approach_error=none, tangential_force_error_at_force=errors,
+    ).to_step()  # fmt: skip
 
 
 def _surface(problem: Problem, step: Step) -> SimpleNamespace:
@@ -167,7 +186,7 @@ def _surface(problem: Problem, step: Step) -> SimpleNamespace:
 def install() -> None:
     """Put this stand-in where ``import finite_strain`` finds it."""
     module = ModuleType("finite_strain")
-    module.solve, module.plan, module.FORMAT = solve, plan, 0  # type: ignore[attr-defined]
+    module.solve, module.plan, module.Numerics, module.FORMAT = solve, plan, Numerics, 0  # type: ignore[attr-defined]
     sys.modules["finite_strain"] = module
 
 

@@ -11,7 +11,8 @@ import pytest
 
 import finite_strain
 import linear_bem
-from finite_strain.equilibrium.load_steps import load_fractions
+from finite_strain import Numerics
+from finite_strain.planning.run_plan import plan_run
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import KNOBS, OWN, REFERENCES, TRUE, USUAL_CASE, Turned, cases
 from runs.studies.accuracy.picture import front
@@ -49,9 +50,9 @@ def found() -> Found:
     return Found(tuple(cases(quick=False)), records)
 
 
-def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned() -> None:
-    pytest.importorskip("dolfinx")
+def test_every_knob_is_there_to_be_turned() -> None:
     for case in cases(quick=False):
+        Numerics(**case.numerics)  # refuses what is none of its fields
         for place in case.constants:
             module, name = place.rsplit(".", 1)
             text = Path(str(importlib.import_module(module).__file__)).read_text(encoding="utf-8")
@@ -62,13 +63,14 @@ def test_every_knob_is_a_constant_of_the_solver_that_is_read_where_it_is_turned(
 
 
 def test_the_knob_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
-    load = pair(0.1).load
+    def steps(numerics: Numerics) -> int:
+        return len(plan_run(pair(0.1), 0.1, "finite_strain", numerics=numerics).path)
+
     counts = []
     for turned in KNOBS["largest load step of the path over the radius (0.07)"].values():
-        with varied(turned.constants):
-            counts.append(len(load_fractions("approach", load.values[0])))
+        counts.append(steps(Numerics(**turned.numerics)))
     assert counts == [3, 1]
-    assert len(load_fractions("approach", load.values[0])) == 2
+    assert steps(Numerics()) == 2
 
 
 def test_every_knob_is_away_from_the_default_that_its_name_holds() -> None:

@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
+from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.models import MODELS, Run
-from runs.studies.framework.case import Case, varied
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.records import ENDED, Found
 from runs.studies.stability.agreement import at_force, compared
@@ -162,15 +163,15 @@ def test_bad_meshes_are_what_they_are_called() -> None:
     level = Level().discretisation()
 
     def growth(case: Case) -> float:
-        with varied(case.constants):
-            return plan_run(case.problem, case.accuracy, case.model).box(level).rate
+        numerics = Numerics(**case.numerics)
+        return plan_run(case.problem, case.accuracy, case.model, numerics=numerics).box(level).rate
 
     assert math.expm1(growth(graded)) == pytest.approx(2.0 * math.expm1(growth(usual)))
     coarse = chosen["coarse-finite-strain"]
     assert isinstance(coarse, LevelCase)
     assert {each.order for each in coarse.levels} == {2}
-    with varied(chosen["one-step-finite-strain"].constants):
-        assert len(plan_run(usual.problem, 0.1, usual.model).path) == 1
+    at_once = Numerics(**chosen["one-step-finite-strain"].numerics)
+    assert len(plan_run(usual.problem, 0.1, usual.model, numerics=at_once).path) == 1
 
 
 def test_the_energy_of_a_mesh_is_held_against_the_work_on_that_mesh() -> None:

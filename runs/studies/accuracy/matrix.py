@@ -28,10 +28,10 @@ LADDER = ("model", "accuracy asked")
 
 @dataclass(frozen=True)
 class Turned:
-    """One knob at another value: the discretisation with it, or a constant of the solver."""
+    """One knob at another value: the discretisation with it, or a field of `finite_strain.Numerics`."""
 
     level: Level = field(default_factory=Level)
-    constants: Mapping[str, float] = field(default_factory=dict)
+    numerics: Mapping[str, Any] = field(default_factory=dict)
 
 
 KNOBS = {
@@ -42,11 +42,10 @@ KNOBS = {
     "penalty over the planned one (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
     "extent over the planned one (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},
     "degree of the contact's quadrature beyond twice the order (6)": {
-        f"{d}": Turned(constants={"finite_strain.discretisation.discrete_model.CONTACT_DEGREE": d}) for d in (0, 2, 12)
+        f"{d}": Turned(numerics={"contact_degree": d}) for d in (0, 2, 12)
     },
     "largest load step of the path over the radius (0.07)": {
-        f"{step:g}": Turned(constants={"finite_strain.equilibrium.load_steps.LARGEST_STEP": step})
-        for step in (0.035, 10.0)
+        f"{step:g}": Turned(numerics={"largest_step": step}) for step in (0.035, 10.0)
     },
 }
 """What is turned one at a time from its default, which the knob's name holds."""
@@ -94,7 +93,7 @@ def cases(quick: bool) -> list[Case]:
         for number, (knob, values) in enumerate(KNOBS.items(), start=1):
             for value, turned in values.items():
                 name = f"knob-{number}-{value.replace(', ', '-')}"
-                more = {"levels": (turned.level,), "constants": turned.constants}
+                more = {"levels": (turned.level,), "numerics": turned.numerics}
                 found.append(make(name, "finite_strain", USUAL, knob, value, LevelCase, **more))
     best, budget = (0.1, {}) if quick else (REFERENCE_ACCURACY, {"unknowns": REFERENCE_UNKNOWNS})
     found.append(make(REFERENCES["finite_strain"], "finite_strain", best, "reference", "", budget=budget))

@@ -1,4 +1,4 @@
-"""One case of a study: a problem, the model that solves it, and which of the solver's constants are varied."""
+"""One case of a study: a problem, the model that solves it, and which numbers of the method are varied."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "p
 class Case:
     """What is solved once: ``name`` is unique in the study and names the case's file.
 
-    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the solver to another value;
-    ``labels`` say what the case is in the study's tables; ``steps`` are the load fractions answered (None: those of a
-    whole load path); ``stop_after`` interrupts the run after that many load steps and resumes it from disk; ``budget``
-    bounds a refinement ("unknowns", "seconds"); ``alone`` has one rank solve it where several are there; ``same_as``
-    names a study and its case that is the same: an answer in that study's folder, beside this study's, is taken.
+    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another value,
+    ``numerics`` a field of `finite_strain.Numerics`; ``labels`` say what the case is in the study's tables; ``steps``
+    are the load fractions answered (None: those of a whole load path); ``stop_after`` interrupts the run after that
+    many load steps and resumes it from disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone`` has one
+    rank solve it where several are there; ``same_as`` names a study and its case that is the same: an answer in that
+    study's folder, beside this study's, is taken.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Case:
     stop_after: int | None = None
     budget: Mapping[str, float] = field(default_factory=dict)
     alone: bool = False
+    numerics: Mapping[str, Any] = field(default_factory=dict)
     same_as: tuple[str, str] | None = None
 
     @property
@@ -54,7 +56,7 @@ class Case:
 
     def key(self) -> str:
         """Return a digest that changes whenever a saved answer no longer answers this case."""
-        varied = sorted(self.constants.items())
+        varied = sorted({**self.constants, **self.numerics}.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())
         steps = None if self.steps is None else tuple(self.steps)

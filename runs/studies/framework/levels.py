@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -67,12 +68,12 @@ class LevelCase(Case):
 
     def solve(self, run: Run) -> Result:
         """Press the balls in on every level (collective)."""
-        from finite_strain import compat  # noqa: PLC0415  (a case of finite elements)
+        from finite_strain import Numerics, compat  # noqa: PLC0415  (a case of finite elements)
         from finite_strain.mpi import working_folder  # noqa: PLC0415
         from finite_strain.planning.records import Record  # noqa: PLC0415
         from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-        plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps)
+        plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
         steps: list[Step] = []
         before: Record | None = None
         seen: Seen = {}
@@ -96,13 +97,16 @@ class LevelCase(Case):
 def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run) -> list[Step]:
     """Return the answers of one discretisation, paired as those of a whole run are (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
+    from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
     from finite_strain.planning.records import Row  # noqa: PLC0415
 
-    mesh = MeshRun(plan, record.level, file, run.comm, run.observer, str(record.level))
+    mesh = MeshRun(plan, record.level, file, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])
     steps: list[Step] = []
+    began = time.monotonic()
     try:
         for done in _along(mesh.own, "own", seen, plan.path if before is record else plan.goals):
             if done.fraction not in plan.goals:
@@ -113,8 +117,10 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
                     small = mesh.small.state(done.fraction)
             record.rows.append(Row(own, small))
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
-            details = {**_of(plan, mesh.own, record), **mesh.details([done], None, own)}
-            steps.append(answers.step(done.fraction, truth, details, steps, mesh.own.solver.tolerance))
+            account = mesh.account([done], None, own, began)
+            began, mesh.own.solver.effort = time.monotonic(), Effort()
+            step = answers.answer(len(steps) + 1, account, truth, mesh.own.solver.tolerance).to_step()
+            steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
     finally:
         mesh.close()
     return steps
@@ -138,7 +144,8 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     from finite_strain import compat  # noqa: PLC0415
     from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, kinematics_of  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun  # noqa: PLC0415
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
     box = plan.box(record.level)
@@ -153,7 +160,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
     on_root(run.comm, write)
     meshed = compat.read_mesh(file, run.comm)
     name = f"{record.level}, moved"
-    driven = ModelRun(problem, shifted, kinematics_of(plan), meshed, box, record.level, run.observer, name)
+    driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), name)
     steps = []
     try:
         for done in _along(driven, "own", {}, plan.path):

@@ -147,7 +147,7 @@ class _Attempt:
             observer = _Stopper(Scale.of(case.problem), goal, root=self.folder is not None, take=self._take)
             observer.left = self.stop_after
             try:
-                run = Run(case.accuracy, self.comm, workspace, observer, budget=case.budget, steps=case.steps)
+                run = Run(case.accuracy, self.comm, workspace, observer, None, case.budget, case.steps, case.numerics)
                 return case.solve(run)
             except _Stopped:
                 self.stop_after = None

@@ -36,13 +36,13 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
     Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
     """
-    from finite_strain.one_discretisation import ModelRun, kinematics_of, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
+    from finite_strain.observer import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
     from finite_strain.planning.records import Discretisation  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
-    from finite_strain.refinement_loop import Silence  # noqa: PLC0415
 
     balls = pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid")
-    plan = plan_run(dataclasses.replace(balls, elements=Elements(form), finite_strain=None), 0.02, "finite_strain")
+    plan = plan_run(dataclasses.replace(balls, elements=Elements(form)), 0.02, "finite_strain")
     levels = [Discretisation(3, fineness) for fineness in FINENESSES]
     level = min(levels, key=lambda level: abs(plan.unknowns(level) - target))
     box = plan.box(level)
@@ -51,7 +51,7 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     with TemporaryDirectory() as folder:
         meshed = mesh_box(box, Path(comm.bcast(folder, root=0)) / "mesh.msh", comm)
         comm.barrier()
-    run = ModelRun(plan.problem, plan, kinematics_of(plan), meshed, box, level, Silence(), "scaling")
+    run = ModelRun(plan, meshed, box, level, Silence(), "scaling")
     for _ in run.path.steps(PATH):
         pass
     run.solver.close()

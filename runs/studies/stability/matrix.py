@@ -20,8 +20,8 @@ from runs.studies.framework.pair import as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T that is asked of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-ONE_STEP = {"finite_strain.equilibrium.load_steps.LARGEST_STEP": 10.0}
-GRADED = {"meshes.box.GROWTH": 2.4, "meshes.box.FILLER_GROWTH": 1.2}
+ONE_STEP = {"largest_step": 10.0}
+GRADED = {"growth": 2.0}
 """Twice the usual growth of the elements."""
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
@@ -51,7 +51,7 @@ class Hard:
     problem: Problem
     models: tuple[str, ...]
     checks: Mapping[str, Check] = field(default_factory=dict)
-    constants: Mapping[str, float] = field(default_factory=dict)
+    numerics: Mapping[str, Any] = field(default_factory=dict)
     stop_after: int | None = None
     accuracy: float | None = None
     levels: tuple[Level, ...] = ()
@@ -86,8 +86,8 @@ def hard_cases() -> list[Hard]:
         own = {} if check is None else {FINITE: check}
         return Hard(name, words, problem, (FINITE, SMALL, LINEAR), checks(name) | own, **more)
 
-    def finite(name: str, words: str, constants: Mapping[str, float], check: Check, **more: Any) -> Hard:
-        return Hard(name, words, usual, (FINITE,), {FINITE: check}, constants, **more)
+    def finite(name: str, words: str, numerics: Mapping[str, Any], check: Check, **more: Any) -> Hard:
+        return Hard(name, words, usual, (FINITE,), {FINITE: check}, numerics, **more)
 
     twin = "usual-finite-strain"
     point = {POINT: Check("linear_bem, another model of the same problem", "usual-linear-bem")}
@@ -155,6 +155,6 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     if model not in (FINITE, SMALL):
         return Case(name, problem, model, LINEAR_ACCURACY, labels=labels, steps=None if model == LINEAR else (1.0,))
     if hard.levels:
-        return LevelCase(name, problem, model, accuracy, hard.constants, labels, None, levels=hard.levels)
+        return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
     stop = hard.stop_after if model == FINITE else None
-    return Case(name, problem, model, accuracy, hard.constants, labels, hard.steps, stop)
+    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics)

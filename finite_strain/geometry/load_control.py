@@ -1,0 +1,157 @@
+"""What a load prescribes: approaches, or forces that make approaches unknowns of the equilibrium. No DOLFINx here."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from finite_strain.geometry.estimates import Expected, alone, expected_of
+from linear_bem.problem import Problem
+
+if TYPE_CHECKING:
+    from finite_strain.geometry.symmetry import Reduction
+
+ANSWERS = 6
+"""Load steps of a comparison along the load."""
+LARGEST_APPROACH = 0.9
+"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
+
+
+@dataclass(frozen=True)
+class LoadControl:
+    """A load on a reduced model: unknowns move its balls by ``moves`` (balls, unknowns).
+
+    At full load the simulated part of the scene carries the forces ``full`` (unknowns,) [N]. ``approaches`` returns
+    those (balls,) [m] that a fraction of the load prescribes, or that are expected of each ball alone.
+    """
+
+    moves: np.ndarray
+    full: np.ndarray
+    approaches: Callable[[float], np.ndarray]
+
+    def targets(self, fraction: float) -> np.ndarray:
+        """Return the forces (unknowns,) [N] at a fraction of the load."""
+        return np.asarray(fraction * self.full)
+
+
+@dataclass(frozen=True)
+class PrescribedLoad(ABC):
+    """A problem's load: it grows in proportion, like a ``power`` of the approach (Hertz's for forces)."""
+
+    problem: Problem
+    forces_given: ClassVar[bool] = True
+    follows: ClassVar[str] = "approach"
+    """Name of the result that the load leaves open."""
+    power: ClassVar[float] = 1.5
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The value (balls,) [m or N] of each ball at full load, its share of a common one."""
+        return self.problem.load.values
+
+    def expected(self) -> list[Expected]:
+        """Return per ball the expected (approach, force, contact radius) at full load, each ball alone [m, N, m]."""
+        name = "normal_force" if self.forces_given else "approach"
+        return [expected_of(self.problem, b, **{name: v}) for b, v in zip(self.problem.balls, self.values, strict=True)]
+
+    def fractions(self, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
+        """Return rising fractions of the load that meet all goals, for a deepest approach over its ball's radius.
+
+        Between two goals steps of the approach are equal, ``largest`` over the radius at most.
+        """
+        fractions, before = list[float](), 0.0
+        for goal in goals:
+            after = goal ** (1.0 / self.power)
+            parts = max(math.ceil(deepest * (after - before) / largest - 1e-9), 1)
+            fractions += [*((before + (after - before) * n / parts) ** self.power for n in range(1, parts)), goal]
+            before = after
+        return tuple(fractions)
+
+    def answered_fractions(self) -> tuple[float, ...]:
+        """Return the load fractions that a comparison along the load answers at: equal steps of the approach."""
+        return tuple((n / ANSWERS) ** self.power for n in range(1, ANSWERS + 1))
+
+    def faults(self, model: str) -> list[str]:
+        """Return what a model cannot take, one text per fault."""
+        return []
+
+    @abstractmethod
+    def on(self, reduction: Reduction) -> LoadControl:
+        """Return the load on the reduced model."""
+
+
+class PrescribedApproach(PrescribedLoad):
+    """One approach [m] per ball: no unknowns."""
+
+    forces_given, follows, power = False, "normal_force", 1.0
+
+    def faults(self, model: str) -> list[str]:
+        """Refuse approaches that leave too little of the layer."""
+        thickness, deepest = self.problem.layer.thickness, max(self.values)
+        limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness ({thickness:g} m)"
+        too_deep = deepest >= LARGEST_APPROACH * thickness
+        return [f"load.approach: {model} {limit}, got {deepest:g} m"] if too_deep else []
+
+    def on(self, reduction: Reduction) -> LoadControl:
+        """Return the approaches themselves."""
+        full = np.array([self.values[ball.index] for ball in reduction.balls])
+        return LoadControl(np.zeros((len(full), 0)), np.zeros(0), lambda fraction: fraction * full)
+
+
+class PrescribedForce(PrescribedLoad):
+    """One force [N] per ball: one unknown a ball."""
+
+    def faults(self, model: str) -> list[str]:
+        """Refuse balls without a force."""
+        least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
+        return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
+
+    def on(self, reduction: Reduction) -> LoadControl:
+        """Return a control with the force on the simulated part of each ball as its target."""
+        problem, balls = self.problem, reduction.balls
+        whole = np.array([self.values[ball.index] for ball in balls])
+
+        def approaches(fraction: float) -> np.ndarray:
+            states = (
+                alone(problem.layer, problem.substrate, ball.shape, ball.radius, normal_force=fraction * force)
+                for force, ball in zip(whole, balls, strict=True)
+            )
+            return np.array([state.approach for state in states])
+
+        return LoadControl(np.eye(len(whole)), whole / np.array([ball.copies for ball in balls]), approaches)
+
+
+class TotalForce(PrescribedForce):
+    """One force [N] on all balls, which share one approach: one unknown moves them all."""
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Equal shares (balls,) [N]."""
+        return (self.problem.load.values[0] / self.problem.size,) * self.problem.size
+
+    def on(self, reduction: Reduction) -> LoadControl:
+        """Return a control whose approach is expected to be the mean of those under equal shares."""
+        each = super().on(reduction)
+        full = np.array([self.problem.load.values[0] / 2 ** len(reduction.planes)])
+
+        def approaches(fraction: float) -> np.ndarray:
+            return np.full(len(reduction.balls), each.approaches(fraction).mean())
+
+        return LoadControl(np.ones((len(reduction.balls), 1)), full, approaches)
+
+
+KINDS: dict[str, type[PrescribedApproach | PrescribedForce]] = {
+    "approach": PrescribedApproach,
+    "force": PrescribedForce,
+    "total_force": TotalForce,
+}
+
+
+def prescribed(problem: Problem) -> PrescribedLoad:
+    """Return the load of a problem."""
+    return KINDS[problem.load.kind](problem)
