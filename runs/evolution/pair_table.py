@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
 """Problem, folder in which a run of minutes keeps what it needs to resume, load fractions that are answered."""
 
+Places = tuple[tuple[float, float], ...]
+"""Positions of balls [m]."""
+
 FORMAT = 1
 """Changes whenever older tables must not be used any more."""
 FEW = (1.0, 1.06, 1.14, 1.25, 1.4, 1.6, 1.9, 2.3, 2.9, 3.7)
@@ -144,8 +147,20 @@ class PairTable:
     @property
     def missing(self) -> int:
         """Number of runs that are still to be done."""
-        done = (self.states.single is not None) + len(self.states.pairs) + len(self.states.additivity)
-        return 1 + len(self.distances) + len(ARRANGEMENTS) - done
+        return len(self.missing_problems())
+
+    def missing_problems(self) -> list[Problem]:
+        """Return the problems that are still to be solved."""
+        single = [] if self.states.single else [self._placed(((0.0, 0.0),), DEPTHS[-1] * self.approach)]
+        places = [_abreast(d) for d in self._missing_distances()]
+        places += [self._scaled(name) for name in self._missing_arrangements()]
+        return [*single, *(self._placed(each, self.approach) for each in places)]
+
+    def _missing_distances(self) -> list[float]:
+        return [d for d in self.distances if d not in {pair.distance for pair in self.states.pairs}]
+
+    def _missing_arrangements(self) -> list[str]:
+        return [name for name in ARRANGEMENTS if name not in {found.arrangement for found in self.states.additivity}]
 
     def complete(self, tell: Callable[[str], None] = lambda text: None) -> None:
         """Do the runs that are missing, one by one, and write each down (collective over the model's ranks)."""
@@ -160,22 +175,21 @@ class PairTable:
         if states.single is None:
             states.single = self._single()
             keep("one ball alone", states.single.seconds)
-        for distance in self.distances:
-            if distance not in {pair.distance for pair in states.pairs}:
-                states.pairs.append(self._pair(distance))
-                keep(f"centre distance {distance / self.touch:.3g} (R1 + R2)", states.pairs[-1].seconds)
-        for name, places in ARRANGEMENTS.items():
-            if name not in {found.arrangement for found in states.additivity}:
-                states.additivity.append(self._additivity(name, places))
-                keep(name, states.additivity[-1].seconds)
+        for distance in self._missing_distances():
+            states.pairs.append(self._pair(distance))
+            keep(f"centre distance {distance / self.touch:.3g} (R1 + R2)", states.pairs[-1].seconds)
+        for name in self._missing_arrangements():
+            states.additivity.append(self._additivity(name))
+            keep(name, states.additivity[-1].seconds)
 
-    def _placed(self, places: tuple[tuple[float, float], ...], approach: float) -> Problem:
+    def _scaled(self, arrangement: str) -> Places:
+        return tuple((x * self.touch, y * self.touch) for x, y in ARRANGEMENTS[arrangement])
+
+    def _placed(self, places: Places, approach: float) -> Problem:
         balls = tuple(replace(self.ball, position=place) for place in places)
         return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
 
-    def _solved(
-        self, places: tuple[tuple[float, float], ...], approach: float, steps: Sequence[float] = (1.0,)
-    ) -> Result:
+    def _solved(self, places: Places, approach: float, steps: Sequence[float] = (1.0,)) -> Result:
         """Return the model's answer; the workspace of a run of minutes is deleted once that is complete."""
         problem = self._placed(places, approach)
         if not self.slow:
@@ -197,7 +211,7 @@ class PairTable:
 
     def _pair(self, distance: float) -> PairState:
         begun = time.perf_counter()
-        balls = self._solved(((-0.5 * distance, 0.0), (0.5 * distance, 0.0)), self.approach).balls
+        balls = self._solved(_abreast(distance), self.approach).balls
         return PairState(
             distance,
             normal_force=0.5 * (balls[0].normal_force + balls[1].normal_force),
@@ -206,9 +220,9 @@ class PairTable:
             seconds=time.perf_counter() - begun,
         )
 
-    def _additivity(self, name: str, places: tuple[tuple[float, float], ...]) -> Additivity:
+    def _additivity(self, name: str) -> Additivity:
         begun = time.perf_counter()
-        scaled = tuple((x * self.touch, y * self.touch) for x, y in places)
+        scaled = self._scaled(name)
         problem = self._placed(scaled, self.approach)
         balls = self._solved(scaled, self.approach).balls
         positions = np.array([ball.position for ball in balls])
@@ -268,6 +282,10 @@ class PairTable:
 def runs_left(count: int) -> str:
     """Return "1 run to go"."""
     return f"{count} run{'' if count == 1 else 's'} to go"
+
+
+def _abreast(distance: float) -> Places:
+    return ((-0.5 * distance, 0.0), (0.5 * distance, 0.0))
 
 
 def _common_ball(problem: Problem) -> tuple[Ball, float]:

@@ -55,7 +55,8 @@ def provider(
     """Return the forces of ``model``; ``folder`` holds tables of pairs (collective over the model's ranks).
 
     ``budget`` bounds each finite-element run of a table ("unknowns", "seconds").
-    Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state.
+    Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state, and what the model's plan
+    raises for any run of a table.
     """
     if model.name == "point_load":
         return Provider(_point_loads(problem), ("balls act on each other as point loads",))
@@ -71,6 +72,9 @@ def provider(
             difference=DIRECT_DIFFERENCE,
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
+    if model.plan is not None:
+        for one in table.missing_problems():  # what the last run lacks is named before the first
+            model.plan(one, accuracy, budget or {}, (1.0,))
     if ranks.is_root() and table.missing:
         tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}")
     table.complete(tell)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_point_load
+from linear_bem import Ball, Elastic, Layer, Load, Problem, Result, solve, solve_point_load
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import FiniteStrain
 from runs.evolution import pair_table
 from runs.evolution.forces import DirectForces, at
 from runs.evolution.pair_forces import PairForces, SingleBall
-from runs.evolution.providers import Provider
+from runs.evolution.providers import Provider, provider
 from runs.models import MODELS, Run
 from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
 
@@ -98,3 +101,20 @@ def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
     at_any = np.array([-0.1, 0.0, 1e-3, 0.37, 2.0])
     assert ball.force(at_any) == pytest.approx(4.0 / 3.0 * np.maximum(at_any, 0.0) ** 1.5, rel=1e-10)
     assert ball.approach(ball.force(at_any))[2:] == pytest.approx(at_any[2:], rel=1e-10)
+
+
+def test_a_budget_too_small_for_the_last_run_is_refused_before_the_first(tmp_path: Path) -> None:
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("approach", (0.3,) * 2), finite_strain=FiniteStrain())
+    finite = MODELS["finite_strain"]
+    assert finite.plan is not None
+    budget = {"unknowns": 1.5 * finite.plan(problem, 0.1, {}, (1.0,))["unknowns"]}
+    finite.plan(problem, 0.1, budget, (1.0,))  # enough for a pair
+
+    def solve(one: Problem, run: Run) -> Result:
+        raise AssertionError(f"solved before all runs of the table were planned: {one.size} balls")
+
+    model = dataclasses.replace(finite, solve=solve)
+    with pytest.raises(UnsupportedProblem, match=r"accuracy\.unknowns"):  # a row of three balls takes more
+        provider(model, problem, 0.1, "pairs", tmp_path, budget=budget)
+    assert not list(tmp_path.iterdir())
