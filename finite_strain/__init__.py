@@ -23,7 +23,7 @@ from linear_bem.result import Result
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
 FORMAT = 13
-"""Changes whenever a run that an older version left behind must not be continued or shown as current."""
+"""Format version of a run: raised when runs of older versions must not be resumed or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Default relative accuracy of the tangential force."""
 
@@ -47,17 +47,17 @@ def solve(
     Parameters
     ----------
     problem
-        What is pressed into what. With the effect ``finite_strain`` the layer is hyperelastic and contact is in the
-        deformed configuration; without it the same code takes linear elasticity and linearised contact.
+        Layer, balls and load. With the effect ``finite_strain`` the layer is hyperelastic and contact is in the
+        deformed configuration; without it the same code uses linear elasticity and linearised contact.
     model
         Which of the two is expected: "finite_strain" or "small_strain"; a problem of the other one is refused.
     tangential_force
-        Relative accuracy of T at full load: meshes are refined until the result's own error meets it, or until
-        the next one would pass the budget. ``solved.accuracy`` states what was reached and why refinement ended.
+        Relative accuracy of T at full load: meshes are refined until the error estimate meets it, or until the
+        next mesh would exceed the budget. ``solved.accuracy`` states the accuracy reached and why refinement ended.
     comm
         MPI communicator; by default all ranks of the run.
     folder
-        Where mesh, fields and checkpoint go. An interrupted run of the same problem resumes from there.
+        Folder for mesh, fields and checkpoint. An interrupted run of the same problem resumes from there.
     observer
         Follows the progress of the run; see `Observer`. Called on all ranks.
     fields
@@ -66,8 +66,8 @@ def solve(
         The budget: wall time of the run, and unknowns of its finest mesh; by default no bound on the time, and
         120 000 unknowns.
     steps
-        Fractions of the load at which answers are wanted, rising; by default full load alone. None stands for six
-        equal steps of the approach.
+        Rising load fractions with output; by default full load alone. None stands for six equal steps of the
+        approach.
     numerics
         Numerical parameters that studies vary.
 
@@ -82,7 +82,7 @@ def solve(
             "`thirdbody doctor` tells which Python has them and how to install them"
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # ranks are the parallelism: threads on top of them only get in the way
+        os.environ.setdefault(variable, "1")  # one thread per rank: more threads would compete with ranks for cores
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)

@@ -62,20 +62,20 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
 def compile_form(form: Any, comm: MPI.Comm) -> Any:
     """Return the compiled form (collective over comm), built in a cache of our own under a file lock.
 
-    The compiler's own lock is a file that a killed run leaves behind, and every later run then waits
-    for it in vain; ours is dropped by the kernel with the process that held it.
+    The compiler's own lock is a file that remains after a killed run, and every later run then waits
+    for it in vain; the kernel releases our lock when the process that holds it ends.
     """
     with _compiler_cache(comm) as options:
         return dolfinx.fem.form(form, **options)
 
 
 def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
-    """Return compiled forms (collective over comm); every rank brings a share of them into the cache first."""
+    """Return compiled forms (collective over comm); every rank first compiles a share of them into the cache."""
     if comm.size > 1:
         with _compiler_cache(comm) as options:
             scalar = {"scalar_type": "double" if _OLD else np.float64}
             for form in forms[comm.rank :: comm.size]:
-                with suppress(Exception):  # what does not compile fails below, on all ranks
+                with suppress(Exception):  # a form that does not compile raises below, on all ranks
                     dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, *options.values())
             comm.barrier()
     return [compile_form(form, comm) for form in forms]
@@ -87,7 +87,7 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
     failure = None
     with ExitStack() as stack, warnings.catch_warnings():
-        # a hexahedron of order 4 has more points than the compiler thinks usual, and needs them
+        # a hexahedron of order 4 needs more quadrature points than the compiler's warning threshold
         warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
         if comm.rank == 0:
             try:
@@ -177,7 +177,7 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
 
 
 def constrained_dofs(bc: Any) -> np.ndarray:
-    """Return the local dof numbers (unrolled, ghosts included) that a boundary condition holds."""
+    """Return the local dof numbers (unrolled, ghosts included) that a boundary condition constrains."""
     indices = bc.dof_indices() if hasattr(bc, "dof_indices") else bc._cpp_object.dof_indices()
     return np.asarray(indices[0])
 
@@ -189,7 +189,7 @@ def ghosted_vector(linear_form: Any, space: Any) -> PETSc.Vec:
 
 
 def free_dropped_objects(comm: MPI.Comm) -> None:
-    """Free PETSc objects that Python has dropped (collective): since PETSc 3.18 they only queue up in parallel."""
+    """Free PETSc objects that Python has dropped (collective): since PETSc 3.18 they are only queued in parallel."""
     if hasattr(PETSc, "garbage_cleanup"):
         PETSc.garbage_cleanup(comm)
 
@@ -201,6 +201,6 @@ def create_block_matrix(forms: list[list[Any]]) -> PETSc.Mat:
 
 
 def assemble_block_matrix(matrix: PETSc.Mat, forms: list[list[Any]], bcs: list[Any]) -> None:
-    """Add the forms of several fields to the matrix, with the identity in constrained rows; it stays open for more."""
+    """Add the forms of several fields to the matrix, with the identity in constrained rows; it is not finalised."""
     name = "assemble_matrix_block" if VERSION < (0, 10) else "assemble_matrix"
     getattr(dolfinx.fem.petsc, name)(matrix, forms, bcs)

@@ -1,4 +1,4 @@
-"""Collective helpers: work on rank 0 whose failure all ranks raise, and a folder that all ranks share."""
+"""Collective helpers: work on rank 0 with errors raised on all ranks, and a folder that all ranks share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Value = TypeVar("Value")
 
 
 def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
-    """Do something on rank 0 and return on every rank what it gave; if it fails, raise on every rank."""
+    """Run ``action`` on rank 0 and return its value on every rank; if it fails, raise on every rank."""
     failure: ThirdBodyError | None = None
     value = None
     if comm.rank == 0:
@@ -36,7 +36,7 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
 
 @contextmanager
 def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
-    """Yield the folder, made if need be, or a scratch folder that goes with the block."""
+    """Yield the folder, created if needed, or a scratch folder that is deleted at the end of the block."""
     if folder is not None:
         on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
         yield folder

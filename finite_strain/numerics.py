@@ -1,4 +1,4 @@
-"""Numerical parameters that studies and tests vary, besides the discretisation and the accuracy asked for."""
+"""Numerical parameters that studies and tests vary, besides the discretisation and the required accuracy."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class Numerics:
     """Degree of the facet quadrature beyond 2p: the contact pressure has a kink inside a facet.
     More changes T by less than 0.1 % (`thirdbody study accuracy`)."""
     growth: float = 1.0
-    """Growth of element sizes, less one, over that of `meshes.box`; twice it agrees (`thirdbody study stability`)."""
+    """Growth of element sizes, less one, over that of `meshes.box`; 2 gives equal results (study `stability`)."""
     largest_step: float = 0.07
-    """Largest increment of the approach over the radius: Newton's method follows it, also from the undeformed layer.
-    The answer does not depend on it (`thirdbody study accuracy`, and the whole load at once in `stability`)."""
+    """Largest increment of the approach over the radius: Newton's method converges, even from the undeformed layer.
+    The answer does not depend on it (`thirdbody study accuracy`, and the whole load in one step in `stability`)."""
     shortest_step: float = 3e-3
-    """Shortest load step over the goal: eight halvings of a step that did not converge; then the load path ends."""
+    """Shortest load step over the goal, after eight halvings of a step that did not converge; then the path ends."""
     newton_iterations: int = 25
-    """Most Newton iterations in one solve; 4 to 7 are usual. ``-thirdbody_snes_max_it N`` wins."""
+    """Most Newton iterations in one solve; 4 to 7 are usual. ``-thirdbody_snes_max_it N`` takes precedence."""
     lagged_iterations: int = 20
     """Krylov iterations in one system from which on a new tangent is taken for the next.
     At order 3 (4) a tangent and its factors take the time of 40 (90) iterations."""
     krylov_iterations: int = 40
-    """Most Krylov iterations in one system; with an earlier tangent's factors its result is then taken as it is."""
+    """Most Krylov iterations in one system; with an earlier tangent's factors the unconverged result is then used."""
 
 
 DEFAULT = Numerics()

@@ -1,4 +1,4 @@
-"""One discretisation of a run: the run's own model and its small-strain pair, each driven along its load path."""
+"""One discretisation of a run: the run's own model and its small-strain pair, each with its load path."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ModelRun:
         return Snapshot.take(fraction, self.model.fields, self.model.contact.approaches, self.path.source)
 
     def state(self, fraction: float) -> ContactState:
-        """Return what the model says in its present state (collective)."""
+        """Return the results of the model in its present state (collective)."""
         model = self.model
         forces, areas = model.forces(), model.contact_areas()
         extremes = self.extremes()
@@ -94,7 +94,7 @@ class MeshRun:
             self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
 
     def close(self) -> None:
-        """Free what both models hold (collective)."""
+        """Free the objects of both models (collective)."""
         for run in (self.own, self.small):
             if run is not None:
                 run.close()
@@ -104,7 +104,7 @@ class MeshRun:
     ) -> SolverAccount:
         """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`] (collective).
 
-        Linear solves count from where the caller last reset the solver's ``effort``.
+        Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())

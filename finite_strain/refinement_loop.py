@@ -1,4 +1,4 @@
-"""One run: discretisations from coarse to fine, every load step paired, answered, written and handed on."""
+"""One run: discretisations from coarse to fine; every load step is paired, evaluated, written and reported."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from linear_bem.errors import NotConverged, ThirdBodyError
 from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
-"""What the discretisations of a run are called: the path finder, the first that answers, and those after it."""
+"""Names of the discretisations of a run: the path finder, the first with results, and all later ones."""
 NEAR_ZERO = "a tenth of the half-space's mutual force"
 
 
 class Refinement:
-    """Discretisations of one scene, each along the same load path, until accuracy or budget ends them.
+    """Discretisations of one scene, each along the same load path, until accuracy or budget is reached.
 
-    Every finished step is on disk before the next begins: what a killed run computed is not computed again.
+    Every finished step is on disk before the next begins: a restart does not repeat it.
     """
 
     def __init__(
@@ -83,12 +83,12 @@ class Refinement:
         return self._result(answered, why)
 
     def _reach(self, number: int) -> float:
-        """Return the largest load fraction that a discretisation has answered."""
+        """Return the largest load fraction with results of a discretisation."""
         steps = self.records[number].steps
         return steps[-1].fraction if steps else 0.0
 
     def _press(self, number: int) -> None:
-        """Drive one discretisation along the load path, from where an earlier run left it (collective)."""
+        """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""
         record = self.records[number]
         name = NAMES[min(number, 2)]
         run = MeshRun(self.plan, record.level, self.folder / f"mesh_{number}.msh", self.comm, self.observer, name)
@@ -99,7 +99,7 @@ class Refinement:
         except ThirdBodyError:
             run.close()
             raise
-        run.close()  # after any other error, which one rank may have alone, nothing collective is safe
+        run.close()  # after other errors, possibly on one rank only, no collective call is safe
         record.finished = True
         self._judge(record)
         self._save()
@@ -143,7 +143,7 @@ class Refinement:
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
-        """Return the answer of a discretisation at the step that it has reached (collective)."""
+        """Return the answer of a discretisation at its present step (collective)."""
         answers = Answers(self.plan, self.records[max(number - 2, 0) : number + 1])
         truth = on_root(self.comm, partial(answers.truth, account.fraction))
         answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
@@ -152,7 +152,7 @@ class Refinement:
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float
     ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
-        """Return the small-strain state at a load fraction; none from where it has no equilibrium on (collective)."""
+        """Return the small-strain state at a load fraction; None once no equilibrium was found (collective)."""
         if run is None or (record.rows and record.rows[-1].small is None):
             return None, None
         try:
@@ -178,7 +178,7 @@ class Refinement:
         on_root(self.comm, lambda: snapshot.save(self._file(number, model, snapshot.fraction)))
 
     def _predicted(self, run: ModelRun, number: int, model: str, fraction: float) -> State | None:
-        """Return the coarser discretisation's state at a load fraction, where it has one."""
+        """Return the coarser discretisation's state at a load fraction, if it has one."""
         if number == 0 or fraction not in self.plan.goals:
             return None
         file = self._file(number - 1, model, fraction)
@@ -186,7 +186,7 @@ class Refinement:
         return run.predicted_by(Snapshot.load(file)) if there else None
 
     def _resume(self, run: MeshRun, record: Record, number: int) -> None:
-        """Take up the last states that an earlier run of this discretisation left."""
+        """Restart from the last states that an earlier run of this discretisation saved."""
         for model, each in (("own", run.own), ("small", run.small)):
             if each is None:
                 continue
@@ -194,7 +194,7 @@ class Refinement:
             each.path.resume([each.predicted_by(Snapshot.load(self._file(number, model, f))) for f in met])
 
     def _judge(self, record: Record) -> None:
-        """Note how far T is known at the last step: the largest error of a ball's T over the scale, and its terms."""
+        """Record the accuracy of T at the last step: the largest error of a ball's T over the scale, and its terms."""
         if not record.steps:
             return
         last = record.steps[-1]
@@ -240,7 +240,7 @@ class Refinement:
         failures = dict.fromkeys(step.linear_failure for step in steps if step.linear_failure)
         notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
         notes += self._overrun(record)
-        solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # a run may go on elsewhere
+        solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))
         certificate = ("penetration", "force_balance", "residual")
         solved = Solved(
@@ -253,7 +253,7 @@ class Refinement:
         return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
 
     def _overrun(self, record: Record) -> list[str]:
-        """Return where the run passed its budget: the first discretisations are run whatever they cost."""
+        """Return notes on an exceeded budget: the first discretisations run at any cost."""
         budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
         notes = []
         if record.unknowns > (budget.unknowns or math.inf):

@@ -1,8 +1,8 @@
-"""What is to be meshed: layer and substrate with a symmetric block of hexahedra under each ball; no gmsh here.
+"""The region to be meshed: layer and substrate with a symmetric block of hexahedra under each ball; no gmsh here.
 
-``fineness`` (f) sets the sizes everywhere: in a block they grow from one element to the next by 1 + `GROWTH` / f at
-most, outside by half of that; f, to the nearest whole number, are the elements along half a quadrant's rim.
-A box may ask for a multiple of that growth.
+``fineness`` (f) sets all sizes: in a block they grow from one element to the next by at most 1 + `GROWTH` / f,
+outside by half of that; half a quadrant's rim has f elements, rounded to a whole number.
+A box may use a multiple of that growth.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_hig
 GROWTH, FILLER_GROWTH = 1.2, 0.6
 """Growth of element sizes from one to the next, times f, less one: in blocks, and outside."""
 FIRST_LAYER, LAYERS = 0.8, 5.0
-"""Thickness of the topmost elements times f: over the smallest contact radius, and the layer's over it at least."""
+"""Thickness of the topmost elements times f: over the smallest contact radius; least layer thickness over it."""
 EDGE = 0.2
 """Width of the elements at a contact's edge, times f, over the contact's radius."""
 FILM_EDGE = 1.5
-"""The same on a film at most, over the film's thickness."""
+"""Upper bound of the same width on a thin film, over the film's thickness."""
 CORE = 0.5
 """Half-width of a block's core over the smallest contact radius."""
 FAR = 1.5
-"""Coarsest elements: this many fit between the balls and the box's outer sides."""
+"""Number of coarsest elements between the balls and the box's outer sides."""
 CAP, SHARED_CAP = 3.0, 6.0
 """Greatest half-width of a block over the contact radius: alone, and where it shares a face with its neighbour."""
 STRIP = 1.0 / 3.0
-"""Part of the distance between two blocks' axes that is left between them where they share no face."""
+"""Fraction of the distance between two blocks' axes that is left free if they share no face."""
 OUTSIDE = 0.6
 """Greatest half-width of a block over the distance of its axis from an outer side of the box."""
 SAME = 1e-9
@@ -38,7 +38,7 @@ SAME = 1e-9
 
 
 def graded(low: float, high: float, size: Callable[[np.ndarray], np.ndarray], least: int = 1) -> np.ndarray:
-    """Return coordinates (k + 1,) from low to high whose distances follow ``size`` (of coordinates), none larger."""
+    """Return coordinates (k + 1,) from low to high whose spacing follows ``size`` (of coordinates) as upper bound."""
     fine = np.linspace(low, high, 2001)
     rate = 1.0 / size(fine)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.abs(np.diff(fine)))])
@@ -52,7 +52,7 @@ def graded(low: float, high: float, size: Callable[[np.ndarray], np.ndarray], le
 class Zone:
     """A ball's position [m], its contact radius at full load [m], and the half-width of its block [m].
 
-    ``smallest`` is the contact radius at the first load step that is answered, over that at full load.
+    ``smallest`` is the contact radius at the first load step with output, over that at full load.
     """
 
     position: tuple[float, float]
@@ -120,7 +120,7 @@ class Box:
         return [(sx, sy) for sx in signs[0] for sy in signs[1]]
 
     def rings(self, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
-        """Return radii [m] of the lines of a block, from core to outline, and how square they are (0: a circle, 1)."""
+        """Return radii [m] of the lines of a block, from core to outline, and their shape (0: circle, 1: square)."""
         a, m, slope = zone.contact_radius, zone.half_width, self.slope
         edge_size = min(EDGE * a, FILM_EDGE * self.thickness) / self.fineness
         if a > 0.9 * m:  # no line at the contact's edge fits
@@ -160,7 +160,7 @@ class Box:
 
     @staticmethod
     def beyond(zone: Zone, points: np.ndarray) -> np.ndarray:
-        """Return how far [m] points (..., 2) lie outside a zone's block, along x or y."""
+        """Return the distance [m] of points (..., 2) outside a zone's block, along x or y."""
         return np.abs(points - np.array(zone.position)).max(axis=-1) - zone.half_width
 
     def estimated_hexahedra(self) -> float:
@@ -171,7 +171,7 @@ class Box:
         middles = np.stack(np.meshgrid(*[0.5 * (a[1:] + a[:-1]) for a in axes], indexing="ij"), axis=-1)
         outside = np.all([self.beyond(zone, middles) > 0.0 for zone in self.zones], axis=0)
         cell = (axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0])
-        filler = np.sum(outside * cell / self.size(middles) ** 2) * (1.35 + 0.8 / n)  # as counted in 60 meshes
+        filler = np.sum(outside * cell / self.size(middles) ** 2) * (1.35 + 0.8 / n)  # fitted to counts in 60 meshes
         layer, substrate = self.levels()
         return float(plane + filler) * (len(layer) - 1 + max(len(substrate) - 1, 0))
 
@@ -182,7 +182,7 @@ def half_widths(
 ) -> list[float]:  # fmt: skip
     """Return the half-widths [m] of the balls' blocks; x[0] or y[0] is a mirror plane for each axis in ``planes``.
 
-    Neighbours in line share a face where both can; elsewhere a strip of a third of their distance is left.
+    Neighbours in line share a face if both can; otherwise a strip of a third of their distance is left.
     """
     sides, scale = (x, y), SAME * max(x[1] - x[0], y[1] - y[0])
     here = np.array(positions, dtype=float)

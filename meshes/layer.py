@@ -17,7 +17,7 @@ HEXAHEDRON, QUADRILATERAL = 12, 10
 """gmsh's element types: of second order, with 27 and 9 nodes."""
 _LEVEL = [0] * 4 + [2] * 4 + [0, 0, 1, 0, 1, 0, 1, 1, 2, 2, 2, 2] + [0, 1, 1, 1, 1, 2, 1]
 _PLACE = [*range(4), *range(4), 4, 7, 0, 5, 1, 6, 2, 3, 4, 7, 5, 6, 8, 4, 7, 5, 6, 8, 8]
-"""Where gmsh's nodes of a hexahedron lie: level from below, and number in the quadrilateral."""
+"""Positions of gmsh's nodes of a hexahedron: level from below, and number in the quadrilateral."""
 _FACES = [[0, 3, 2, 1, 9, 13, 11, 8, 20], [4, 5, 6, 7, 16, 18, 19, 17, 25],
           [0, 1, 5, 4, 8, 12, 16, 10, 21], [1, 2, 6, 5, 11, 14, 18, 12, 23],
           [2, 3, 7, 6, 13, 15, 19, 14, 24], [3, 0, 4, 7, 9, 10, 17, 15, 22]]  # fmt: skip
@@ -26,7 +26,7 @@ _FACES = [[0, 3, 2, 1, 9, 13, 11, 8, 20], [4, 5, 6, 7, 16, 18, 19, 17, 25],
 
 @contextmanager
 def gmsh_session() -> Iterator[None]:
-    """Run gmsh for the length of a with block: silent, one thread, Ctrl-C left to Python."""
+    """Run gmsh inside a with block: no output, one thread, Ctrl-C handled by Python."""
     gmsh.initialize([], False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("General.NumThreads", 1)

@@ -1,8 +1,8 @@
-"""Quadrilaterals in the plane: symmetric blocks under the balls, and between them what gmsh makes, subdivided.
+"""Quadrilaterals in the plane: symmetric blocks under the balls, and a subdivided gmsh mesh between them.
 
-A block is a core with rings about it, from circles to the block's square outline. The outline of all blocks is halved
-to a coarse one, gmsh fills that with triangles and quadrilaterals, and midpoints of edges subdivide those to
-quadrilaterals that meet the blocks' own. `plane_mesh` expects a running gmsh.
+A block is a core with rings about it, from circles to the block's square outline. Every second node of the blocks'
+outlines gives a coarse outline; gmsh fills it with triangles and quadrilaterals, which midpoints of edges subdivide
+into quadrilaterals that conform to the blocks. `plane_mesh` expects a running gmsh.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from meshes.box import SAME, Box, Zone, graded
 
 Interval = tuple[float, float]
 WORST, GOOD = 25.0, 35.0
-"""Least angle, or least distance of one from 180 [degrees]: of coarse quadrilaterals that are kept, and good enough."""
+"""Least angle, or distance of one from 180 [degrees]: bound for keeping coarse quadrilaterals; sufficient value."""
 SWEEPS = 30
 """Rounds in which nodes outside blocks are moved towards the middle of their cells."""
 _TURNED = [3, 2, 1, 0, 6, 5, 4, 7, 8]
-"""The nodes of a quadrilateral, run through the other way."""
+"""The nodes of a quadrilateral in reverse orientation."""
 CLEAR = 0.5
 """Greatest width of elements along a mirror plane over the distance of the next block."""
 
@@ -116,7 +116,7 @@ def _cells(grid: np.ndarray) -> np.ndarray:
 
 
 def _curved_cells(grid: np.ndarray) -> np.ndarray:
-    """Return the nodes (n, 9, 2) of the quadrilaterals that every other node (i, j, 2) of a grid is a corner of."""
+    """Return the nodes (n, 9, 2) of the quadrilaterals whose corners are every second node (i, j, 2) of a grid."""
     low, high = slice(0, -1, 2), slice(2, None, 2)
     middle = slice(1, None, 2)
     ring = [(low, low), (high, low), (high, high), (low, high)]
@@ -139,7 +139,7 @@ def _merged(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _open_edges(cells: np.ndarray) -> np.ndarray:
-    """Return the directed edges (n, 2) of polygons that no neighbour runs through the other way."""
+    """Return the directed edges (n, 2) of polygons that have no neighbour (no reversed edge)."""
     edges = np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
     known = set(map(tuple, edges.tolist()))
     return np.array([edge for edge in edges.tolist() if (edge[1], edge[0]) not in known])
@@ -187,8 +187,8 @@ def _corners(box: Box) -> np.ndarray:
 def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.ndarray]:
     """Return a column of quadrilaterals (n, 4, 2) along each gap of a side that cuts blocks in half.
 
-    A half block has n segments beside the plane. Where n is odd, elements along the plane take one of them, as if
-    the plane cut elements of gmsh's coarse mesh in half, too; the coarse mesh then meets an even number.
+    A half block has n segments beside the plane. If n is odd, elements along the plane use one of them, as if the
+    plane also cut elements of gmsh's coarse mesh in half; the coarse mesh then meets an even number of segments.
     """
     inward = 1.0 if value == (box.x, box.y)[axis][0] else -1.0
     columns = []
@@ -196,7 +196,7 @@ def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.nd
         within = 0.5 * (high - low) * (1.0 - SAME)
         aside = [z for z in box.zones if abs(z.position[1 - axis] - 0.5 * (low + high)) < within + z.half_width]
         along, width = _graded_side(box, axis, value, (low, high), aside)
-        for end in (0, -1):  # there the column continues a segment of what it meets
+        for end in (0, -1):  # at its ends the column continues a segment of its neighbour
             offset = inward * (quads[..., axis] - value)
             met = offset[(offset > 0.0) & (np.abs(quads[..., 1 - axis] - along[end]) < SAME * (high - low))]
             width[end] = met.min() if met.size else width[end]
@@ -230,9 +230,9 @@ def _halved(coarse: np.ndarray) -> np.ndarray:
 
 
 def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
-    """Return the closed loops (k, 2) of coarse nodes around what the quadrilaterals leave open, which is to the left.
+    """Return the closed loops (k, 2) of coarse nodes around the regions without quadrilaterals, on their left.
 
-    Each is half as fine as the edges that it meets, so that subdividing its segments makes them conform.
+    Each is half as fine as the edges that it meets, so that its segments conform after subdivision.
     """
     points, cells = _merged(quads)
     pieces = [points[_open_edges(cells)[:, ::-1]]]
@@ -260,7 +260,7 @@ def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
 
 
 def _filler(loops: list[np.ndarray]) -> np.ndarray:
-    """Return the corners (n, 4, 2) of quadrilaterals that fill the loops: the best of gmsh's meshes, subdivided."""
+    """Return the corners (n, 4, 2) of quadrilaterals that fill the loops: the best gmsh mesh, subdivided."""
     geometry = gmsh.model.geo
     curves, areas = [], []
     for loop in loops:

@@ -2,6 +2,6 @@
 
 import os as _os
 
-# one thread per rank: threads of BLAS beside MPI ranks fight for cores; numpy reads these when it is first imported
+# one thread per rank: BLAS threads would compete with MPI ranks for cores; numpy reads these on its first import
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     _os.environ.setdefault(_name, "1")

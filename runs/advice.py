@@ -1,7 +1,7 @@
 """What ``plan`` advises: which absent effects would matter and by how much, and which present ones do not.
 
-Every change is of the tangential force on the ball that feels the largest, computed with the linear model both ways;
-only that of finite strain comes from a fit (`runs.comparison.strengthening_fit`), as computing it takes minutes.
+Every change refers to the largest tangential force on a ball. The linear model computes it with and without the effect;
+only the change by finite strain comes from a fit (`runs.comparison.strengthening_fit`), as computing it takes minutes.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from runs.display.numbers import number
 from runs.models import MODELS, Run, without
 
 USUAL = 0.02
-"""Relative accuracy of T that a change is compared with where the scene asks for none."""
+"""Relative accuracy of T with which a change is compared if the scene states none."""
 SHARE = 0.05
-"""Part of that accuracy to which the changes are computed."""
+"""Accuracy of the computed changes, as a fraction of that accuracy."""
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
-"""Moduli of a substrate over the layer's that are tried where the scene has a rigid base."""
+"""Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
 PATIENCE = 60.0
-"""Time [s] that the advice may take: scenes whose linear solution takes longer get only what needs no solution."""
+"""Time limit of the advice [s]: if the linear solution takes longer, only advice that needs no solution is given."""
 FRICTION = 0.3
-"""Coefficient of friction that a drift is quoted for."""
+"""Coefficient of friction for which a drift is quoted."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Adviser:
         self.size = sizes[self.ball]
 
     def advise(self) -> list[Advice]:
-        """Return advice for every effect that can be judged; nothing for one ball alone, which feels no T."""
+        """Return advice for every effect that can be judged; none for a single ball, on which no T acts."""
         if self.problem.size < 2 or self.size <= self.ahead.balls[self.ball].tangential_force_error:
             return []
         found = [self._finite_strain(), self._reciprocation()]
@@ -73,7 +73,7 @@ class Adviser:
         return found
 
     def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
-        """Return the relative change of T, along its direction, that another problem would bring."""
+        """Return the relative change of T, along its direction, if ``problem`` is solved instead."""
         x, y = solve(problem, Run(self._precision)).balls[self.ball].tangential_force
         exact_x, exact_y = self._exact
         return (x * exact_x + y * exact_y) / (exact_x**2 + exact_y**2) - 1.0
@@ -181,7 +181,7 @@ class Adviser:
         return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
 
     def _neighbours(self) -> Iterator[Advice]:
-        """Say beyond which distance neighbours could be left out, by the point-load law of each pair."""
+        """Advise beyond which distance neighbours can be neglected, by the point-load law of each pair."""
         place = self.problem.balls[self.ball].position
         away = [math.dist(place, ball.position) for ball in self.problem.balls]
         rings = sorted({round(d, 12) for d in away if d > 0.0})

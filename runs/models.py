@@ -1,4 +1,4 @@
-"""The models: the effects that each has, and how it is called."""
+"""The models: the effects that each supports, and how it is called."""
 
 from __future__ import annotations
 
@@ -30,11 +30,10 @@ class ModelName(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Run:
-    """What a model needs beside the problem.
+    """Arguments of a model other than the problem.
 
     Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
-    at which answers are wanted (None: those that a load path passes from first touch), and values of
-    `finite_strain.Numerics` other than its defaults.
+    with output (None: those of `load_path`), and values of `finite_strain.Numerics` other than its defaults.
     """
 
     tangential_force: float | None = None
@@ -53,7 +52,7 @@ Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] 
 
 @dataclass(frozen=True)
 class Model:
-    """A model: the effects that it has, those that call for it, and those that it leaves out where it is named."""
+    """A model: the effects that it supports, that select it, and that it may ignore if the user names the model."""
 
     name: str
     summary: str
@@ -82,14 +81,14 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
 
 
 def load_path(problem: Problem) -> Sequence[float]:
-    """Return the load fractions that are answered where no steps are asked for."""
+    """Return the default load fractions with output."""
     from finite_strain.geometry.load_control import prescribed  # noqa: PLC0415  (no DOLFINx)
 
     return prescribed(problem).answered_fractions()
 
 
 def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
-    """Return a solver of a linear model that answers at every load fraction of its run, each by itself."""
+    """Return a solver of a linear model that solves every load fraction of its run independently."""
 
     def along(problem: Problem, run: Run) -> Result:
         steps = []
@@ -148,16 +147,15 @@ MODELS = {
         ),
     )
 }  # fmt: skip
-"""In the order in which a scene's default is looked for: the first that has its effects and is called for."""
+"""In the order in which a scene's default is chosen: the first that supports its effects and is selected by them."""
 
 
 def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
     """Return the model for ``scene``, the problem as that model sees it, and notes for the reader.
 
-    Without ``asked``, the first model that has every effect of the scene. Asking for a model by name may
-    leave out an effect that this model replaces by a simpler law; a note says so. Raises
-    `UnsupportedProblem` when effects are left that no model, or not this model, has: models keep the balls in
-    place, and `standing` is the scene that ``evolve`` asks them for.
+    Without ``asked``, the first model that supports every effect of the scene. A model named by the user may ignore
+    an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` if effects remain that no
+    model, or not this model, supports. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
     """
     wanted = frozenset(scene.effects)
     if scene.reciprocation is not None:
@@ -189,7 +187,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 
 
 def standing(scene: Scene) -> Scene:
-    """Return ``scene`` with its balls kept where they are: what a model sees at one instant of an evolution."""
+    """Return ``scene`` with fixed balls: the problem at one instant of an evolution."""
     effects = tuple(effect for effect in scene.effects if effect != "reciprocation")
     return dataclasses.replace(scene, effects=effects, reciprocation=None)
 

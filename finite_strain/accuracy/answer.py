@@ -21,9 +21,9 @@ from linear_bem.solver import solve
 
 UNSURE = ("transfer", "force_transfer")
 LINEAR_ACCURACY = 0.03
-"""Accuracy asked of linear_bem over that asked of the run."""
+"""Accuracy required of linear_bem over that required of the run."""
 LEAST, MOST = 1.5, 3.0
-"""d ln Q / d ln D: Hertz's, and an incompressible film's under a ball much wider than it."""
+"""d ln Q / d ln D of a Hertzian contact, and of an incompressible film much thinner than the ball is wide."""
 
 
 class Answers:
@@ -39,7 +39,7 @@ class Answers:
         self.forces_given, self.follows = load.forces_given, load.follows
 
     def truth(self, fraction: float) -> LinearTruth | str:
-        """Return what `linear_bem` answers at a load fraction, or why it has no answer (one rank)."""
+        """Return the result of `linear_bem` at a load fraction, or why there is none (one rank)."""
         plan = self.plan
         load = plan.problem.load
         scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
@@ -70,7 +70,7 @@ class Answers:
         floor, squared = np.maximum(size, self._scale(now.normal_force)), now.normal_force**2
 
         def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
-            """Return the discretisation's error of a value (balls, k) of the paired answers, which hold a known one."""
+            """Return the discretisation error of a value (balls, k) of the paired answers; zero for a known error."""
             if truth is not None and not self.plan.is_paired:
                 return np.zeros_like(scale)
             return self._change(name, value(now), value(before), None if older is None else value(older), scale)
@@ -83,7 +83,7 @@ class Answers:
         if self.forces_given:
             terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
-            adds = np.hypot if self.plan.is_paired else np.add  # known errors, of one cause, add up
+            adds = np.hypot if self.plan.is_paired else np.add  # known errors with one cause add linearly
             moved = adds(at_force.transfer, 2.0 * size * now.force_transfer)
             rest = change("T", lambda answer: answer.tangential_force, floor)
             terms, left, rate = Terms(rest, 2.0 * MOST * size * share, moved, solver), MOST * share, np.ones_like(size)
@@ -144,7 +144,7 @@ class Answers:
     def _change(
         self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
     ) -> np.ndarray:
-        """Return the discretisation's error, and note it in its record for the steps that follow."""
+        """Return the discretisation error, and store it in its record for later steps."""
         path, last = self.fine.changes.setdefault(name, []), np.linalg.norm(now - before, axis=1)
         observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
         factor = gain(self.fine.level, self.coarse.level, observed)
@@ -153,9 +153,9 @@ class Answers:
         return error
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-        """Return the size of the sum of T (balls, 2) [N] over the scene, and by how much it raises all errors (balls,).
+        """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.
 
-        An endless layer is the same everywhere, so the sum is zero: by symmetry in many scenes, by chance in none.
+        An infinite layer is homogeneous, so the exact sum is zero; in many scenes symmetry enforces this.
         """
         reduction = self.plan.reduction
         turned = [reduction.to_scene(i, tuple(forces[im.model_ball])) for i, im in enumerate(reduction.images)]
@@ -163,7 +163,7 @@ class Answers:
         return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
 
     def _scale(self, forces: np.ndarray) -> float:
-        """Return what T near its zero is measured against [N], for forces of the model's balls [N]."""
+        """Return the reference force [N] for errors of T near its zero, for forces of the model's balls [N]."""
         return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
 
     def _per_ball(self, values: np.ndarray) -> list[float]:

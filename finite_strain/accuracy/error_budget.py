@@ -1,8 +1,8 @@
 """The error budget of an answer: a few terms, each a function with its derivation. No constant is calibrated.
 
-discretisation   what the paired answer changed by since the coarser discretisation
-enforcement      what the surface still penetrates the balls, as an approach that the ball lacks
-transfer         what of the pair's correction (mesh, contact, domain truncation) may not carry over to finite strain
+discretisation   change of the paired answer from the coarser discretisation
+enforcement      remaining penetration of the surface into the balls, as an error of the approach
+transfer         part of the pair's correction (mesh, contact, domain truncation) that may not hold at finite strain
 solver           residual of Newton's method, and the error of linear_bem
 
 The terms are independent in origin; the error of T is the root of the sum of their squares.
@@ -42,11 +42,11 @@ class Terms:
 
 
 def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:
-    """Return what the change from one discretisation to a finer one is multiplied with to bound the finer one's error.
+    """Return the factor on the change from one discretisation to a finer one that bounds the finer one's error.
 
-    An error that falls by a factor q from one to the next changes by 1 - q of itself, and q / (1 - q) of that is left.
-    ``observed`` (balls,) are the last change over the one before, which is q where errors fall steadily; it is kept
-    between the fastest and the slowest order.
+    If refinement reduces an error by a factor q, it changes by 1 - q of itself, and q / (1 - q) of that change remains.
+    ``observed`` (balls,) is the last change over the one before, an estimate of q if errors decrease steadily; it is
+    limited to the range between the fastest and the slowest order.
     """
     ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
     if ratio <= 1.0:
@@ -59,10 +59,10 @@ def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | No
 
 
 def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: Discretisation) -> np.ndarray:
-    """Return what of the pair's correction may not carry over (balls,), from the two discretisations' own.
+    """Return the uncertain part of the pair's correction (balls,), from those of the two discretisations.
 
-    A correction oscillates with the contact's edge in its element and may be small by chance: it counts as no less than
-    what convergence leaves of the coarser one's, the fastest where the order of the elements rises.
+    A correction oscillates with the position of the contact edge in its element and may be small by chance: its lower
+    bound is that of the coarser discretisation reduced by convergence, the fastest if the element order rises.
     """
     ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
     left = ratio ** -(FASTEST if fine.order > coarse.order else SLOWEST)
@@ -85,10 +85,10 @@ def discretisation(
 
 
 def enforcement(own: ContactState, small: ContactState | None, weight: np.ndarray) -> np.ndarray:
-    """Return by what share of itself the approach is uncertain through the contact's penetration (balls,).
+    """Return the relative uncertainty of the approach from penetration of the contact (balls,).
 
-    A surface that penetrates by a mean (weighted with the pressure) is that of a ball which is pressed in less deep by
-    as much. The pair takes off what it does at small strain.
+    A mean penetration (weighted with the pressure) is equivalent to an approach that is smaller by as much. The
+    small-strain pair corrects for its effect at small strain.
     """
     left = own.mean_gap if small is None else own.mean_gap - weight * small.mean_gap
     return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)

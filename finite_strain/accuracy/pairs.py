@@ -1,13 +1,13 @@
-"""The small-strain problem on the same discretisation as control variate: its truth is known, so its error is.
+"""The small-strain problem on the same discretisation as control variate: its exact solution and error are known.
 
-What a mesh, the contact's enforcement and the truncated domain add to the small-strain answer they add, nearly, to the
-finite-strain one. `linear_bem` knows the small-strain truth; the difference is taken off:
+The errors due to mesh, contact enforcement and domain truncation are nearly the same in the small-strain and in the
+finite-strain answer. `linear_bem` gives the exact small-strain solution; the small-strain error is subtracted:
 
     at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)
     at given force:     D = D_f + c (D_l - D_s),  T / Q^2 as above,
 
 f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 hold where T passes zero. The
-weight c is 1 where T / Q^2 of the two problems is alike and falls to 0 where they have little to do with each other.
+weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import numpy as np
 from finite_strain.planning.records import ContactState
 
 ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
-"""Difference of T / Q^2 between finite and small strain, over the larger of them, up to which the pair counts in full,
-and from which on it does not count. Both are choices: the error budget covers what they leave open."""
+"""Difference of T / Q^2 between finite and small strain, over the larger of them: up to the first the weight is 1,
+from the second on it is 0. Both are choices; the error budget covers their influence."""
 UNSURE = 0.2
-"""Part of the correction that always counts as uncertain, likewise a choice."""
+"""Fraction of the correction that is always taken as uncertain, likewise a choice."""
 
 
 @dataclass(frozen=True)
 class LinearTruth:
-    """What `linear_bem` answers for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
+    """The result of `linear_bem` for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
 
     ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,) too.
     """
@@ -44,7 +44,7 @@ class LinearTruth:
 class Paired:
     """The answer of one discretisation (arrays per ball of the model).
 
-    ``transfer`` (balls,) [1/N] is what of the correction of T / Q^2 may not carry over; ``force_transfer`` (balls,) the
+    ``transfer`` (balls,) [1/N] is the uncertain part of the correction of T / Q^2; ``force_transfer`` (balls,) the
     same of Q or D, relative; ``weight`` (balls,) is c.
     """
 
@@ -62,7 +62,7 @@ class Paired:
 
 
 def unpaired(own: ContactState) -> Paired:
-    """Return what the discretisation itself says."""
+    """Return the uncorrected answer of the discretisation."""
     none = np.zeros(len(own.normal_force))
     return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none)
 
@@ -70,8 +70,8 @@ def unpaired(own: ContactState) -> Paired:
 def paired(own: ContactState, small: ContactState, truth: LinearTruth, scale: np.ndarray, forces_given: bool) -> Paired:
     """Return the answer for the finite-strain state ``own``.
 
-    ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero. What may not carry over is the
-    difference between taking the correction off as a difference and as a ratio.
+    ``scale`` (balls,) [1/N] is the T / Q^2 below which T counts as near its zero. The uncertain part of the correction
+    is the difference between applying it as a difference and as a ratio.
     """
     linear = ratio(truth.tangential_force, truth.normal_force[:, None] ** 2)
     correction = linear - small.per_squared_force

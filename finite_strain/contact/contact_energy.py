@@ -2,13 +2,13 @@
 
 Per reference area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the penalty k, <.> the positive part,
 and s = <-g> of an earlier equilibrium, or zero: the augmented Lagrangian with multiplier k s [Alart Curnier 1991,
-doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression of the displacement that it was taken
-from, so it needs no place at quadrature points. Residual, tangent and the forces on the balls follow by
+doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression in the displacement of that earlier
+state, so nothing is stored at quadrature points. Residual, tangent and the forces on the balls follow by
 differentiation: the force on a ball is the derivative of the potential by the ball's position.
 
 One compiled form serves any number of balls: which ball a facet may touch, and that ball's position, radius and
-approach, are constants of the cells below the facets. A facet has two candidates of each kind of indenter, for between
-two balls either may be touched first.
+approach, are constants of the cells below the facets. A facet has two candidates of each kind of indenter, because
+between two balls either may come into contact first.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def positive(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Penalised:
-    """A state whose penetration is the contact pressure over the penalty: what multipliers are taken from.
+    """A state whose penetration is the contact pressure over the penalty: the source of the multipliers.
 
     Nodal displacement (nodes, 3) [m], and of each ball (balls,) the approach [m] and the penalty [Pa/m].
     """
@@ -53,7 +53,7 @@ class Penalised:
 
 
 class _Slot:
-    """A candidate ball of every cell: its number ``balls`` (cells,), -1 for none, its constants, and what follows."""
+    """A candidate ball of every cell: its number ``balls`` (cells,), -1 for none, its constants, and derived fields."""
 
     def __init__(self, contact: Contact, kind: Any, space: Any, balls: np.ndarray) -> None:
         self.kind, self.balls = kind, balls
@@ -74,14 +74,14 @@ class _Slot:
         return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
 
     def set(self, name: str, per_ball: np.ndarray, default: float = 0.0) -> None:
-        """Give every cell the value of its ball, ``default`` where it has none."""
+        """Set every cell to the value of its ball, ``default`` where it has none."""
         self.fields[name].x.array[:] = np.append(np.asarray(per_ball, dtype=float), default)[self.balls]
 
 
 class Contact:
-    """The contact energy of all balls of a model and what follows from it; ``balls`` are numbered as given.
+    """The contact energy of all balls of a model and its derivatives; ``balls`` are numbered as given.
 
-    ``angle`` is that of the model's frame in the scene's.
+    ``angle`` is the rotation of the model's frame against the scene's.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Contact:
         self.set_approaches(self.approaches)
 
     def _make_slots(self) -> list[_Slot]:
-        """Give every cell below the top the balls that it may touch, the nearest to touching first."""
+        """Assign to every cell below the top the balls that it may touch, the smallest gap first."""
         index_map = self.mesh.topology.index_map(3)
         constants = compat.function_space(self.mesh, 0, discontinuous=True)
         corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells, :8]]
@@ -148,11 +148,11 @@ class Contact:
 
     @property
     def penalised(self) -> Penalised:
-        """What the penalties press on at present, for `augment`."""
+        """The present penalised state, for `augment`."""
         return Penalised(self.displacement.x.array.reshape(-1, 3).copy(), self.approaches.copy(), self.penalties.copy())
 
     def augment(self, source: Penalised, stiffer: float) -> None:
-        """Take the multipliers from a state without any; make the penalties stiffer than its own by a factor.
+        """Take the multipliers from a state without multipliers; multiply its penalties by the factor ``stiffer``.
 
         That state stays an equilibrium until `close_gaps` is called.
         """
@@ -163,7 +163,7 @@ class Contact:
         self.augmented.value = 1.0 / stiffer - 1.0
 
     def close_gaps(self) -> None:
-        """Ask for an equilibrium without the penetration that the multipliers come from."""
+        """Change the equilibrium condition so that the penetration of the multipliers' source state vanishes."""
         self.augmented.value += 1.0
 
     def forget_multipliers(self) -> None:
@@ -171,12 +171,12 @@ class Contact:
         self.augmented.value = 0.0
 
     def choose(self, balls: np.ndarray) -> None:
-        """Have the forms of `per_ball` count the balls with these weights (balls,)."""
+        """Set the weights (balls,) of the balls in the forms of `per_ball`."""
         for slot in self.slots:
             slot.set("chosen", balls)
 
     def readings(self, stretch: Any) -> list[Any]:
-        """Return the forms of what is read off the chosen balls, for the area ratio of the deformed surface.
+        """Return the forms of the readings of the chosen balls, for the area ratio of the deformed surface.
 
         In order: force along x, along y and normal [N], its stiffness [N/m], contact area [m^2], int p g [N m] and
         int p [N] over the undeformed surface. Forces are the derivative of the potential by the ball's position, with
@@ -211,14 +211,14 @@ class Contact:
         return sum(slot.pressure for slot in self.slots)
 
     def penetration(self) -> Any:
-        """Return how deep the surface lies inside a ball that presses on it [m], an expression likewise."""
+        """Return the penetration of the surface into a ball in contact [m], also an expression."""
         return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
 
 
 def gap(shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool) -> Any:
     """Return the gap [m] of points ``offset`` (3,) [m] from the ball's axis at the undeformed surface.
 
-    At finite strain it is the indenter's own distance of the displaced point. At small strain it is the profile over
+    At finite strain it is the distance of the displaced point from the indenter. At small strain it is the profile over
     the undeformed point minus the vertical displacement: pressure acts vertically, and an in-plane force arises only
     through the profile's slope (the paper's eq. 13).
     """

@@ -1,1 +1,1 @@
-"""The discrete layer: spaces, unknowns, regions, residual and tangent, and states that leave their mesh."""
+"""The discrete layer: spaces, unknowns, regions, residual and tangent, and states that other meshes can use."""

@@ -1,7 +1,7 @@
-"""A state that does not depend on its mesh: it can be evaluated anywhere, so other meshes and later runs use it.
+"""A state that can be evaluated at any point, so that other meshes and later runs can use it.
 
-Every rank holds the whole of it: the nodes of all cells and the values at the fields' nodes. It depends on no
-numbering, number of ranks or version, so it is checkpoint, predictor on a finer mesh and predictor of another order.
+Every rank holds the whole state: the nodes of all cells and the values at the fields' nodes. It is independent of
+numbering, number of ranks and version, so it serves as checkpoint and as predictor on finer meshes or other orders.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 
 INSIDE = 1e-8
-"""How far outside a cell, in its own coordinates, a point still counts as inside."""
+"""Largest distance outside a cell, in its reference coordinates, at which a point still counts as inside."""
 _ROUNDS = 8
 """Most iterations to find a place in a cell."""
 BULGE = 0.05
-"""How far a curved cell may reach beyond the box of its nodes, over the box's sides."""
+"""Largest extent of a curved cell beyond the box of its nodes, over the box's sides."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and values (cells, nodes, components) of each field.
 
-    ``approaches`` (balls,) [m] belong to it. What its multipliers were taken from, `Penalised`, is on the same mesh.
+    ``approaches`` (balls,) [m] belong to it. The source of its multipliers, `Penalised`, is on the same mesh.
     """
 
     fraction: float
@@ -54,7 +54,7 @@ class Snapshot:
         return cls(fraction, nodes, tuple(values), np.array(approaches), replace(source, displacement=pressing))
 
     def at(self, fields: Fields) -> tuple[Values, Penalised]:
-        """Return what this state has at the nodes of a model's fields (this rank's, ghosts included)."""
+        """Return the values of this state at the nodes of a model's fields (this rank's, ghosts included)."""
         answer: list[np.ndarray] = []
         for number, points in enumerate(fields.points):
             if number == 0 or len(points) != len(fields.points[number - 1]):

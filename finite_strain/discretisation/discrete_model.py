@@ -2,7 +2,7 @@
 
 The total potential is the sum of the bulk's strain energy and the contact potential; its first and second derivatives
 are residual and tangent. A nearly incompressible region adds a pressure of order p - 1, in which the potential is
-stationary too. Nothing here knows how they are driven.
+also stationary. Loading is not part of this module.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from meshes.box import TAGS
 
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
 _NORMAL, _STIFFNESS, _AREA, _MEAN_GAP = 2, 3, 4, (5, 6)
-"""Where `Contact.readings` has the normal force and what follows it."""
+"""Indices of the readings in `Contact.readings`."""
 
 Meshed = tuple[Any, Any, Any]
 """Mesh, cell tags, facet tags."""
@@ -83,7 +83,7 @@ class Model:
         return bool(self.fields.pressures)
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
-        """Return mu and the volumetric energy of a region, as its kinematics takes them."""
+        """Return mu and the volumetric energy of a region, as its kinematics needs them."""
         return elastic_constants(bulk, self.mesh, self._length)
 
     def volume_integral(self, density: Any) -> Any:
@@ -106,7 +106,7 @@ class Model:
         along = self._direction.functions
         self._with_contact = constant(self.mesh, 1.0)
         potential = bulk + self._with_contact * self.contact.energy
-        # at small strain the bulk's part of the tangent never changes and is kept; the contact's is added to it
+        # at small strain the bulk part of the tangent is constant and stored; the contact part is added to it
         self._keeps_bulk = not (self.is_finite or self.is_mixed)
         residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
         varying = [ufl.derivative(bulk, u, test)] if self._keeps_bulk else residuals
@@ -179,7 +179,7 @@ class Model:
     def forces(self) -> np.ndarray:
         """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
 
-        Whole balls, but along axes that a symmetry fixes.
+        Forces on whole balls, except along axes that a symmetry fixes.
         """
         values = self._per_ball(0, 1, _NORMAL)
         for number, ball in enumerate(self.contact.balls):
@@ -214,7 +214,7 @@ class Model:
         return float(dolfinx.fem.assemble_scalar(self._reading))
 
     def bulk_residual(self) -> np.ndarray:
-        """Return the internal forces [N] at this rank's own nodes (nodes, 3): where constrained, the reactions."""
+        """Return the internal forces [N] at this rank's own nodes (nodes, 3): reactions at constrained nodes."""
         with self._contact_left_out():
             return self._summed([self._residual])
 
@@ -266,7 +266,7 @@ class Model:
         return np.concatenate(parts)
 
     def base_reaction(self) -> float:
-        """Return the normal force [N] that the bottom returns to the simulated part (collective)."""
+        """Return the normal reaction [N] of the bottom on the simulated part (collective)."""
         residual = self.bulk_residual()
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))

@@ -1,7 +1,7 @@
-"""The nodes of hexahedral cells: the lattice that they form, and what is known inside the cells at them.
+"""The nodes of hexahedral cells: the lattice that they form, and nodal values of quantities inside the cells.
 
-Gradients jump between cells. Each cell counts by the volume that it has at the node, as in a projection onto the
-nodes with lumped masses.
+Gradients jump between cells. Each cell is weighted by its volume at the node, as in a projection onto the nodes with
+lumped masses.
 """
 
 from __future__ import annotations
@@ -87,10 +87,10 @@ class CellNodes:
         return _by_reference(self.lattice.derivatives, nodal[self.dofs]) @ self._to_reference
 
     def averaged(self, regions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """Return values (local nodes, k), ghosts included, of what the cells of each region have at their nodes.
+        """Return averages (local nodes, k), ghosts included, of the cell values of each region at their nodes.
 
-        A region is its owned cells (m,) and values (m, n, k); zero where no region is. Where regions meet, the first
-        one's values count (collective).
+        A region is its owned cells (m,) and values (m, n, k); zero where no region is. Where regions meet, the
+        values of the first one are taken (collective).
         """
         answer = np.zeros((len(self._work.x.array) // 3, regions[0][1].shape[2]))
         taken = np.zeros(len(answer), dtype=bool)

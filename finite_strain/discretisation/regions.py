@@ -18,7 +18,7 @@ from meshes.box import TAGS
 
 @dataclass(frozen=True)
 class Bulk:
-    """A region of the mesh, its elastic constants, and where it is in mixed form its pressure unknown [m].
+    """A region of the mesh, its elastic constants, and in mixed form its pressure unknown [m].
 
     ``idle`` are the pressure's local dofs that no cell of the region touches; they are held at zero.
     """
@@ -35,7 +35,7 @@ def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[
     regions = {"layer": problem.layer, "substrate": problem.substrate}
     for name, solid in ((name, solid) for name, solid in regions.items() if solid is not None):
         pressure = idle = None
-        if is_mixed(problem, name):  # on a space of its own, which its constraints belong to
+        if is_mixed(problem, name):  # on a separate space, to which its constraints belong
             pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
             idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
         bulks.append(Bulk(TAGS[name], solid, pressure, idle))
@@ -48,7 +48,7 @@ def constant(mesh: Any, value: float) -> Any:
 
 
 def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volumetric]:
-    """Return mu and the volumetric energy; ``length`` [m] is what a pressure unknown is measured by."""
+    """Return mu and the volumetric energy; ``length`` [m] scales the pressure unknown."""
     solid = bulk.solid
     shear = constant(mesh, solid.shear_modulus)
     if bulk.pressure is None:
@@ -58,7 +58,7 @@ def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volume
 
 
 def nothing_where_idle(bulks: list[Bulk], mesh: Any, measure: Any) -> Any:
-    """Return zero, written so that a pressure's idle unknowns outside its region have a place in the matrix."""
+    """Return a zero form that gives idle pressure unknowns outside their region an entry in the matrix."""
     terms = (
         constant(mesh, 0.0) * bulk.pressure**2 * measure(other.tag, metadata={"quadrature_degree": 0})
         for bulk in bulks

@@ -1,8 +1,8 @@
 """The unknown functions of a model in one solver vector: the displacement, then a pressure for each mixed region.
 
 Every rank's part of the vector holds its displacement components first, then its pressures. A pressure
-unknown is kept as a length [m], its value over a stiffness per length: the volume equations are then forces [N]
-as the others are, and one norm bounds all of them in any system of units.
+unknown is stored as a length [m], its value over a stiffness per length: the volume equations are then forces [N]
+like the others, and one norm bounds all of them in any system of units.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Fields:
         self.functions = [displacement, *pressures]
         ends = np.cumsum([_owned(function.function_space) for function in self.functions])
         self.ranges = [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
-        """Where each field lies in this rank's part of a solver's vector."""
+        """The range of each field in this rank's part of a solver's vector."""
 
     def like(self) -> Fields:
         """Return new fields, zero, in the same spaces."""
@@ -50,12 +50,12 @@ class Fields:
 
     @property
     def points(self) -> tuple[np.ndarray, ...]:
-        """Where each field has its values (rows, 3) [m], undeformed."""
+        """The undeformed points (rows, 3) [m] at which each field has its values."""
         return tuple(function.function_space.tabulate_dof_coordinates() for function in self.functions)
 
     @property
     def owned(self) -> tuple[int, ...]:
-        """How many of each field's rows this rank owns: the first ones."""
+        """Number of rows of each field that this rank owns: the first ones."""
         return tuple(function.function_space.dofmap.index_map.size_local for function in self.functions)
 
     def copy(self) -> Values:

@@ -1,14 +1,14 @@
 """Merit function of Newton's line search in the mixed form, where equilibrium is a saddle point of the potential.
 
 The potential L(u, p) is a minimum in u only where the volume conditions c = dL/dp = 0 hold. With p the pressures
-that the full Newton step arrives at, kept fixed along the step, the search watches the augmented Lagrangian
+at the end of the full Newton step, held fixed along the step, the search reduces the augmented Lagrangian
 
     L(u, p) + kappa/2 sum_i c_i^2 / m_i,
 
 m the pressures' lumped mass. Its slope along the Newton step (du, dp) is -(du . K du + kappa sum_i (B du)_i^2 / m_i),
 with K and B the blocks of the tangent: a descent wherever K is positive on volume-preserving displacements, or kappa
-makes it so [Nocedal Wright 2006, sections 17.3 and 18.3, doi 10.1007/978-0-387-40065-5]. A residual norm gives no such
-promise: where a contact's rim moves, or elements are strongly compressed, it has to grow on the way.
+makes it so [Nocedal Wright 2006, sections 17.3 and 18.3, doi 10.1007/978-0-387-40065-5]. A residual norm has no such
+property: if a contact's edge moves, or elements are strongly compressed, it has to increase temporarily.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from finite_strain.discretisation.discrete_model import Model
 KAPPA = 20.0
 """Bound of kappa over the shear modulus; below it, kappa is the first Lame constant.
 
-Larger values of the constraint's share keep the steps short, in a narrow curved valley.
+With larger values the merit has a narrow curved valley, which keeps the steps short.
 """
 
 
@@ -35,7 +35,7 @@ class Merit:
         self._model = model
         self._trial = template.duplicate()
         self._aim = np.zeros(0)
-        """The pressures [m] that the present step arrives at, this rank's own."""
+        """The pressures [m] at the end of the present step, this rank's own."""
         self._weight = model.volume_weights(KAPPA)
         ranges = model.fields.ranges
         self._pressures = slice(ranges[0].stop, ranges[-1].stop)

@@ -1,4 +1,4 @@
-"""Newton's linear systems in PETSc: what a solver needs besides options, and factors where it fails.
+"""Newton's linear systems in PETSc: the data that a solver needs besides options, and factors if it fails.
 
 Multigrid gets the rigid-body near-nullspace. The mixed form is split into displacement and pressure, and the
 pressure's Schur complement is approximated by its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
@@ -21,9 +21,9 @@ from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem
 
 _written: dict[str, str] = {}
-"""Our options in PETSc's database; a solver of another form or size replaces them, the user's own stay."""
+"""Our options in PETSc's database; a solver of another form or size replaces them but not those of the user."""
 _open: set[int] = set()
-"""Solvers that are not closed yet and may still ask the database."""
+"""Solvers that are not closed yet and may still read the database."""
 
 
 def given_options() -> dict[str, str]:
@@ -46,12 +46,12 @@ def install(options: Mapping[str, str]) -> None:
 
 def choose_for(model: Model) -> Choice:
     """Return the solver for a model's systems, by its size and form and the user's options."""
-    PETSc.Options(PREFIX).hasName("direct_up_to")  # ours alone: PETSc would report an option that nobody asked for
+    PETSc.Options(PREFIX).hasName("direct_up_to")  # used here only: PETSc would report an unused option
     return choose(model.unknowns, model.is_mixed, given_options())
 
 
 class LinearSolver:
-    """The Krylov method or factors of one model's tangent, for Newton's solver and by itself."""
+    """The Krylov method or factors of one model's tangent, for Newton's solver or for separate use."""
 
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
@@ -67,9 +67,9 @@ class LinearSolver:
             self._split(motions)
 
     def close(self) -> None:
-        """Free what was made for the solver (collective); its share in the Krylov method of Newton's solver too.
+        """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver.
 
-        Options of ours leave the database with the last solver: PETSc 3.22 reports at its end those nobody asked for.
+        Closing the last solver removes our options from the database: PETSc 3.22 reports unused options at its end.
         """
         for item in (self.ksp, *self._owned):
             item.destroy()
@@ -78,7 +78,7 @@ class LinearSolver:
             install({})
 
     def factors(self) -> PETSc.KSP:
-        """Return new factors of MUMPS, to be destroyed by who asked for them (collective)."""
+        """Return new factors of MUMPS, to be destroyed by the caller (collective)."""
         ksp = PETSc.KSP().create(self.model.comm)
         ksp.setType("preonly")
         ksp.setOperators(self.model.matrix)
@@ -142,7 +142,7 @@ def blame_options(error: PETSc.Error) -> None:
     given = " ".join(f"-{PREFIX}{key} {value}" for key, value in given_options().items())
     if given:
         said, cause = "", error
-        while not said and cause is not None:  # one in a call back from PETSc is the cause of one with a mere number
+        while not said and cause is not None:  # an error in a callback from PETSc causes one that has only a number
             lines = [line.partition("] ")[2] for line in str(cause).splitlines()]
             said = next((line for line in reversed(lines) if line and "() at " not in line), "")
             cause = cause.__cause__ or cause.__context__

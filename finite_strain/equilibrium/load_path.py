@@ -22,14 +22,14 @@ from linear_bem.problem import Problem
 RESIDUAL = 1e-9
 """Residual norm over the normal force at which Newton's method stops."""
 ROUGH = 1e5
-"""Factor by which the residual may be larger in a state without multipliers."""
+"""Factor on the residual bound in a state without multipliers."""
 GROWTH = 1.5
 """Growth of the load step after a converged one."""
 SPURIOUS = 0.3
-"""An augmentation that changes a normal force by more than this part has left the solution branch."""
+"""An augmentation that changes a normal force by more than this fraction has left the solution branch."""
 SURPLUS = 0.3
-"""The potential grows by no more than the work of the forces arrived at, for forces grow with approaches; by this part
-more of it is allowed. A crumpled surface holds several times as much, and is in equilibrium too."""
+"""The increase of the potential is at most the work of the final forces, because forces grow with approaches; this
+fraction more is allowed. A crumpled surface, also an equilibrium, stores several times as much."""
 BACK = 1e-12
 
 
@@ -37,7 +37,7 @@ BACK = 1e-12
 class State:
     """An equilibrium from which others are predicted: fields, approaches (balls,) [m], and its potential [J], if known.
 
-    Where it has a ``source``, the equilibrium is so near that the multipliers of this state serve there too.
+    If it has a ``source``, the equilibrium is so near that the multipliers of this state also apply there.
     """
 
     fraction: float
@@ -51,8 +51,8 @@ class State:
 class StepRecord:
     """The cost of one load step: Newton iterations, new tangents among them, cut-backs.
 
-    ``augmentation_iterations`` are those of the iterations that were made with multipliers. ``augmented`` is False
-    where none were asked for, or no equilibrium was found with them: the contact is then as soft as its penalty.
+    ``augmentation_iterations`` counts the iterations with multipliers. ``augmented`` is False if none were requested,
+    or if no equilibrium was found with them: the contact is then as soft as its penalty.
     """
 
     fraction: float
@@ -65,14 +65,14 @@ class StepRecord:
 
 
 Predictor = Callable[[float], State | None]
-"""Gives a state near the equilibrium at a load fraction, or None."""
+"""Returns a state near the equilibrium at a load fraction, or None."""
 
 
 class LoadPath:
-    """Drives a model along its load; iterate over `steps` to get it in equilibrium at each load fraction.
+    """Loads a model step by step; iterate over `steps` to bring it into equilibrium at each load fraction.
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
-    penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path is given up.
+    penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends.
     """
 
     def __init__(
@@ -86,11 +86,11 @@ class LoadPath:
         self.source = model.contact.penalised
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
-        """Yield after each converged step; all fractions are met in turn, with smaller steps where needed.
+        """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
 
-        They may fall as well as rise: unloading. The predictor is asked first; where it has nothing to say, or Newton's
-        method fails from there, the states on the path so far are extrapolated. A step from a near state ends with
-        multipliers; another leaves the model in equilibrium without, roughly; `augment` adds them and makes it exact.
+        Fractions may also decrease (unloading). A step starts from the predictor's state; if there is none, or Newton's
+        method fails from it, earlier states of the path are extrapolated. A step from a near state ends with
+        multipliers; others end in an approximate equilibrium without them; `augment` adds them and makes it exact.
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
@@ -122,7 +122,7 @@ class LoadPath:
 
     @property
     def _last(self) -> State:
-        """The state that the path has reached, at first the undeformed one."""
+        """The last state of the path, initially the undeformed one."""
         return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
 
     def resume(self, history: Sequence[State]) -> None:
@@ -133,7 +133,7 @@ class LoadPath:
     def augment(self, record: StepRecord) -> bool:
         """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
 
-        Where it has them, nothing is done. Where none was found, the model is back in the state without multipliers.
+        If it has multipliers, nothing is done. If none was found, the model returns to the state without multipliers.
         """
         if not record.augmented:
             with suppress(NotConverged):
@@ -172,7 +172,7 @@ class LoadPath:
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]
-        if source is self.source:  # it is where the solve starts, with 1 + STIFFENING times the contact pressure
+        if source is self.source:  # the solve starts there, with 1 + STIFFENING times the contact pressure
             self.solver.prepare()
         model.fields.restore(start)
         contact.set_approaches(approaches)
@@ -199,14 +199,14 @@ class LoadPath:
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
         record.residual = done.residual
-        if not math.isfinite(self.model.energy()):  # the residual alone does not see it
+        if not math.isfinite(self.model.energy()):  # the residual alone does not detect it
             raise NotConverged("the equilibrium found has elements turned inside out")
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
         return done.iterations
 
     def _extrapolated(self, fraction: float, cuts: int) -> State | None:
-        """Return the state to start from: extrapolated from the last two, at every other cut-back the last itself."""
+        """Return the initial state: extrapolated from the last two; at every second cut-back, the last state."""
         if not self.history:
             return None
         last = self.history[-1]

@@ -28,18 +28,18 @@ _OPTIONS = {
     "snes_linesearch_order": "2",
     "snes_linesearch_minlambda": "1e-3",
 }
-"""Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix win."""
+"""Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix take precedence."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """PETSc options that would end Newton's method early."""
 LOOSE, TIGHT, BELOW = 3e-2, 1e-3, 0.1
-"""Norm of a system's residual over Newton's, at first and near the end; over the norm at which Newton's method stops.
+"""Residual tolerance of a linear system: over Newton's residual, at first and near the end; over Newton's tolerance.
 
 [Eisenstat Walker 1996, choice 2, doi 10.1137/0917003]
 """
 NEAR_END = 1e-5
 """Residual norm over the force scale below which full steps are taken."""
 STALL = 1e-3
-"""Residual norm over the force scale from which full steps are tried where the search for a shorter one has failed."""
+"""Residual norm over the force scale below which a full step is tried if the line search has failed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Equilibrium:
 class Effort:
     """Running totals of assembly and linear solves on this rank; wall times [s].
 
-    ``linear_fallbacks`` counts solves that factors had to end.
+    ``linear_fallbacks`` counts solves that needed factors because the Krylov method failed.
     """
 
     seconds_assembly: float = 0.0
@@ -142,14 +142,14 @@ class NewtonSolver:
         self.residuals = []
         self._norm, self._keeps = 1e-300, self._prepared
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
-        # near the end the potential's decrease drowns in its roundoff: a full step is then safe, the residual decides
+        # near the end the potential's decrease is below its roundoff: full steps are safe, and the residual decides
         exact, failed = self.tolerance, PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
             self._set_from_options({"snes_linesearch_type": search})
             iterations += self._iterate()
             self._prepared = False
-            if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since that tangent
+            if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since the tangent
                 self._keeps = False
                 iterations += self._iterate()
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
@@ -164,7 +164,7 @@ class NewtonSolver:
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
     def _set(self, x: PETSc.Vec) -> None:
-        """Give the model the state in a vector: its fields and, where they are unknowns, its approaches."""
+        """Set the model to the state in a vector: its fields and, where they are unknowns, its approaches."""
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))

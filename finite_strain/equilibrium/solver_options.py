@@ -1,7 +1,7 @@
 """The choice of solver for Newton's linear systems, by their size and the form of the elements. No PETSc here.
 
-Factors (MUMPS, LDL^T) are fastest for small systems, and their cost grows faster than the size; multigrid inside a
-Krylov method grows in proportion. The user's own PETSc options of the prefix ``thirdbody_`` win over everything here.
+Factors (MUMPS, LDL^T) are fastest for small systems, but their cost grows faster than the size; the cost of a Krylov
+method with multigrid grows in proportion. The user's PETSc options with the prefix ``thirdbody_`` take precedence.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 PREFIX = "thirdbody_"
 DIRECT_UP_TO = 200_000
-"""Unknowns up to which factors are taken; ``-thirdbody_direct_up_to N`` sets another number."""
+"""Largest number of unknowns solved by factors; ``-thirdbody_direct_up_to N`` sets another number."""
 FACTORISATIONS = ("lu", "cholesky")
 
 FACTORS = {
@@ -38,8 +38,8 @@ PRESSURE = {"ksp_type": "chebyshev", "ksp_max_it": "1", "ksp_convergence_test": 
 
 Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix:
 unscaled, 100 iterations reduce the residual to 1e-3; scaled, 35 reduce it to 1e-8 (12 452 unknowns, D = 0.3 R).
-An incompressible layer that is much wider than thick resists like a lubricating film, which no mass matrix is like:
-there 240 iterations may not do, and factors take over.
+An incompressible layer that is much wider than thick behaves like a lubricating film, which a mass matrix does not
+approximate: there 240 iterations may not suffice, and factors are used instead.
 """
 FIELD_SPLIT = {
     "pc_type": "fieldsplit",
@@ -80,7 +80,7 @@ class Choice:
 def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
     """Return the solver for a system; ``given`` are the user's options, without the prefix.
 
-    A preconditioner that the user names decides what else is set: factors need no iteration, all others do.
+    A preconditioner chosen by the user determines the other options: factors need no iteration, all others do.
     """
     limit = float(given.get("direct_up_to", DIRECT_UP_TO))
     if "pc_type" in given or "ksp_type" in given:
@@ -103,6 +103,6 @@ def given_in(text: str) -> dict[str, str]:
 
 
 def solver_notes(method: str, failures: int) -> list[str]:
-    """Return what a reader must know of the linear systems: a Krylov method that failed is not passed over."""
+    """Return notes on the linear systems, for example on a Krylov method that failed."""
     note = f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"
     return [note] if failures else []

@@ -1,7 +1,7 @@
-"""Newton's linear system: the tangent at the present state, preconditioned by the solver of an earlier one.
+"""Newton's linear system: the tangent at the present state, preconditioned by the solver of an earlier state.
 
-At order 3 (4) assembly and factors of a tangent take the time of 40 (90) products and back substitutions. Products are
-therefore taken by the action of the potential's second derivative, and the factors of an earlier state precondition.
+At order 3 (4) assembly and factors of a tangent take the time of 40 (90) products and back substitutions. Products
+therefore use the action of the potential's second derivative, and the factors of an earlier state precondition.
 
 A load that prescribes forces makes approaches unknowns. With the tangent K, the residual's derivative B by the unknown
 approaches and their own stiffness C the system is [[K, B], [B^T, C]], preconditioned by block elimination: one solve
@@ -63,7 +63,7 @@ class TangentSystem:
     def linearise(self, is_old: bool) -> None:
         """Linearise at the model's present state; ``is_old``: the matrix is that of an earlier state (collective).
 
-        Where a trial state has lifted all balls of an unknown off, they come down with the stiffness of before.
+        If no ball of an unknown is in contact in a trial state, the stiffness of the previous state is used.
         """
         self._is_old = is_old
         for number, column in enumerate(self._columns):

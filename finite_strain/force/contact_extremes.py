@@ -1,6 +1,6 @@
 """Largest contact pressure and penetration under each ball.
 
-Inside elements the pressure oscillates as it nears the constraint; its mean over the hat function of a vertex does not.
+Inside elements the pressure oscillates as the gap closes; its mean over the hat function of a vertex does not.
 """
 
 from __future__ import annotations

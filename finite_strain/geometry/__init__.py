@@ -1,1 +1,1 @@
-"""What is simulated: mirror symmetry, load, how far the model reaches, and estimates that size it. No DOLFINx."""
+"""What is simulated: mirror symmetry, load, extent of the model, and estimates that set its size. No DOLFINx."""

@@ -23,11 +23,11 @@ NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
 Expected = tuple[float, float, float]
 """Approach [m], force [N], contact radius [m]."""
 LEAST_SHARE = 0.1
-"""Part of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
+"""Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 PENETRATION = 1e-2
-"""Mean penetration over the approach without multipliers, where Newton's method finds the contact's edge fast."""
+"""Mean penetration over the approach without multipliers, with which Newton's method finds the contact edge fast."""
 STIFFENING = 5.0
-"""By how much the penalty grows when multipliers are added."""
+"""Factor on the penalty when multipliers are added."""
 _FARTHEST = 1e3
 """Limit of the search for a profile's width, in approaches plus apex radii."""
 _ROUNDS = 4
@@ -54,7 +54,7 @@ def alone(
     layer: Layer, substrate: Elastic | None, shape: str | Indenter, radius: float,
     *, approach: float | None = None, normal_force: float | None = None,
 ) -> Indentation:  # fmt: skip
-    """Return what one ball does at an approach [m] > 0 or under a force [N] > 0, as a paraboloid of the radius seen."""
+    """Return the state of one ball at an approach [m] > 0 or a force [N] > 0, as a paraboloid of the radius seen."""
     if approach is not None:
         return indentation_of_layer(layer, substrate, radius_seen(shape, radius, approach), approach=approach)
     seen = radius
@@ -77,7 +77,7 @@ def known_shape(ball: Ball) -> str | Indenter:
 def expected_of(
     problem: Problem, ball: Ball, *, approach: float | None = None, normal_force: float | None = None
 ) -> Expected:
-    """Return what a ball of a problem does alone at an approach [m] or under a force [N]; nothing without load."""
+    """Return the state of a single ball of a problem at an approach [m] or a force [N]; zeros without load."""
     if not (approach or normal_force or 0.0) > 0.0:
         return 0.0, 0.0, 0.0
     layer, shape = problem.layer, known_shape(ball)
@@ -88,7 +88,7 @@ def expected_of(
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
     """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: the expected mean pressure over the penetration.
 
-    A ball that is pressed in by less than `LEAST_SHARE` of the deepest has the penalty that it has there.
+    A ball with an approach below `LEAST_SHARE` of the deepest has the penalty of that share.
     """
     deepest = float(np.max(approaches))
     answer = []

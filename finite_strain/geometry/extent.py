@@ -1,8 +1,8 @@
-"""How far the model reaches: to the sides and into the substrate, chosen from the decay of the linear response.
+"""Extent of the model: to the sides and into the substrate, chosen from the decay of the linear response.
 
-Sides that slide in their plane mirror the balls without end, and the bottom of the meshed substrate does not move. What
-that changes to first order the small-strain problem on the same mesh takes off (`finite_strain.accuracy.pairs`); so
-the extent need only make it small.
+Sides that slide in their plane act as mirrors of the balls, and the bottom of the meshed substrate is fixed. The
+small-strain problem on the same mesh corrects the first-order effect (`finite_strain.accuracy.pairs`), so the extent
+only has to make this effect small.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 
 ALLOWED = 2.0
-"""First-order effect of domain truncation on T over the accuracy asked for."""
+"""First-order effect of domain truncation on T over the required accuracy."""
 SHIFT = 0.02
-"""First-order effect of domain truncation on an approach over the approach, where approaches are given."""
+"""First-order effect of domain truncation on an approach over the approach, for prescribed approaches."""
 NEGLIGIBLE = 0.1
-"""Part of the half-space's mutual force below which T counts as near its zero: accuracies then refer to this part."""
+"""Fraction of the half-space's mutual force below which T counts as near zero: accuracies then refer to this value."""
 _GROWTH, _STEPS = 1.25, 30
 
 
@@ -36,9 +36,8 @@ class Extent:
 def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].
 
-    T passes through zero where the half-space's attraction and what the base takes from it cancel; its
-    error does not. It is therefore measured against a tenth of the attraction Q_i Q_j (1 - nu^2) / (pi E r^2)
-    of the half-space at least.
+    T passes through zero where the half-space's attraction and the reduction of it by the base cancel; its error
+    does not. The scale is therefore at least a tenth of the half-space's attraction Q_i Q_j (1 - nu^2) / (pi E r^2).
     """
     pairs = np.outer(forces, forces) / _distances(problem) ** 2
     return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
@@ -48,7 +47,7 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
     """Return an extent for a relative accuracy of T; ``expected`` holds (approach, force, contact radius) of each ball.
 
     The sides act like images of the balls at twice the margin, by the linear kernel K: on T by K' and on an approach by
-    K. A substrate cut at a depth z below the surface lacks about (1 - nu^2) Q / (pi E z) of its yielding.
+    K. Cutting a substrate at a depth z below the surface reduces its displacement by about (1 - nu^2) Q / (pi E z).
     """
     approaches, forces, radii = (np.array(column) for column in zip(*expected, strict=True))
     thickness, nearest = problem.layer.thickness, float(_distances(problem).min())
@@ -78,7 +77,7 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
             depth *= _GROWTH
     margin = max(1.2 * thickness, 2.0 * largest, 3.0 * radii.max(), 4.0 * deepest, 1.25 * nearest, 0.4 * depth)
     for _ in range(_STEPS):
-        # K' changes its sign with distance: one small effect may be chance
+        # K' changes sign with distance: a single small effect may be accidental
         away = 2.0 * margin * np.array([1.0, _GROWTH])
         if not acts(
             4.0 * float(np.abs(kernel.slope(away)).max()), 4.0 * float(np.abs(kernel.displacement(away)).max())

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ANSWERS = 6
 """Load steps of a comparison along the load."""
 LARGEST_APPROACH = 0.9
-"""Part of the layer's thickness that a ball may be pressed in by, before elements below it vanish."""
+"""Largest approach over the layer's thickness: beyond it the elements below a ball have almost no volume."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class LoadControl:
     """A load on a reduced model: unknowns move its balls by ``moves`` (balls, unknowns).
 
     At full load the simulated part of the scene carries the forces ``full`` (unknowns,) [N]. ``approaches`` returns
-    those (balls,) [m] that a fraction of the load prescribes, or that are expected of each ball alone.
+    the approaches (balls,) [m] prescribed at a fraction of the load, or those expected of single balls.
     """
 
     moves: np.ndarray
@@ -41,12 +41,12 @@ class LoadControl:
 
 @dataclass(frozen=True)
 class PrescribedLoad(ABC):
-    """A problem's load: it grows in proportion, like a ``power`` of the approach (Hertz's for forces)."""
+    """A problem's load: all values grow in proportion, as a ``power`` of the approach (Hertz's for forces)."""
 
     problem: Problem
     forces_given: ClassVar[bool] = True
     follows: ClassVar[str] = "approach"
-    """Name of the result that the load leaves open."""
+    """Name of the result that the load does not prescribe."""
     power: ClassVar[float] = 1.5
 
     @property
@@ -60,9 +60,9 @@ class PrescribedLoad(ABC):
         return [expected_of(self.problem, b, **{name: v}) for b, v in zip(self.problem.balls, self.values, strict=True)]
 
     def fractions(self, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
-        """Return rising fractions of the load that meet all goals, for a deepest approach over its ball's radius.
+        """Return rising load fractions that include all goals, for a deepest approach over its ball's radius.
 
-        Between two goals steps of the approach are equal, ``largest`` over the radius at most.
+        Between two goals the steps of the approach are equal and at most ``largest`` over the radius.
         """
         fractions, before = list[float](), 0.0
         for goal in goals:
@@ -73,11 +73,11 @@ class PrescribedLoad(ABC):
         return tuple(fractions)
 
     def answered_fractions(self) -> tuple[float, ...]:
-        """Return the load fractions that a comparison along the load answers at: equal steps of the approach."""
+        """Return the load fractions with output of a comparison along the load: equal steps of the approach."""
         return tuple((n / ANSWERS) ** self.power for n in range(1, ANSWERS + 1))
 
     def faults(self, model: str) -> list[str]:
-        """Return what a model cannot take, one text per fault."""
+        """Return what a model does not support, one text per fault."""
         return []
 
     @abstractmethod
@@ -91,7 +91,7 @@ class PrescribedApproach(PrescribedLoad):
     forces_given, follows, power = False, "normal_force", 1.0
 
     def faults(self, model: str) -> list[str]:
-        """Refuse approaches that leave too little of the layer."""
+        """Reject approaches that are too large for the layer."""
         thickness, deepest = self.problem.layer.thickness, max(self.values)
         limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness ({thickness:g} m)"
         too_deep = deepest >= LARGEST_APPROACH * thickness
@@ -104,10 +104,10 @@ class PrescribedApproach(PrescribedLoad):
 
 
 class PrescribedForce(PrescribedLoad):
-    """One force [N] per ball: one unknown a ball."""
+    """One force [N] per ball: one unknown per ball."""
 
     def faults(self, model: str) -> list[str]:
-        """Refuse balls without a force."""
+        """Reject balls without a force."""
         least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
         return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
 
@@ -135,7 +135,7 @@ class TotalForce(PrescribedForce):
         return (self.problem.load.values[0] / self.problem.size,) * self.problem.size
 
     def on(self, reduction: Reduction) -> LoadControl:
-        """Return a control whose approach is expected to be the mean of those under equal shares."""
+        """Return a control whose expected approach is the mean of those under equal shares."""
         each = super().on(reduction)
         full = np.array([self.problem.load.values[0] / 2 ** len(reduction.planes)])
 

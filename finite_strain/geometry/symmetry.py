@@ -1,4 +1,4 @@
-"""The simulated part of a scene: the frame with the most mirror planes, the balls of the cut scene, the way back."""
+"""The simulated part of a scene: frame with the most mirror planes, balls of the cut scene, map back to the scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SAME = 1e-9
 class ModelBall:
     """A ball of the reduced model, in the model's frame (see `Reduction`).
 
-    ``copies`` is by how much its contact force in the model must be multiplied (a ball on a symmetry
+    ``copies`` is the factor from its contact force in the model to that of the whole ball (a ball on a symmetry
     plane is cut in half); ``fixed_axes`` are the in-plane axes along which its force vanishes; ``reach`` [m] is the
     horizontal distance from its axis at which it may touch.
     """

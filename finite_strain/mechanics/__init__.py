@@ -1,1 +1,1 @@
-"""What the solid is: strain from displacement, the energy of a law, and what a change of volume costs."""
+"""The solid: strain from displacement, strain energy of a law, and volumetric energy."""

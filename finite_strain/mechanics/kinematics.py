@@ -1,4 +1,4 @@
-"""How strain follows from displacement: finite or small; both give a strain energy and a stress.
+"""Finite or small strain from displacement; both give a strain energy and a stress.
 
 A kinematics turns a displacement into the strain-energy density per reference volume. Its first
 Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative by the displacement

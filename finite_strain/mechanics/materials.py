@@ -1,7 +1,7 @@
 """Hyperelastic laws: strain-energy functions of the displacement gradient; stresses follow by differentiation.
 
 They are written in the displacement gradient H = F - I, without differences of nearly equal numbers:
-a stiff substrate strains by 1e-5 and less, and the roundoff of I1 - 3 and ln J would drown its energy.
+a stiff substrate strains by 1e-5 and less, and the roundoff of I1 - 3 and ln J would exceed its energy.
 """
 
 from __future__ import annotations

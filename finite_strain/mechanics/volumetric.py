@@ -1,4 +1,4 @@
-"""What a change of volume costs, in the two forms of the elements: of the displacement alone, or mixed.
+"""Volumetric energy in the two forms of the elements: in the displacement alone, or mixed.
 
 In the displacement form the energy is lambda/2 j^2 with j = J - 1 (at small strain the trace of the strain),
 and lambda tends to infinity as Poisson's ratio tends to 1/2. In the mixed form a pressure p is an unknown of
@@ -15,14 +15,15 @@ from typing import Any
 from linear_bem.problem import Problem
 
 LEAST_MIXED_POISSON = 0.49
-"""Poisson's ratio from which on the mixed form is taken: it costs half as much again.
+"""Poisson's ratio from which on the mixed form is used: it costs 50 % more.
 
-Displacements of order 3 do not lock: at 0.48 and D = 0.1 R both forms know T to 0.1 % with 20 thousand unknowns.
+Displacements of order 3 do not lock: at 0.48 and D = 0.1 R the error of T is 0.1 % in both forms with 20 thousand
+unknowns.
 """
 LARGEST_DISPLACEMENT_POISSON = 0.4999
-"""Poisson's ratio up to which displacements alone can be asked for."""
+"""Largest Poisson's ratio for which the displacement form can be requested."""
 MIXED_CAN = 0.4
-"""Poisson's ratio from which on the mixed form can be asked for."""
+"""Smallest Poisson's ratio for which the mixed form can be requested."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ Volumetric = Compressible | Mixed
 def is_mixed(problem: Problem, region: str) -> bool:
     """Return whether a region ("layer" or "substrate") gets the mixed form.
 
-    A form that the scene names holds for the layer; the substrate's, and the layer's where none is named, follows
-    from Poisson's ratio.
+    A form named in the scene applies to the layer. The form of the substrate, and of the layer if none is named,
+    follows from Poisson's ratio.
     """
     solid = problem.layer if region == "layer" else problem.substrate
     asked = problem.elements.form if problem.elements is not None and region == "layer" else None
@@ -68,7 +69,7 @@ def is_mixed(problem: Problem, region: str) -> bool:
 
 
 def form_faults(problem: Problem, model: str) -> list[str]:
-    """Return what is wrong with the form that a scene asks for, one text per fault."""
+    """Return the faults of the form that a scene requests, one text each."""
     asked = problem.elements.form if problem.elements is not None else None
     nu = problem.layer.poisson
     if asked == "displacement" and nu > LARGEST_DISPLACEMENT_POISSON:
@@ -84,7 +85,7 @@ def form_faults(problem: Problem, model: str) -> list[str]:
 
 
 def form_notes(problem: Problem) -> list[str]:
-    """Return what the reader must know of the forms taken, one sentence each."""
+    """Return notes on the forms used, one sentence each."""
     notes = []
     for name, form in describe_forms(problem).items():
         if problem.elements is not None and name == "layer":

@@ -1,4 +1,4 @@
-"""The fields that a run can write: names, units, meanings, and which of them are asked for. No DOLFINx here."""
+"""The fields that a run can write: names, units, meanings, and the choice among them. No DOLFINx here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from linear_bem.errors import InvalidProblem
 
 @dataclass(frozen=True)
 class Field:
-    """A field on the nodes: its unit, the attribute type that XDMF knows, its components, and what it is."""
+    """A field on the nodes: its unit, its XDMF attribute type, its components, and its meaning."""
 
     unit: str
     kind: str

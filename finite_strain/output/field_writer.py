@@ -1,10 +1,10 @@
 """Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
 
-Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader knows; at the
-nodes the displacement is as it was solved for. Points, vectors and tensors are in the scene's own frame; the part
-beyond the mirror planes is not written again (attributes name the planes: ParaView's Reflect filter and
-`thirdbody render` complete the scene).
-Each step's files stand alone and are closed when the step ends, so a killed run leaves every finished step readable.
+Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader supports; the
+nodal displacements are those of the solution. Points, vectors and tensors are in the scene's frame; the part beyond
+the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
+complete the scene).
+Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _STRAINS = {"volume_ratio", "principal_stretches"}
 
 
 class FieldWriter:
-    """Writes the chosen fields of a model, step by step (collective). What is not asked for is not compiled."""
+    """Writes the chosen fields of a model, step by step (collective). Other fields are not compiled."""
 
     def __init__(self, model: Model, folder: Path, choice: FieldChoice | None = None) -> None:
         self.model = model
@@ -58,7 +58,7 @@ class FieldWriter:
         on_root(self.model.comm, lambda: list(map(Path.unlink, beyond)))
 
     def write(self, number: int, fraction: float) -> float:
-        """Write step ``number`` (1, 2, ...) if it is asked for, and the index anew; return the seconds taken."""
+        """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index; return the seconds taken."""
         began = time.monotonic()
         if self.choice.wants(number, fraction):
             arrays = self._mesh_arrays()
@@ -104,7 +104,7 @@ class FieldWriter:
         ratio, stretches = _strains(gradient, finite=self.model.is_finite)
         strains = np.concatenate([ratio[..., None], stretches], axis=2)
         values = self._nodes.averaged([(cells, strains[cells]) for _, cells in self._regions])
-        # where elements differ much, the order at their nodes is not that of the averages
+        # averages of sorted values need not be sorted if elements differ strongly
         return {"volume_ratio": values[:, 0], "principal_stretches": -np.sort(-values[:, 1:], axis=1)}
 
     def _stress_fields(self) -> dict[str, np.ndarray]:

@@ -1,8 +1,8 @@
 """A step's files: arrays whose rows are spread over the ranks in one HDF5 file, and XDMF text beside it.
 
-Rank 0 writes, for Debian's h5py knows no MPI. One XDMF file stands beside each step's, and an index over all steps for
-ParaView and meshio. The text is written here because the library's own puts every field on a grid of its own, which
-meshio cannot read and ParaView shows as separate blocks.
+Rank 0 writes, because Debian's h5py does not support MPI. Each step has an XDMF file, and there is an index over all
+steps for ParaView and meshio. The text is written here because the library's own writer puts every field on a
+separate grid, which meshio cannot read and ParaView shows as separate blocks.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from linear_bem.errors import OutputUnusable
 INDEX = "fields.xdmf"
 _NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
 ROOM = 1_000_000
-"""Bytes for what a file holds beside its arrays."""
+"""Bytes of a file besides its arrays."""
 
 
 def write_gathered(
     comm: MPI.Comm, path: Path, arrays: Mapping[str, np.ndarray], describe: Callable[[h5py.File], None]
 ) -> None:
-    """Write each array's rows, one rank's under the other's (collective); ``describe`` adds the rest on rank 0.
+    """Write each array's rows in the order of the ranks (collective); ``describe`` adds the rest on rank 0.
 
-    The file is there as a whole or not at all. Raises `OutputUnusable` on every rank if it could not be written.
+    The file is written atomically. Raises `OutputUnusable` on every rank if it could not be written.
     """
     parts = {name: comm.gather(array, root=0) for name, array in arrays.items()}
 
@@ -51,7 +51,7 @@ def write_gathered(
 
 
 def _check_room(path: Path, needed: int) -> None:
-    """Raise `OutputUnusable` if the disk has not the bytes that a file needs: HDF5 does not survive a full one."""
+    """Raise `OutputUnusable` if the disk has too little space for a file: HDF5 crashes on a full disk."""
     if path.parent.exists() and (free := shutil.disk_usage(path.parent).free) < needed:
         raise OutputUnusable(
             f"{path} cannot be written: No space left on device ({free / 1e6:.1f} MB free, {needed / 1e6:.1f} MB "
@@ -72,7 +72,7 @@ def write_step_and_index(folder: Path, number: int) -> None:
 
 
 def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
-    """Return the XDMF grid of one step, with the sizes that its HDF5 file has; its number is its time."""
+    """Return the XDMF grid of one step, with the sizes in its HDF5 file; its number is used as time."""
     grid = Xml.Element("Grid", Name=stem(number), GridType="Uniform")
     path = folder / f"{stem(number)}.h5"
     try:

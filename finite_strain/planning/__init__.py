@@ -1,1 +1,1 @@
-"""What to run, and what to run next: discretisations, load steps, costs, and the records that decide."""
+"""Planning of a run and of its next step: discretisations, load steps, costs, and the records for decisions."""

@@ -22,7 +22,7 @@ class ContactState:
     """One model's equilibrium on one discretisation; arrays have one entry per ball of the model, whole balls.
 
     ``penetration`` [m] is the largest; ``mean_gap`` [m] is weighted with the pressure, negative where the surface lies
-    inside the ball; ``traction_force`` is T by the second route.
+    inside the ball; ``traction_force`` is T by the contact traction.
     """
 
     fraction: float
@@ -58,7 +58,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Order of the elements, fineness of the mesh (see `meshes.box`), and extent and penalty over the planned ones."""
+    """Element order, mesh fineness (see `meshes.box`), and factors on the planned extent and penalty."""
 
     order: int
     fineness: float
@@ -73,7 +73,7 @@ class Discretisation:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverAccount:
-    """The cost of an answered load step, and how closely it is in equilibrium.
+    """The cost of a load step with output, and its residuals.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
     the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
@@ -137,7 +137,7 @@ class Answer(SolverAccount):
 class Record:
     """One discretisation of a run: its definition, its results at each load step, and its cost.
 
-    ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not come to full
+    ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
     load; ``changes`` are the relative errors (balls,) by change of T, Q and R = T / Q^2 at the answered steps so far.
     """
 
@@ -154,7 +154,7 @@ class Record:
     stopped: str = ""
 
     def at(self, fraction: float) -> Row | None:
-        """Return what was answered at a load fraction."""
+        """Return the results at a load fraction."""
         return next((row for row in self.rows if row.own.fraction == fraction), None)
 
     @classmethod
@@ -179,7 +179,7 @@ def _plain(value: object) -> object:
 
 
 def saved_records(folder: Path, key: str) -> list[Record]:
-    """Return what an earlier run of the same key left in a folder."""
+    """Return the records that an earlier run of the same key saved in a folder."""
     path = folder / NAME
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Which discretisation to run next, and when to stop: the accuracy asked for against a stated budget."""
+"""Which discretisation to run next, and when to stop: required accuracy against the budget."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from finite_strain.planning.records import Discretisation, Record
 from linear_bem.errors import InvalidProblem
 
 PATH_FINDER = Discretisation(order=2, fineness=1.0)
-"""The first discretisation, whose states predict the others'."""
+"""The first discretisation; its states are predictors for the others."""
 FINE = 0.005
-"""Accuracies up to this one start with order 4: order 3 seldom reaches them."""
+"""Required accuracies up to this value start with order 4: order 3 seldom reaches them."""
 DEFAULT_UNKNOWNS = 120e3
-"""Unknowns that the finest mesh may have where nothing is stated."""
+"""Default limit on the unknowns of the finest mesh."""
 ORDER = 3.0
 """Order of convergence in the element size, used to size the next mesh."""
 SECONDS_POWER = 1.4
@@ -28,12 +28,12 @@ WIDER, STIFFER = 1.5, 8.0
 """Growth factors of the domain and of the penalty where they limit the accuracy."""
 MOST_LEVELS = 8
 STEADY = 0.5
-"""Fraction of the small-strain error left on a finer mesh above which domain or contact, not the mesh, cause it."""
+"""Fraction of the small-strain error that remains on a finer mesh, above which domain or contact cause the error."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What refinement may cost: wall seconds of the whole run, and unknowns of its finest mesh (None: default)."""
+    """The budget of refinement: wall seconds of the whole run, and unknowns of its finest mesh (None: default)."""
 
     seconds: float | None = None
     unknowns: float | None = None
@@ -50,7 +50,7 @@ class Budget:
 
 
 def answering(asked: float, budget: Budget, unknowns: Callable[[Discretisation], float]) -> Discretisation:
-    """Return the first discretisation that answers, for an accuracy asked for; ``unknowns`` estimates its size."""
+    """Return the first discretisation with results, for a required accuracy; ``unknowns`` estimates its size."""
     highest = replace(PATH_FINDER, order=HIGHEST)
     fine = asked <= FINE and unknowns(highest) <= budget.most_unknowns
     return highest if fine else replace(PATH_FINDER, order=HIGHEST - 1)
@@ -67,7 +67,7 @@ class Decision:
 def decide(  # noqa: PLR0911  (each return is one reason to stop)
     asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float]
 ) -> Decision:
-    """Return whether and how to discretise again after the last of the finished records.
+    """Return whether and how to refine after the last finished record.
 
     ``unknowns`` estimates a discretisation's size.
     """
@@ -124,7 +124,7 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
 def account(
     asked: float, records: Sequence[Record], answered: int, budget: Budget, stopped: str, reference: str
 ) -> Mapping[str, Any]:
-    """Return the structured account of accuracy for a result: asked, reached, discretisations, why it ended."""
+    """Return the accuracy record of a result: required, reached, discretisations, reason for stopping."""
     last = records[answered]
     meshes = [
         {

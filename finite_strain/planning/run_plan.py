@@ -29,12 +29,12 @@ LATEST = 0.85
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 _PATH_STEP, _FIRST_GOAL = 0.8, 1.2
-"""Cost of a step of the path finder, and extra cost of an answered one, in answered steps of the same size."""
+"""Cost of a path finder's step, and extra cost of a first answered step, in answered steps of the same size."""
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """The parts of a run: ``goals`` are the load fractions answered."""
+    """The parts of a run: ``goals`` are the load fractions with output."""
 
     problem: Problem
     reduction: Reduction
@@ -47,7 +47,7 @@ class RunPlan:
 
     @property
     def model(self) -> str:
-        """The model's name, which the problem's effect decides."""
+        """The model's name, which follows from the problem's effect."""
         return model_of(self.problem)
 
     @property
@@ -62,7 +62,7 @@ class RunPlan:
 
     @property
     def path(self) -> tuple[float, ...]:
-        """The load fractions that the path finder passes."""
+        """The load fractions of the path finder."""
         return prescribed(self.problem).fractions(self.deepest, self.goals, self.numerics.largest_step)
 
     def box(self, level: Discretisation) -> Box:
@@ -76,7 +76,7 @@ class RunPlan:
             sides.append((low, max(coordinates) + margin))
         radii = []
         for ball in reduction.balls:
-            # a ball that hardly touches is meshed as if it were pressed in a little
+            # the mesh of a ball that hardly touches assumes a small approach
             least = LEAST_SHARE * self.deepest * ball.radius
             hardly = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=least)
             radii.append(max(self.expected[ball.index][2], hardly.contact_radius))
@@ -141,8 +141,8 @@ def plan_run(
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
 
-    ``model`` is the one that the caller expects. Raises `UnsupportedProblem`, naming the key, for what it lacks and
-    where the problem asks for the other one.
+    ``model`` is the one that the caller expects. Raises `UnsupportedProblem`, naming the key, for anything that it does
+    not support, and if the problem needs the other model.
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
@@ -166,7 +166,7 @@ def plan_run(
 
 
 def model_of(problem: Problem) -> str:
-    """Return the model that a problem asks for: hyperelastic with the effect `finite_strain`, else small strain."""
+    """Return the model that a problem needs: hyperelastic with the effect `finite_strain`, else small strain."""
     return MODELS[problem.finite_strain is None]
 
 

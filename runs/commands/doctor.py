@@ -54,12 +54,12 @@ marks = ("libblas", "openblas", "libmkl_rt", "libmkl_core", "libblis", "libatlas
 blas = sorted(f for f in files if ".so" in f and any(mark in f.rsplit("/", 1)[-1] for mark in marks))
 print(json.dumps({"python": sys.version.split()[0], "packages": found, "blas": blas}))
 """
-"""Imports the packages in a process of its own, as importing a broken one may end the process."""
+"""Imports the packages in a separate process, because importing a broken package may kill the process."""
 
 
 @dataclass(frozen=True)
 class Package:
-    """A package as some Python imports it, or the error; ``library`` is PETSc's version, or the name of the MPI."""
+    """A package as one Python imports it, or the error; ``library``: version of PETSc, or name of the MPI library."""
 
     version: str = ""
     file: str = ""
@@ -69,12 +69,12 @@ class Package:
 
     @property
     def folder(self) -> str:
-        """Where it lies."""
+        """Folder in which the package is installed."""
         return str(Path(self.file).parent)
 
     @property
     def of_debian(self) -> bool:
-        """Whether it is Debian's own."""
+        """Whether the package comes from Debian."""
         return "/dist-packages/" in self.file or self.file.startswith("/usr/lib/")
 
 

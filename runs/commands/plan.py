@@ -30,18 +30,18 @@ NAMES = {
     "accuracy": "refined until",
 }
 ROUGH = 1e-2
-"""Relative accuracy of the linear solution that a plan looks ahead with."""
+"""Relative accuracy of the linear solution on which a plan is based."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
-    """Print the plan of ``solve``, and of ``compare`` where the scene has what it needs."""
+    """Print the plan of ``solve``, and of ``compare`` if the scene supports it."""
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
         return
     ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
     plans = [_model_plan(model, scene, problem, ahead)]
     if asked is None and model.plan is not None:
-        # compare solves it twice at every step of its load path: at its normal forces and at its approaches
+        # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
     advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()

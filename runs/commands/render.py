@@ -31,7 +31,7 @@ FRAME = (960, 600)
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """What the command line asks for: field, views, step (None: the last), folder, animation, size in pixels."""
+    """Options of the command line: field, views, step (None: the last), folder, animation, size in pixels."""
 
     field: str = "von_mises"
     views: tuple[str, ...] = tuple(VIEWS)
@@ -78,7 +78,7 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 class _Shown:
-    """A field as it is shown on every sheet of a run: the colours' ends are those of the last step."""
+    """A field as it is shown on every sheet of a run, with the colour limits of the last step."""
 
     def __init__(self, last: WrittenStep, options: RenderOptions) -> None:
         self.last, self.options = last, options
@@ -131,7 +131,7 @@ def _check(options: RenderOptions) -> None:
 
 
 def _check_vtk() -> None:
-    """Raise `MissingDependency` where pyvista or what draws without a screen is not there; choose the latter."""
+    """Raise `MissingDependency` if pyvista or an off-screen renderer is missing; select the off-screen renderer."""
     if importlib.util.find_spec("pyvista") is None:
         raise MissingDependency(f"render needs pyvista, not importable by {sys.executable}; install it: {INSTALL}")
     if os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
@@ -142,4 +142,4 @@ def _check_vtk() -> None:
         raise MissingDependency(
             f"render needs libEGL to draw without a screen ({error}); as root: apt-get install libegl1"
         ) from None
-    os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"  # or VTK looks for a screen first, and complains
+    os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"  # otherwise VTK tries a display first and warns

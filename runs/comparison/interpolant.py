@@ -1,9 +1,9 @@
 """A comparison between its load steps: S_Q, S_D and Q as functions of the approach, with errors.
 
-Near no load S leaves 1 like a power series in x = sqrt(D) and Q starts as x^3 (Hertz), so (S - 1) / x and Q / x^3 are
-smooth: cubic splines through the steps carry them. The error adds that of the two neighbouring steps and the greatest
-change when one of the four nearest steps is left out, several times the error of the spline through all, times a
-factor that falls to 0 at the steps.
+At small load S - 1 is a power series in x = sqrt(D) and Q is proportional to x^3 (Hertz), so (S - 1) / x and Q / x^3
+are smooth and are interpolated by cubic splines through the steps. The error is the sum of two terms: the error of the
+two neighbouring steps; and the greatest change when one of the four nearest steps is left out (several times the error
+of the spline through all steps), times a factor that falls to 0 at the steps.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ DEGREE = 3
 POINTS = 41
 """Rows of the table between the first load step and the last."""
 COLUMNS = {"normal_force": (0.0, 3), "strengthening_at_force": (1.0, 1), "strengthening_at_approach": (1.0, 1)}
-"""What is interpolated, with its value at no load and the power of x that it leaves that with."""
+"""Interpolated quantities: value at zero load, and leading power of x in the deviation from it."""
 
 
 @dataclass(frozen=True)

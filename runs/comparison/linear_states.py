@@ -13,11 +13,11 @@ from runs.models import MODELS, Run, without
 from runs.process.json_values import Document
 
 ACCURACY = 1e-4
-"""Relative accuracy asked of the linear T, unless the scene asks for more: its error must not show in a ratio."""
+"""Relative accuracy of the linear T, unless the scene requires a higher one: its error must not affect a ratio."""
 
 
 class LinearStates:
-    """Linear states of a load path, each solved once; ``earlier`` is a saved comparison to take them from."""
+    """Linear states of a load path, each solved once; ``earlier`` is a saved comparison whose states are reused."""
 
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
         self.problem = without(problem, ["finite_strain"])
@@ -31,11 +31,11 @@ class LinearStates:
                     self._solved[kind, _values(step, name)] = (Step.from_dict(state), None)
 
     def at_force(self, steps: Sequence[Mapping[str, Any]]) -> Document:
-        """Return the linear result whose steps carry the normal forces of ``steps``, both as JSON objects."""
+        """Return the linear result at the normal forces of ``steps``, both as JSON objects."""
         return self._along("force", "normal_force", steps).to_dict()
 
     def at_approach(self, steps: Sequence[Mapping[str, Any]]) -> Document:
-        """Return the linear result whose steps have the approaches of ``steps``, both as JSON objects."""
+        """Return the linear result at the approaches of ``steps``, both as JSON objects."""
         return self._along("approach", "approach", steps).to_dict()
 
     def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> Result:

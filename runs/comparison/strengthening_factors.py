@@ -2,8 +2,8 @@
 
 S = T_finite . e / |T_linear| with e the direction of the linear force. Its error is the sum of both models'
 relative errors (bounds, not independent deviations, so they add): (e_finite + |S| e_linear) / |T_linear|.
-At equal force e_finite leaves out what the finite model's own error of Q adds to T at given approach; at
-equal approach it takes in what its error of D adds at given force.
+At equal force e_finite excludes the contribution to the error of T at given approach from the finite model's error
+of Q; at equal approach it includes the contribution from its error of D at given force.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from runs.display.numbers import Scale, attraction, leading_ball, number, toward
 
 BELOW_ERROR = "the linear tangential force is below its own error: no ratio"
 ROUNDOFF = 1e-9
-"""A force this much smaller than the largest of its step is roundoff of a symmetric sum."""
+"""A force below this fraction of the largest force of its step is roundoff of a symmetric sum."""
 
 
 def compare_steps(
@@ -84,7 +84,7 @@ def strengthening(
 ) -> tuple[float | None, float | None, str | None]:
     """Return ratio, absolute error and note; no ratio where the linear force is not above its error and ``floor``.
 
-    ``finite_error`` [N] stands for the finite state's own error of T where given.
+    ``finite_error`` [N], if given, replaces the error of T of the finite state.
     """
     (tx, ty), (lx, ly) = finite["tangential_force"], linear["tangential_force"]
     size, error = math.hypot(lx, ly), linear["tangential_force_error"]

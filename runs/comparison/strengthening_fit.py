@@ -9,11 +9,11 @@ from __future__ import annotations
 CURVES = {1.16: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
 """Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
 ERROR, ERROR_GROWTH = 0.005, 0.06
-"""Largest distance of S_Q from the fit: the first at no load, and by how much it grows with (D/R)^2."""
+"""Largest deviation of S_Q from the fit: at zero load, and its growth per (D/R)^2."""
 LARGEST_APPROACH = 0.5
-"""Approach over R up to which the fits go."""
+"""Largest approach over R that the fits cover."""
 THICKNESSES = {1.16: (1.0, 1.3), 6.0: (5.0, 8.0)}
-"""Thicknesses over R that each curve is taken for; between them, T changes its sign."""
+"""Range of thickness over R in which each curve is used; between the ranges, T changes sign."""
 DISTANCES = (2.0, 2.1)
 """Distances of neighbours over R: at 3 R the same layers have S_Q = 0.97 and 0.98 at the largest approach."""
 POISSONS = (0.47, 0.49)
@@ -28,12 +28,12 @@ def strengthening_at_force(approach: float, thickness: float) -> float:
 
 
 def fit_error(approach: float) -> float:
-    """Return how far S_Q may be from the fit at an approach over R, inside its range."""
+    """Return the largest deviation of S_Q from the fit at an approach over R, inside its range."""
     return ERROR + ERROR_GROWTH * min(approach, LARGEST_APPROACH) ** 2
 
 
 def outside(approach: float, thickness: float, distance: float, poisson: float) -> list[str]:
-    """Return what about a scene lies outside the fits' range, in words; lengths are over R."""
+    """Return which parameters of a scene are outside the range of the fits, in words; lengths are over R."""
     faults = []
     if approach > LARGEST_APPROACH * (1.0 + 1e-9):
         faults.append(f"D = {approach:.2g} R is more than {LARGEST_APPROACH:g} R")

@@ -42,7 +42,7 @@ def draw_comparison(
         forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
     _label_forces(forces)
     depth = np.array([row["approach"] for row in path]) / scale.radius
-    beside = 0.006 * depth.max()  # the two curves often agree: keep their bars apart
+    beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
         ("approach", APPROACH, "^", "$S_D$: at equal approach"),

@@ -33,7 +33,7 @@ class Scale:
 
 
 def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:
-    """Return the index of the ball with the largest tangential force; the first of equals."""
+    """Return the index of the ball with the largest tangential force; the first if several are equal."""
     sizes = [math.hypot(*ball[key]) for ball in balls]
     return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
 
@@ -72,7 +72,7 @@ def toward_others(balls: Sequence[Mapping[str, Any]], index: int) -> tuple[float
 def attraction(balls: Sequence[Mapping[str, Any]], index: int, force: Vector) -> float:
     """Return the component of ``force`` towards the other balls: positive attracts, negative separates.
 
-    Where the others pull from all sides (or there are none), its magnitude.
+    Its magnitude if the other balls have no common direction or there are none.
     """
     direction = toward_others(balls, index)
     return math.hypot(*force) if direction is None else direction[0] * force[0] + direction[1] * force[1]
@@ -132,7 +132,7 @@ TERMS = {
 
 
 def error_terms(accuracy: Mapping[str, Any]) -> str:
-    """Return what the error of T at full load consists of: "discretisation 0.3 %, solver 1e-04 %"."""
+    """Return the terms of the error of T at full load: "discretisation 0.3 %, solver 1e-04 %"."""
     return ", ".join(f"{TERMS.get(k, k)} {100.0 * share:.1g} %" for k, share in (accuracy.get("terms") or {}).items())
 
 

@@ -1,4 +1,4 @@
-"""What tables of results hold, on a terminal or on a page: rows of scaled numbers, a value with its error as a pair."""
+"""Rows of result tables, for terminal and page: scaled numbers; a value with its error is a pair."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Row = dict[str, Any]
 """Cells by the headings of their columns."""
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 ROUNDOFF = 1e-9
-"""A component this much smaller than its force is roundoff."""
+"""A component below this fraction of its force is roundoff."""
 
 
 def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:

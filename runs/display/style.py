@@ -51,7 +51,7 @@ def panels(*widths: float, height: float = 4.2) -> tuple[Any, Any]:
 
 
 def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("svg", "png")) -> None:
-    """Write STEM.svg and STEM.png, or some kinds alone; the SVG carries no date."""
+    """Write STEM.svg and STEM.png, or only some kinds; the SVG contains no date."""
     for kind in kinds:
         with replacing(folder / f"{stem}.{kind}") as draft:
             figure.savefig(draft, format=kind, **({"dpi": 160} if kind == "png" else {"metadata": {"Date": None}}))

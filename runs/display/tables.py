@@ -23,9 +23,9 @@ from runs.display.rows import Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
 
 WIDE = 100
-"""Columns that the widest table needs with its errors written out."""
+"""Width in characters of the widest table with its errors written out."""
 SHORT = 0
-"""In place of significant digits: as `runs.display.numbers.short_number` writes it."""
+"""Instead of a number of significant digits: format by `runs.display.numbers.short_number`."""
 BALL = {
     "ball": 4, "x / R": 4, "y / R": 4, "D / R": 4, "Q [N]": 4, "Q / E R²": 4, "Tx [N]": 5, "Ty [N]": 5, "± [N]": 2,
     "T / Q": 3,
@@ -37,14 +37,14 @@ COMPARISON = {
 }  # fmt: skip
 """Columns of each table and their significant digits."""
 NARROW = {"Q / E R²": "Q/E R²", "T linear / E R²": "T linear", "T finite / E R²": "T finite"}
-"""Headings of the widest table, where they are not the columns' names."""
+"""Headings of the widest table that differ from the names of the columns."""
 
 
 def console() -> Console:
     """Return the console of standard output.
 
-    As wide as the terminal or ``COLUMNS``; wide enough for every table where neither is known. A launcher of
-    several ranks gives each a pseudo-terminal that is not the reader's: its width is ignored, and no colours are used.
+    As wide as the terminal or ``COLUMNS``; wide enough for every table if neither is known. A launcher of several
+    ranks gives each rank its own pseudo-terminal: the width of that is ignored, and no colours are used.
     """
     if ranks.rank_and_size()[1] == 1 and sys.stdout.isatty():
         return Console()
@@ -114,7 +114,7 @@ def _cell(value: Any, digits: int, compact: bool) -> str:
 
 
 def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
-    """Return how well T is known at full load, of what its error consists, and on which meshes it was found."""
+    """Return the error of T at full load, its terms, and the meshes used."""
     accuracy = solved.get("accuracy") or {}
     terms = error_terms(accuracy)
     if not terms:
@@ -124,7 +124,7 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
 
 
 def mesh_words(mesh: Mapping[str, Any]) -> str:
-    """Return order and fineness of a mesh, and by how much its domain is wider than planned; a dash for old runs'."""
+    """Return order and fineness of a mesh, and by how much its domain is wider than planned; a dash for old runs."""
     if "order" not in mesh:
         return "-"
     wider = f", domain {mesh['extent']:.2g} times as wide" if mesh.get("extent", 1.0) != 1.0 else ""

@@ -12,10 +12,9 @@ f is an *effective* coefficient of friction or rolling; the source gives none.
 The direction of the main motion does not enter. A force across the motion drifts a sliding ball as above; for a
 force along it, Coulomb's law alone gives no drift to first order (friction is saturated on that line already), and
 a rolling ball would resist differently along and across. The source states that the rate does not depend on the
-direction [Materials 2021, 14(19), 5689, sec. 1], and names no law for the difference it sees in section 2.1; so the
-law here is isotropic, and ``direction`` only says where the arrow of the pictures points.
+direction [Materials 2021, 14(19), 5689, sec. 1], and gives no law for the difference observed in section 2.1; so the
+law here is isotropic, and ``direction`` only sets the arrow in the pictures.
 
 Balls are hard. They rest on one level and touch when their axes are 2 sqrt(R_i R_j) apart (see
-`runs.evolution.hard_balls`); contacts push and never pull. A ball without load (Q = 0) is not moved by T, and gives
-way to pushes.
+`runs.evolution.hard_balls`); contacts push and never pull. T does not move a ball without load (Q = 0); pushes do.
 """

@@ -30,9 +30,9 @@ NEIGHBOURS = 1.5
 
 
 def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBalls) -> list[float]:
-    """Return ``count`` cycles from start to end: where groups form, and between them equal ways of the balls.
+    """Return ``count`` cycles from start to end: those where groups form, and between them equal path lengths.
 
-    Where groups form more often than there is room for, equal ways alone.
+    If more groups form than ``count`` allows, the cycles are at equal path lengths only.
     """
     cycle = np.array([m["cycle"] for m in path])
     x = np.array([m["positions"] for m in path])
@@ -140,7 +140,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
                     _draw_direction(axis, direction)
                     axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
                     writer.grab_frame()
-                    figure.set_layout_engine("none")  # which the first frame has laid out for all
+                    figure.set_layout_engine("none")  # the first frame fixes the layout of all
             shown.replace(draft)
 
 

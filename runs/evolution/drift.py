@@ -1,10 +1,10 @@
-"""The path of the balls: adaptive steps of the projected drift, with contacts that land, hold and part.
+"""The path of the balls: adaptive steps of the projected drift, with contacts that close, hold and open.
 
 Independent variable sigma = s/f [m], sliding path over friction coefficient; velocities dx/dsigma are (T + pushes)/Q.
 Bogacki and Shampine's pair of orders 3 and 2 [Appl. Math. Lett. 2 (1989) 321, doi 10.1016/0893-9659(89)90079-7].
-At every stage the velocity is the admissible one of `runs.evolution.hard_balls`. Contacts that part leave the velocity
-continuous, so step control alone resolves them; a pair that would overlap at the end of a step cuts the step to
-where it lands, because the velocity jumps there.
+At every stage the velocity is the admissible one of `runs.evolution.hard_balls`. The velocity is continuous when a
+contact opens, so step-size control resolves it; if a pair would overlap at the end of a step, the step is shortened to
+the point where the contact closes, because the velocity jumps there.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ Array = NDArray[np.float64]
 LONGEST = 0.25
 """Largest displacement in one step, over the smallest touching distance."""
 LANDED = 1e-7
-"""Gap over touching distance at which a pair that lands is set in contact."""
+"""Gap over touching distance at which a closing pair is set in contact."""
 
 
 @dataclass(frozen=True)
 class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
-    ``contacts`` numbers the pairs in contact, ``pushes`` [N] are theirs. ``resting``: nothing moves any more. ``step``
-    [m] is the length of the next step: with it the path goes on exactly as if it had not stopped.
+    ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
+    more. ``step`` [m]: length of the next step, with which a restart reproduces the uninterrupted path exactly.
     """
 
     sigma: float
@@ -112,13 +112,13 @@ class Drift:
         return after, step * (-5.0 * first + 6.0 * second + 8.0 * third - 9.0 * fourth) / 72.0
 
     def _first_landing(self, now: Moment, velocity: Array, after: Array, step: float) -> float | None:
-        """Return the part of the step after which the first pair lands that was apart before; None without one."""
+        """Return the fraction of the step at which the first open contact closes; None if none closes."""
         free = np.setdiff1d(np.arange(len(self.balls.pairs)), now.contacts)
         gaps = self.balls.gaps(after, free)
         landing = free[gaps < -LANDED * self.balls.distances[free]]
         if landing.size == 0:
             return None
-        # quadratic between both ends and the velocity at the start: repeated until the landing is met
+        # quadratic through both ends with the initial velocity: repeated until the closing point is found
         bend = after - now.positions - step * velocity
 
         def gap(part: float, pair: Pairs) -> float:
@@ -132,7 +132,7 @@ class Drift:
         return first
 
     def _held(self, now: Moment, after: Array) -> Array:
-        """Return the positions with contacts that held shut, and pairs that have landed in touch."""
+        """Return the positions with zero gap at the contacts that held and at those that have closed."""
         gaps, distances = self.balls.gaps(after), self.balls.distances
         pushing = now.contacts[now.pushes > 0.0]
         still = pushing[np.abs(gaps[pushing]) <= self.tolerance]

@@ -4,17 +4,17 @@ Unknowns are the positions x and the pushes N of the contacts that hold; equatio
 
     T(x) + sum_c N_c dg_c/dx = 0,     g_c(x) = 0.
 
-Translations and the rotation of all balls together change nothing: steps are free of them, and stability is asked of
-what remains. With Z a basis of the motions that keep the contacts and contain no rigid motion
+Translations and the rotation of all balls together change nothing: steps exclude them, and stability refers to the
+other motions. With Z a basis of the motions that keep the contacts and contain no rigid motion
 (orthogonal in the metric Q), disturbances grow as exp(lambda sigma), lambda the eigenvalues of
 
     (Z^T Q Z)^-1 Z^T K Z,     K = dT/dx + sum_c N_c d2g_c/dx2.
 
-No Z at all: the contacts hold every relative motion, and the group is stable as long as all push.
+If Z is empty, the contacts block every relative motion, and the group is stable as long as all contacts push.
 
-Balls overlap nowhere on the way: a step of Newton's method ends where a pair lands, which is held from there on, and
-derivatives are secants between positions that the contacts allow. So any model can be asked, also one that has
-no answer for balls inside each other.
+Balls never overlap during the iteration: a Newton step ends where a contact closes, which then stays closed, and
+derivatives are secants between positions without overlap. So every model can be used, even one that has no solution
+for overlapping balls.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ BALANCED = 1e-7
 SETTLED = 1e-3
 """Longest move of Newton's last step, over the smallest touching distance."""
 LONGEST, FURTHEST = 0.2, 3.0
-"""Longest move of a ball in one step, and its furthest way from the start, over the smallest touching distance."""
+"""Longest move of a ball in one step, and its largest distance from the start, over the smallest touching distance."""
 DIFFERENCE = 1e-5
 """Length of differences over the smallest touching distance, for forces without noise."""
 OVERLAP = 1e-9
-"""Overlap over touching distance that a step may leave to be restored."""
+"""Overlap over touching distance that a step may leave; it is corrected afterwards."""
 NEUTRAL = 1e-6
-"""Growth rate over the largest rate of all below which it is neither growth nor decay."""
+"""Growth rate over the largest of all rates below which a disturbance neither grows nor decays."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Positions (balls, 2) [m], contacts and their pushes [N], what is left of the balance [-], growth rates [1/m].
+    """Positions (balls, 2) [m], contacts and their pushes [N], residual of the balance [-], growth rates [1/m].
 
-    ``free`` is the number of relative motions that the contacts leave. ``verdict``: "stable", "neutral" or "unstable".
+    ``free`` is the number of unconstrained relative motions. ``verdict``: "stable", "neutral" or "unstable".
     """
 
     positions: Array
@@ -65,7 +65,7 @@ class Equilibrium:
 def stiffness(forces: Forces, balls: HardBalls, x: Array, load: Array, held: Pairs, step: float) -> Array:
     """Return dT/dx [N/m], shape (2 balls, 2 balls), along the motions that keep the pairs ``held``; 0 across them.
 
-    From secants between positions without overlap, ``step`` [m] to either side as far as other contacts let it.
+    From secants between positions without overlap, up to ``step`` [m] to either side as far as other contacts allow.
     """
     motions = null_space(balls.jacobian(x, held), rcond=1e-8) if len(held) else np.eye(x.size)
     moves, changes = np.zeros((x.size, motions.shape[1])), np.zeros((x.size, motions.shape[1]))
@@ -100,13 +100,13 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         x = balls.restored(x, state.normal, held)
         state = forces(x)
         jacobian = balls.jacobian(x, held)
-        # mutual forces have no resultant and no moment: a model's are errors, which no move of the balls would remove
+        # mutual forces have no resultant and no moment: those of a model are errors, which no motion can remove
         rigid = np.linalg.qr(rigid_motions(x))[0]
         force = state.tangential.ravel() - rigid @ (rigid.T @ state.tangential.ravel())
         pushes = _pushes(jacobian, force)
         balance = force + pushes @ jacobian
         residual = float(np.max(np.abs(balance).reshape(x.shape) / resistances(state.normal)[:, None]))
-        # where forces die out with distance they pass below any bound without an equilibrium: Newton must settle too
+        # forces that decay with distance fall below any bound without an equilibrium: Newton's steps must converge, too
         settled = length <= SETTLED * touch
         tangent = stiffness(forces, balls, x, state.normal, held, difference * touch)
         tangent += _curvature(balls, x, held, pushes)
@@ -147,7 +147,7 @@ def _moved(balls: HardBalls, x: Array, move: Array, held: Pairs) -> tuple[Array,
     free = np.setdiff1d(np.arange(len(balls.pairs)), held)
     i, j = balls.pairs[free].T
     between, change = x[j] - x[i], move[j] - move[i]
-    # |between + part change| = touching distance less what is restored anyway: the smaller root in part
+    # |between + part change| = touching distance less the overlap corrected anyway: the smaller root for part
     square = np.sum(change**2, axis=1)
     closing = np.sum(between * change, axis=1)
     room = np.sum(between**2, axis=1) - (balls.distances[free] * (1.0 - OVERLAP)) ** 2
@@ -240,6 +240,6 @@ def of_pair(forces: Forces, touch: float, furthest: float, count: int = 240) -> 
     values = np.array([pull(d) for d in at])
     found = [(touch, "stable")] if values[0] > 0.0 else []
     for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0):
-        # attraction further out than the root and repulsion nearer: it comes back
+        # attraction beyond the root and repulsion within: stable
         found.append((float(brentq(pull, at[k], at[k + 1])), "stable" if values[k] < 0.0 else "unstable"))
     return found

@@ -27,11 +27,11 @@ from runs.session.session import Options, Session, conduct
 Array = NDArray[np.float64]
 
 FORMAT = 1
-"""Changes whenever a path that an older version left behind must not be continued or shown as current."""
+"""Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
 SAVED_EVERY = 5.0
-"""Seconds between two writings of a path that is under way."""
+"""Interval [s] at which an unfinished path is saved."""
 TABLES = Path("out/pair-tables")
-"""Where tables of pairs are kept for every scene."""
+"""Folder of the tables of pairs, which all scenes share."""
 
 
 def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
@@ -65,7 +65,7 @@ class Evolution:
         self.steps = 0
 
     def complete(self, *, pictures: bool = True) -> Document | None:
-        """Follow the balls to their end and return the finished document on rank 0 (collective)."""
+        """Compute the path to its end and return the finished document on rank 0 (collective)."""
         session = self.session
         given = provider(
             session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
@@ -172,7 +172,7 @@ class Evolution:
         }
 
     def _end(self, moments: list[Moment], given: Provider) -> Document:
-        """Return what is worked out once the path is complete."""
+        """Return the results that need the complete path."""
         forces, balls = given.forces, self.balls
         begin, end = moments[0].positions, moments[-1].positions
         found: Document = {

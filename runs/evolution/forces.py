@@ -38,8 +38,8 @@ def at(problem: Problem, positions: Array) -> Problem:
 class DirectForces:
     """The full linear model at any positions: exact for many balls of any sizes.
 
-    Each state starts from the one before (`linear_bem.ContactSequence`), so that states agree to ``accuracy``, not to
-    the last digit, between runs that reached them by different paths.
+    The solution of each state starts from the previous one (`linear_bem.ContactSequence`), so a state that is reached
+    by different paths agrees to ``accuracy``, not to the last digit.
     """
 
     def __init__(self, problem: Problem, accuracy: float) -> None:

@@ -35,7 +35,7 @@ Pairs = NDArray[np.intp]
 TOUCHING = 1e-9
 """Gap over touching distance up to which a pair is in contact."""
 WITHOUT_LOAD = 1e-6
-"""Resistance of a ball without load, over the largest: it gives way to pushes."""
+"""Resistance of a ball without load, over the largest: small, so that pushes move it."""
 
 
 @dataclass(frozen=True)

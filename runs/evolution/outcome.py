@@ -27,7 +27,7 @@ FURTHEST = 12.0
 
 
 def rest(end: Moment) -> Document:
-    """Return whether nothing moves any more, and what is left: largest (T + pushes)/Q and |T|/Q."""
+    """Return whether nothing moves any more, and the residuals: largest (T + pushes)/Q and |T|/Q."""
     left = float(np.max(np.hypot(*end.state.tangential.T) / resistances(end.state.normal)))
     return {"at_rest": end.resting, "speed": end.speed, "force_over_load": left}
 
@@ -60,7 +60,7 @@ def position_error(
 
 
 def _interpolation_error(sigma: Array, x: Array) -> float:
-    """Return a bound of what linear interpolation between kept moments adds [m], from every second of them."""
+    """Return a bound of the linear interpolation error between kept moments [m], from every second moment."""
     if len(x) < 3:
         return 0.0
     skipped = positions_at(sigma[1:-1:2], sigma[::2], x[::2])
@@ -99,7 +99,7 @@ def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float)
 
 
 def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
-    """Return every distance [m] at which two balls rest, and whether they come back to it."""
+    """Return every distance [m] at which two balls rest, and whether it is stable."""
     touch = float(balls.distances[0])
     found = equilibria.of_pair(forces, touch, FURTHEST * touch)
     return [{"distance": distance, "verdict": verdict} for distance, verdict in found]
@@ -108,7 +108,7 @@ def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
 def direct_check(
     problem: Problem, forces: Forces, moments: Sequence[Moment], accuracy: float
 ) -> tuple[list[Document], list[Document]]:
-    """Return how far the forces are from the full linear model at start and end, and the end's balls by that model."""
+    """Return the deviation of the forces from the full linear model at start and end, and its balls at the end."""
     from linear_bem import solve  # noqa: PLC0415
 
     rows: list[Document] = []
@@ -135,7 +135,7 @@ def direct_check(
 
 
 def without_pressures(problem: Problem, moment: Moment) -> list[Document]:
-    """Return the balls of a state whose forces are known and whose pressures are not: those are null."""
+    """Return the balls of a state with known forces and unknown pressures, which are null."""
     state = moment.state
     return [
         {

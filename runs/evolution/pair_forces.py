@@ -1,4 +1,4 @@
-r"""Many balls from what one ball and two balls do: forces at any positions in a fraction of a millisecond.
+r"""Forces of many balls from states of one and of two balls: at any positions in a fraction of a millisecond.
 
 One ball gives the relation F of force and approach. Two equal balls at distance L under the
 approach D carry Q(L) and feel T(L), which define their influence k and pull c,
@@ -9,13 +9,13 @@ Any number of balls then obey
 
     d_i + sum_j k(L_ij) Q_j = D_i,   Q_i = F(d_i),   T_i = sum_j c(L_ij) Q_i Q_j n_ij :
 
-exact for one and two balls in whatever model the table comes from, and momentum is kept (sum T = 0). What three and
-four balls do beyond that is the error, measured in `runs.evolution.pair_table`: nothing is fitted to them. Adding
-bare pair forces would be far worse: neighbours take load from each other.
+exact for one and two balls in the model of the table, and momentum is conserved (sum T = 0). For three and four balls
+the deviation from the model is the error, measured in `runs.evolution.pair_table`: nothing is fitted to them. Adding
+bare pair forces would be far less accurate, because neighbours reduce each other's load.
 
 Small strain at large distance is the point-load law, k = K and c = -K'. A table holds the differences from it, over
-their smooth envelopes: no quotient of quantities that change sign. Beyond the last distance these
-ratios stay as they are: T follows the linear decay.
+their smooth envelopes, so no quotient contains quantities that change sign. Beyond the last distance these
+ratios are constant: T follows the linear decay.
 """
 
 from __future__ import annotations

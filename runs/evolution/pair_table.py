@@ -28,17 +28,17 @@ from runs.process.json_values import Document, plain, to_json
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
-"""Problem, folder in which a run of minutes keeps what it needs to resume, load fractions that are answered."""
+"""Problem, folder for the restart files of a run of minutes, load fractions to be solved."""
 
 Places = tuple[tuple[float, float], ...]
 """Positions of balls [m]."""
 
 FORMAT = 1
-"""Changes whenever older tables must not be used any more."""
+"""Format version of tables: raised when older tables must not be used any more."""
 FEW = (1.0, 1.06, 1.14, 1.25, 1.4, 1.6, 1.9, 2.3, 2.9, 3.7)
-"""Distances over the touching one where a pair costs minutes."""
+"""Distances over the touching distance for models that take minutes per pair."""
 MANY = tuple(float(v) for v in np.geomspace(1.0, 12.0, 24))
-"""Distances over the touching one where a pair costs a tenth of a second."""
+"""Distances over the touching distance for models that take a tenth of a second per pair."""
 DEPTHS = (0.08, 0.12, 0.18, 0.27, 0.4, 0.55, 0.7, 0.85, 1.0, 1.05)
 """Approaches of the single ball over the prescribed one."""
 ARRANGEMENTS = {
@@ -70,7 +70,7 @@ class PairState:
 
 @dataclass(frozen=True)
 class Additivity:
-    """Three or four balls: the largest T and its error [N], and over it what simpler laws are off by.
+    """Three or four balls: the largest T and its error [N], and the errors of simpler laws relative to that T.
 
     ``coupled``: T of the coupled pairs that `runs.evolution.pair_forces` takes, ``coupled_load`` their Q over Q,
     ``bare_sum``: T as the sum of pair forces.
@@ -87,7 +87,7 @@ class Additivity:
 
 @dataclass
 class States:
-    """What a table holds so far."""
+    """The states that a table contains so far."""
 
     single: SingleStates | None = None
     pairs: list[PairState] = field(default_factory=list)
@@ -104,9 +104,9 @@ class States:
 
 
 class PairTable:
-    """The states of one ball, of pairs, and of three and four balls; complete or on its way there.
+    """The states of one ball, of pairs, and of three and four balls; complete or not.
 
-    Collective where the model is: every rank calls `complete`, rank 0 reads and writes.
+    Collective if the model is: every rank calls `complete`, rank 0 reads and writes.
     """
 
     def __init__(self, problem: Problem, model: str, solve: Solve, folder: Path, settings: Mapping[str, Any]) -> None:
@@ -163,7 +163,7 @@ class PairTable:
         return [name for name in ARRANGEMENTS if name not in {found.arrangement for found in self.states.additivity}]
 
     def complete(self, tell: Callable[[str], None] = lambda text: None) -> None:
-        """Do the runs that are missing, one by one, and write each down (collective over the model's ranks)."""
+        """Run the missing cases one by one and save each (collective over the model's ranks)."""
         self.states = states = ranks.share(self.states)
 
         def keep(words: str, seconds: float) -> None:
@@ -190,7 +190,7 @@ class PairTable:
         return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
 
     def _solved(self, places: Places, approach: float, steps: Sequence[float] = (1.0,)) -> Result:
-        """Return the model's answer; the workspace of a run of minutes is deleted once that is complete."""
+        """Return the model's result; the workspace of a run of minutes is deleted once the run is complete."""
         problem = self._placed(places, approach)
         if not self.slow:
             return self.solve(problem, None, steps)
@@ -275,7 +275,7 @@ class PairTable:
         return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled)
 
     def worst(self) -> Additivity:
-        """Return the arrangement on which the forces are farthest from the model's."""
+        """Return the arrangement with the largest deviation of the forces from the model."""
         return max(self.states.additivity, key=lambda found: found.coupled)
 
 

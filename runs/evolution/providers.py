@@ -20,12 +20,12 @@ from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
 
 PAIR_ACCURACY = 1e-3
-"""Relative accuracy of T in a linear table, where the scene asks for none."""
+"""Relative accuracy of T in a linear table if the scene states none."""
 DIRECT_ACCURACY = 1e-2
-"""Relative accuracy of T at every step, where the scene asks for none."""
+"""Relative accuracy of T at every step if the scene states none."""
 
 DIRECT_DIFFERENCE = 1e-3
-"""Length of secants over the touching distance across which T changes by more than states of that accuracy differ."""
+"""Length of secants over the touching distance: across it T changes by more than the error of that accuracy."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def provider(
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
     if model.plan is not None:
-        for one in table.missing_problems():  # what the last run lacks is named before the first
+        for one in table.missing_problems():  # report what the model cannot solve before the first run
             model.plan(one, accuracy, budget or {}, (1.0,))
     if ranks.is_root() and table.missing:
         tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}")
@@ -94,7 +94,7 @@ def table_of(
     comm: Any = None,
     budget: Mapping[str, float] | None = None,
 ) -> PairTable:
-    """Return the table of pairs that belongs to ``problem``, as far as it is there; nothing is computed."""
+    """Return the table of pairs that belongs to ``problem`` with its saved entries; nothing is computed."""
     asked = accuracy if model.parallel else accuracy or PAIR_ACCURACY
     settings: dict[str, Any] = {"accuracy": asked}
     if model.parallel:
@@ -105,7 +105,7 @@ def table_of(
             settings["budget"] = dict(budget)
 
     def solve(one: Problem, workspace: Path | None, steps: Sequence[float]) -> Result:
-        # the workspace is removed with the run: fields in it would be written for nobody
+        # the workspace is deleted after the run: it needs no fields
         nothing = OutputTable(fields=())
         return model.solve(one, Run(asked, comm, workspace, output=nothing, budget=budget or {}, steps=steps))
 

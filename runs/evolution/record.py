@@ -1,4 +1,4 @@
-"""The path as it is kept: the moments worth keeping, their JSON, and when balls touched and parted."""
+"""The saved path: the moments that are kept, their JSON, and when contacts closed and opened."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from runs.process.json_values import Document
 Array = NDArray[np.float64]
 
 WORTH_KEEPING = 0.02
-"""Displacement since the last kept moment, over the smallest touching distance, that makes another worth keeping."""
+"""Displacement since the last kept moment, over the smallest touching distance, from which the next one is kept."""
 APART = 1e-3
-"""Gap over touching distance at which a pair that touched counts as parted."""
+"""Gap over touching distance at which a contact counts as open again."""
 NEIGHBOURS = 1.2
 """Starting distance over the smallest one up to which two balls are neighbours."""
 
 
 @dataclass(frozen=True)
 class Continuation:
-    """Where a path resumes exactly as if it had not stopped: sigma [m], positions (balls, 2) [m], next step [m]."""
+    """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m]."""
 
     sigma: float
     positions: Array
@@ -60,11 +60,11 @@ class Record:
 
     @property
     def ended(self) -> bool:
-        """Whether the path has come to its end."""
+        """Whether the path is complete."""
         return bool(self.moments) and self.continuation is None
 
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
-        """Keep the moment if it is worth it, and in any case where the path resumes."""
+        """Keep the moment if the balls have moved enough, and always store the restart state."""
         self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step)
         if self.moments and not last:
             before = self.moments[-1]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _LAYER = ["#efeae0", "#f6d6a0", "#f3a95f", "#e06a3c", "#b02f4b", "#6a1a56", "#2a1041"]
-"""From the colour of unstressed foam to dark, the lightness falling all the way."""
+"""From the colour of unstressed foam to dark, with monotonically decreasing lightness."""
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -39,7 +39,7 @@ class Coloring:
         return matplotlib.colormaps[self.colors]
 
     def limits(self, values: Array) -> tuple[float, float]:
-        """Return the numbers at the ends of the colours for these values: not both the same."""
+        """Return the lower and upper colour limit for these values; they are never equal."""
         low, high = float(np.min(values)), float(np.max(values))
         if self.centre is not None:
             reach = max(high - self.centre, self.centre - low)
@@ -65,7 +65,7 @@ COLORINGS = {
 
 
 def prefixed(unit: str, largest: float, dimensionless: bool) -> tuple[float, str]:
-    """Return what to multiply numbers of a unit by, and the unit with the prefix that suits the largest of them.
+    """Return the factor for numbers of a unit, and the unit with the prefix that suits the largest of them.
 
     In a dimensionless scene lengths are in R and stresses in E, the layer's Young's modulus.
     """

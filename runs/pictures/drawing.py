@@ -17,13 +17,13 @@ VIEWS = {
     "surface": "from above, with balls to look through: the field on the surface",
 }
 _BEYOND = 1.5
-"""How far the drawn part of the layer reaches beyond the outermost balls' axes, in radii of theirs."""
+"""Distance of the edge of the drawn layer beyond the axes of the outermost balls, in their radii."""
 _BALL, _SECTION, _BASE = "#b9c2cf", "#dde2e9", "#9aa1ab"
 _SUPERSAMPLING = 2
 _INSIDE = 1e-5
-"""Layer thicknesses behind the balls' axes at which the layer is cut: a model that ends there ends within roundoff."""
+"""Layer thicknesses behind the balls' axes at which the layer is cut: a half model ends at the axes up to roundoff."""
 _DEEP = 1.15
-"""Down to how many thicknesses of the layer is drawn, with the base."""
+"""Depth of the drawing, base included, in layer thicknesses."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Camera:
 
     @classmethod
     def on(cls, step: WrittenStep, view: str, aspect: float) -> Camera:
-        """Return the camera of a view that has window and balls in full; ``aspect`` is width over height."""
+        """Return the camera of a view that shows the whole window and all balls; ``aspect`` is width over height."""
         window = Window.around(step)
         azimuth, elevation = {"cut": (-14.0, 20.0), "surface": (-28.0, 34.0)}[view]
         a, e = math.radians(azimuth), math.radians(elevation)
@@ -152,7 +152,7 @@ def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
 
 
 def _clipped(grid: Any, window: Window, cut: bool) -> Any:
-    """Return what of the layer is seen: within the window, and beyond the cut."""
+    """Return the visible part of the layer: within the window, and beyond the cut."""
     sides = [
         (window.along, window.origin + window.length[1] * window.along, True),
         (window.along, window.origin + window.length[0] * window.along, False),
@@ -166,7 +166,7 @@ def _clipped(grid: Any, window: Window, cut: bool) -> Any:
 
 
 def _faces(grid: Any, window: Window) -> tuple[Any, Any, Any]:
-    """Return the layer's own surface, the plane that was cut towards the camera, and the other planes."""
+    """Return the surface of the layer, the cut plane that faces the camera, and the other planes."""
     surface = grid.extract_surface(algorithm="dataset_surface").triangulate()
     centres = np.asarray(surface.cell_centers().points) - window.origin
     a, b = centres @ window.along, centres @ window.across

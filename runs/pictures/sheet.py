@@ -40,7 +40,7 @@ def drawing_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
-    """Return the sheet (height, width, 3) with the drawing and what explains it."""
+    """Return the sheet (height, width, 3) with the drawing, bars and caption."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load, no display needed)
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
     from matplotlib.colors import Normalize  # noqa: PLC0415
@@ -90,7 +90,7 @@ def save_png(sheet: Image, path: Path) -> None:
 
 
 def save_gif(sheets: Sequence[Image], path: Path) -> None:
-    """Write sheets as an animation that stays on the last one for a while, and repeats."""
+    """Write sheets as an animation that pauses on the last sheet and repeats."""
     from PIL import Image as Pillow  # noqa: PLC0415
 
     palette = Pillow.fromarray(np.concatenate([sheets[0], sheets[-1]])).quantize(256)

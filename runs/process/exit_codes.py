@@ -20,7 +20,7 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     """Run ``task`` and exit: 0, its own code, 1 for a failure, 2 for bad input, 130 when interrupted.
 
     Every rank runs this. Rank 0 prints; ranks that never joined MPI end with 0, so that the launcher
-    does not cut rank 0 short: its code is the job's.
+    does not kill rank 0, whose exit code is that of the job.
     """
     signals.listen()
     words = ""
@@ -37,14 +37,14 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
         code = 0
     sys.stdout.flush()
     if signals.received():
-        os._exit(code)  # libraries that were cut short may hang in their own clean-up
+        os._exit(code)  # interrupted libraries may hang in their own clean-up
     sys.exit(code)
 
 
 def _linger(seconds: float) -> None:
-    """Wait to be ended by the launcher, in case rank 0 is failing now.
+    """Wait until the launcher ends this process, in case rank 0 is failing.
 
-    Open MPI takes 1 s to report a failure while another rank is left to be ended, 2 s when none is.
+    Open MPI takes 1 s to report a failure while another rank still has to be ended, 2 s otherwise.
     """
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     time.sleep(seconds)

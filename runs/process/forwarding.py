@@ -1,8 +1,8 @@
 """Standard output through a launcher's pipe: whole lines, and no more at once than the launcher reads at once.
 
 Open MPI 5 reads its ranks' output in blocks of 4096 bytes, and what follows the last end of line in a block may be
-lost (seen with 5.0.7: of a document of 20 kB some 20 bytes did not arrive, in one run of two). A piece that ends a
-line and is taken before the next is written cannot be cut.
+lost (seen with 5.0.7: of a document of 20 kB some 20 bytes did not arrive, in one run of two). A block that ends with
+a line and is read before the next block is written cannot be cut.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import termios
 import time
 
 BLOCK = 4096
-"""Bytes that are written at once; the kernel keeps so many together."""
+"""Bytes that are written at once; the kernel does not split blocks of this size."""
 PATIENCE = 2.0
-"""Seconds that a piece is waited for to be taken; a launcher that takes longer is not one that reads."""
+"""Longest time [s] to wait until a block is read; a launcher that takes longer is assumed not to read."""
 
 
 class WholeLines(io.TextIOBase):
@@ -40,7 +40,7 @@ class WholeLines(io.TextIOBase):
         return self._descriptor
 
     def write(self, text: str) -> int:
-        """Take text; whole lines go to the pipe at once, the beginning of a line waits for its end or for `flush`."""
+        """Write text: complete lines go to the pipe at once, an incomplete line is kept until it ends or `flush`."""
         *lines, self._waiting = (self._waiting + text).split("\n")
         piece = b""
         for line in lines:
@@ -53,7 +53,7 @@ class WholeLines(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Hand over the line that has no end yet."""
+        """Write the incomplete line."""
         text, self._waiting = self._waiting, ""
         self._send(text.encode())
 

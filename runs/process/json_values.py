@@ -1,4 +1,4 @@
-"""Plain JSON of results: numpy becomes Python, and what is not a finite number becomes null."""
+"""Plain JSON of results: numpy values become Python values, and non-finite numbers become null."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Document = dict[str, Any]
 
 
 def plain(value: Any, infinity: str | None = None) -> Any:
-    """Return ``value`` as JSON can hold it; nan becomes None, and so does infinity unless a word stands for it."""
+    """Return ``value`` as JSON values; nan becomes None, and so does infinity unless the word ``infinity`` is given."""
     if isinstance(value, Mapping):
         return {str(key): plain(item, infinity) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -31,7 +31,7 @@ def _finite(value: float, infinity: str | None) -> float | str | None:
 
 
 def as_given(scene: Mapping[str, Any]) -> Document:
-    """Return a scene's tables as JSON can hold them and the reader takes them back."""
+    """Return the tables of a scene as JSON values that the scene reader accepts."""
     return dict(plain(scene, infinity="inf"))
 
 

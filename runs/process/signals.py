@@ -1,4 +1,4 @@
-"""Ctrl-C and a polite kill: remembered, so that no solver mistakes them for a failed iteration."""
+"""SIGINT (Ctrl-C) and SIGTERM: recorded, so that no solver mistakes them for a failed iteration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lies in the folder of a run or a study, and the command that reproduces it."""
+"""The contents of the folder of a run or a study, and the command that reproduces it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _launcher(ranks: int) -> str:
 
 
 def read_folder(path: Path) -> Folder:
-    """Return what lies in ``path``; raises `OutputUnusable` where that is not a run or a study."""
+    """Return the contents of ``path``; raises `OutputUnusable` if it is not the folder of a run or a study."""
     try:
         mark = json.loads((path / MARK).read_text(encoding="utf-8"))
         identity, state = mark["identity"], mark["state"]

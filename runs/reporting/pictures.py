@@ -22,7 +22,7 @@ SHOWN = {
     "ensemble": "Outcomes from different starting positions.",
     "pareto": "Error of the tangential force against processor time, with the Pareto front.",
 }
-"""What the pictures of runs and studies show, by the stem of their file, in the order of the page."""
+"""Descriptions of the pictures of runs and studies by file stem, in the order of the page."""
 KINDS = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg"}
 WIDE = 1.5
 """Width over height from which a picture keeps a readable width on a phone and scrolls in its own box."""
@@ -39,7 +39,7 @@ def pictures_of(folder: Path) -> list[Path]:
 
 
 def figure(path: Path, number: int, words: str = "") -> str:
-    """Return the picture with its caption; ``number`` keeps the names inside one SVG apart from another's."""
+    """Return the picture with its caption; ``number`` makes the names inside each SVG unique on the page."""
     words = words or said_of(path)
     if path.suffix == ".svg":
         content, ratio = _inline(path.read_text(encoding="utf-8"), f"figure{number}", words)
@@ -53,7 +53,7 @@ def figure(path: Path, number: int, words: str = "") -> str:
 
 
 def said_of(path: Path) -> str:
-    """Return what a picture shows, by the name of its file: those that `thirdbody render` draws, and all others."""
+    """Return the description of a picture by its file name, for pictures of `thirdbody render` and all others."""
     drawn = re.fullmatch(r"(.+)_([a-z]+?)(?:_step_(\d+))?", path.stem)
     if drawn is None or path.parent.name != PICTURES:
         return SHOWN.get(path.stem, path.stem.replace("_", " ").capitalize())

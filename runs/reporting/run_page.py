@@ -1,4 +1,4 @@
-"""The page of one run: what was asked, what came out, how well it is known."""
+"""The page of one run: problem, results and accuracy."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale) -> dict
         "approach D": f"{number(ball['approach'] / scale.radius)} R",
         "normal force Q": f"{number(load / scale.force)} E R²",
     }
-    if ball["contact_area"] is not None:  # models without pressures do not know it
+    if ball["contact_area"] is not None:  # models without pressures do not compute it
         shown["contact radius"] = f"{number(math.sqrt(ball['contact_area'] / math.pi) / scale.radius, 3)} R"
     if len(balls) > 1:
         kind = "attraction" if force > 0.0 else "separation"

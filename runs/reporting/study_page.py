@@ -1,4 +1,4 @@
-"""The page of a study: its answer as written, with its figures in place, and the account of its cases."""
+"""The page of a study: its answer as written, with its figures in place, and the table of its cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene's table [load]: one key of the load, and the steps on the way to it."""
+"""The scene's table [load]: one key of the load, and the intermediate load steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAME = 1e-9
 
 
 class LoadTable(Table):
-    """[load]: exactly one key of the load, and the ``steps`` on the way to it at which answers are wanted."""
+    """[load]: exactly one key of the load, and the intermediate load ``steps`` with output."""
 
     approach: Lengths | None = None
     force: Forces | None = None
@@ -35,7 +35,7 @@ class LoadTable(Table):
 
     @property
     def given(self) -> tuple[LoadKind, OneOrMany]:
-        """The key that is there, and its value."""
+        """The key that is given, and its value."""
         return next((key, value) for key in LOAD_KEYS if (value := getattr(self, key)) is not None)
 
     def fractions(self) -> tuple[float, ...] | None:

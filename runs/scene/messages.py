@@ -23,7 +23,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
     **{name: dict(effect.example) for name, effect in EFFECTS.items()},
 }
-"""A valid value of every key: shown as remedy, and standing in for a faulty one while the rest is checked."""
+"""A valid value of every key: shown as remedy, and substituted for a faulty value while the rest is checked."""
 RARER_EXAMPLES: dict[str, dict[str, Any]] = {
     "load": {"steps": ["0.5 mm", "1 mm"]},
     "balls": {

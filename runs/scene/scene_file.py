@@ -1,4 +1,4 @@
-"""A scene file: TOML tables that name what there is and which effects it calls for, checked as a whole."""
+"""A scene file: TOML tables of layer, balls, load and the effects to be simulated, checked as a whole."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class LayerTable(Table):
 
 
 class ElementsTable(Table):
-    """[elements]: how finite elements write resistance to a change of volume; absent: as Poisson's ratio needs."""
+    """[elements]: volumetric formulation of the finite elements; absent: chosen by Poisson's ratio."""
 
     form: Literal["displacement", "mixed"]
 
@@ -68,7 +68,7 @@ class OutputTable(Table):
 
 
 class AccuracyTable(Table):
-    """[accuracy]: relative accuracy asked of the tangential force, and what a model that refines may spend on it.
+    """[accuracy]: required relative accuracy of the tangential force, and the budget of a model that refines its mesh.
 
     ``seconds`` of wall time for the whole run, ``unknowns`` of the finest mesh; absent: each model's own default.
     """
@@ -79,7 +79,7 @@ class AccuracyTable(Table):
 
     @property
     def budget(self) -> dict[str, float]:
-        """What is stated of the budget."""
+        """The stated limits of the budget."""
         return {k: v for k in ("seconds", "unknowns") if (v := getattr(self, k)) is not None}
 
 
@@ -163,7 +163,7 @@ class Scene:
     output: OutputTable | None = None
     budget: dict[str, float] = field(default_factory=dict)
     steps: tuple[float, ...] | None = None
-    """Load fractions at which answers are wanted; None: the command's own."""
+    """Load fractions with output; None: the default of the command."""
 
 
 def read_scene(path: Path) -> Scene:

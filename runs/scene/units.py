@@ -15,7 +15,7 @@ NUMBER_AND_UNIT = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(?P<unit>[^\d\s+\-.,][^+,]*)?\s*", re.DOTALL
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
-"""Names with small exponents: pint would work out any expression, 9**9**9 too."""
+"""Names with small exponents: pint would evaluate any expression, even 9**9**9."""
 DIMENSIONS = {
     "m": ("a length", "10 mm"),
     "Pa": ("a pressure", "57.4 kPa"),

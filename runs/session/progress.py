@@ -72,11 +72,11 @@ class Progress:
                 tell(f"{mesh} mesh: {100.0 * fraction:.0f} % of the load")
 
     def newton(self, iteration: int, residual: float) -> None:
-        """Look for an interruption at every iteration."""
+        """Check for an interruption at every iteration."""
         signals.check()
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
-        """Pass the step on, then print it: a step that was printed is on disk.
+        """Pass the step to ``take``, then print it: a printed step is already on disk.
 
         ``surface`` gathers the deformed surface on rank 0 (collective).
         """

@@ -57,7 +57,7 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         self._take_lock()
         mark = self._mark()
-        # a run that found no room may have left nothing but its first files, whole or not
+        # a run on a full disk may have left only its first files, complete or not
         strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
         if mark is None and strangers:
             raise OutputUnusable(
@@ -110,12 +110,12 @@ class RunFolder:
         return self._read_json("result.json")
 
     def finished(self) -> dict[str, Any] | None:
-        """Return the saved document of a run that came to its end."""
+        """Return the saved document of a complete run."""
         mark = self._mark()
         return self.saved() if mark is not None and mark.get("state") == "finished" else None
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
-        """Write result.json and steps.csv; each is at every moment whole, the old one or the new one."""
+        """Write result.json and steps.csv; each file is replaced atomically."""
         write_text(self.path / "result.json", to_json(document))
         write_csv(self.path / "steps.csv", [_flat(row) for row in rows])
 
@@ -133,7 +133,7 @@ class RunFolder:
             raise OutputUnusable(f"{self.path / 'run.log'}: cannot be written: {error.strerror or error}") from None
 
     def close(self) -> None:
-        """Let another run have the folder."""
+        """Release the folder for other runs."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None

@@ -1,4 +1,4 @@
-"""One run of a command: its model, its folder, what an earlier run left there, and its end on screen and on disk."""
+"""One run of a command: its model, its folder, the saved state of an earlier run, and the output of its results."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asks for beside the scene."""
+    """Options of the command line besides the scene."""
 
     as_json: bool = False
     out: Path | None = None
@@ -38,9 +38,9 @@ class Options:
 class Session:
     """One run of one command by one model on one scene; the output folder is rank 0's.
 
-    ``complete``: an earlier run has come to its end; ``saved`` is what it left on disk, complete or not (rank 0 alone).
-    ``version`` is that of what the command saves: runs of another one are neither continued nor shown. Raises what bad
-    input raises before anything slow is loaded.
+    ``complete``: an earlier run is complete; ``saved``: its document on disk, complete or not (rank 0 only).
+    ``version`` is the format version of the saved document: runs of other versions are neither resumed nor shown.
+    Errors of the input are raised before anything slow is loaded.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Session:
         self.scale = Scale.of(self.problem)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
         self.plan: Document = {}
-        if self.model.plan is not None and not evolves:  # names what the model lacks, cheaply
+        if self.model.plan is not None and not evolves:  # raises early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
         self.folder: RunFolder | None = None
         self.saved: Document = {}
@@ -178,7 +178,7 @@ def conduct(
 
 
 def _without_effect(scene: Scene, model: Model) -> list[str]:
-    """Return a note for every table and key of a scene that a model has no use for."""
+    """Return a note for every table and key of a scene that a model ignores."""
     if model.parallel:
         return []
     notes = []
@@ -201,9 +201,9 @@ def _world_if_there() -> Any:
 
 
 def path_so_far(saved: Sequence[Step], step: Step) -> list[Step]:
-    """Return the saved steps, with ``step`` in the place of the old one there and of what follows on its mesh.
+    """Return the saved steps; ``step`` replaces the old one at its load and all later ones of its mesh.
 
-    What a coarser mesh answered deeper down stays until a finer one gets there.
+    Later steps of a coarser mesh stay until a finer mesh reaches their load.
     """
 
     def depth(state: Step) -> float:
@@ -218,7 +218,7 @@ def path_so_far(saved: Sequence[Step], step: Step) -> list[Step]:
 
 
 def unfinished(model: Model, steps: Sequence[Step]) -> Result:
-    """Return the result of a load path that has not come to its end."""
+    """Return the result of an incomplete load path."""
     note = "unfinished: the load path has not come to its end; the same command continues it"
     iterations = sum(int(step.record.get("iterations", 0)) for step in steps)
     seconds = sum(float(step.record.get("seconds", 0.0)) for step in steps)

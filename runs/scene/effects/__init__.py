@@ -1,7 +1,7 @@
-"""The registry of effects: an optional table of a scene is simulated where it is there, and costs nothing elsewhere.
+"""The registry of effects: an effect is simulated if the scene has its optional table, and otherwise costs nothing.
 
 A new effect is a file here and its entry in the list. One that changes what models solve has a field of its name in
-`linear_bem.problem.Problem`, and the models of `runs.models` name those that they have.
+`linear_bem.problem.Problem`, and each model in `runs.models` lists the effects that it supports.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ class ReciprocationTable(Table):
     """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
 
     ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it changes only the time scale), ``direction``
-    (x, y) of the main motion (it turns nothing but the pictures' arrow); random ``perturbation`` [m] of the positions
+    (x, y) of the main motion (it affects only the arrow in the pictures); random ``perturbation`` [m] of the positions
     from ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
     ``rest``: force over load below which a ball counts as at rest; ``forces`` from the table of "pairs", or "direct":
-    the model asked at every step.
+    the model solved at every step.
     """
 
     amplitude: Length
