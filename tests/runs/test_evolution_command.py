@@ -227,14 +227,14 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
     evolved(short, tmp_path / "free", "finite_strain")
     assert bounds == [{}] * 7
     bounds.clear()
-    bounded = replace(short, budget={"unknowns": 2e4, "seconds": 60.0})
+    bounded = replace(short, budget={"unknowns": 4e4, "seconds": 60.0})
     document = evolved(bounded, tmp_path / "bounded", "finite_strain")
-    assert bounds == [{"unknowns": 2e4, "seconds": 60.0}] * 7
-    assert document["pair_table"]["identity"]["budget"] == {"unknowns": 2e4, "seconds": 60.0}
+    assert bounds == [{"unknowns": 4e4, "seconds": 60.0}] * 7
+    assert document["pair_table"]["identity"]["budget"] == {"unknowns": 4e4, "seconds": 60.0}
     # no bound, no word of it: tables from before there were budgets keep their names
     free = json.loads((tmp_path / "free" / "result.json").read_text(encoding="utf-8"))
     assert "budget" not in free["pair_table"]["identity"]
-    linear = evolved(replace(short, budget={"unknowns": 2e4}), tmp_path / "linear")
+    linear = evolved(replace(short, budget={"unknowns": 4e4}), tmp_path / "linear")
     assert "[accuracy] unknowns: no bound, as point_load does not mesh" in linear["solved"]["notes"]
 
 

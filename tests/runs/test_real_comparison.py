@@ -39,7 +39,8 @@ def stop_after_first_step(scene: Path, out: Path) -> str:
             said += line
             if line.startswith("step 1 "):
                 break
-        process.terminate()
+        # to the ranks themselves: mpirun on a busy machine may pass a signal on only after the run has ended
+        subprocess.run(["pkill", "-TERM", "-P", str(process.pid)], check=True, timeout=10.0)
         said += process.stderr.read()
         assert process.wait(timeout=60.0) != 0
     return said
