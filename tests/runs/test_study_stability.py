@@ -86,6 +86,8 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
     assert pair(-1.01e-3, within=0.02)[0] == "right"
     assert pair(-1.01e-3, within=0.001)[0] == "WRONG"
     assert pair(-1e-6, factor=1e3, within=1e-6)[0] == "right"
+    assert pair(-1.5e-3, within=2.0)[0] == "not checked"  # a tolerance of all of T cannot fail
+    assert pair(-4.5e-3, within=2.0)[0] == "WRONG"
     alone = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]})
     check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END}
     assert compared(alone, "a", check) is None
