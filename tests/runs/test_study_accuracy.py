@@ -1,4 +1,4 @@
-"""The accuracy study: knobs that exist, errors against the right reference, the Pareto front, the advice."""
+"""The accuracy study: parameters that exist, errors against the right reference, the Pareto front, the advice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
-from runs.studies.accuracy.matrix import KNOBS, OWN, REFERENCES, TRUE, USUAL_CASE, Turned, cases
+from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
 from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase
@@ -39,8 +39,8 @@ def found() -> Found:
     estimates = {"point-load": 0.2, "linear-bem-reference": 1e-8}
     errors = {
         "finite-strain-reference": (0.0, 900.0), "finite-strain-0.1": (0.05, 10.0),
-        "finite-strain-0.02": (0.004, 100.0), "finite-strain-0.005": (0.06, 140.0), "knob-usual": (0.05, 10.0),
-        "knob-2-4": (0.05 * 1.001, 15.0),
+        "finite-strain-0.02": (0.004, 100.0), "finite-strain-0.005": (0.06, 140.0), "parameter-usual": (0.05, 10.0),
+        "parameter-2-4": (0.05 * 1.001, 15.0),
         "linear-bem-reference": (0.08, 0.3), "linear-bem-0.01": (0.081, 0.02), "linear-bem-0.0001": (0.08, 0.1),
         "point-load": (0.3, 1e-4), "small-strain-0.1": (0.0832, 12.0),
     }  # fmt: skip
@@ -50,7 +50,7 @@ def found() -> Found:
     return Found(tuple(cases(quick=False)), records)
 
 
-def test_every_knob_is_there_to_be_turned() -> None:
+def test_every_parameter_is_there_to_be_turned() -> None:
     for case in cases(quick=False):
         Numerics(**case.numerics)  # refuses what is none of its fields
         for place in case.constants:
@@ -62,26 +62,26 @@ def test_every_knob_is_there_to_be_turned() -> None:
             pass
 
 
-def test_the_knob_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
+def test_the_parameter_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
     def steps(numerics: Numerics) -> int:
         return len(plan_run(pair(0.1), 0.1, "finite_strain", numerics=numerics).path)
 
     counts = []
-    for turned in KNOBS["largest load step of the path over the radius (0.07)"].values():
+    for turned in PARAMETERS["largest load step of the path over the radius (0.07)"].values():
         counts.append(steps(Numerics(**turned.numerics)))
     assert counts == [3, 1]
     assert steps(Numerics()) == 2
 
 
-def test_every_knob_is_away_from_the_default_that_its_name_holds() -> None:
+def test_every_parameter_is_away_from_the_default_that_its_name_holds() -> None:
     usual = next(case for case in cases(quick=False) if case.name == USUAL_CASE)
     assert isinstance(usual, LevelCase)
-    for knob, values in KNOBS.items():
-        default = knob.rsplit("(", 1)[1].rstrip(")")
+    for parameter, values in PARAMETERS.items():
+        default = parameter.rsplit("(", 1)[1].rstrip(")")
         assert default not in values
         assert all(turned != Turned() for turned in values.values())
-    turned = [case for case in cases(quick=False) if case.labels["knob"] in KNOBS]
-    assert len(turned) == sum(len(values) for values in KNOBS.values())
+    turned = [case for case in cases(quick=False) if case.labels["parameter"] in PARAMETERS]
+    assert len(turned) == sum(len(values) for values in PARAMETERS.values())
     assert len({case.key() for case in [*turned, usual]}) == len(turned) + 1
 
 
@@ -155,7 +155,7 @@ def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:
     assert f"--shard {count}/{count}`" in (ROOT / "runs/studies/accuracy/README.md").read_text(encoding="utf-8")
 
 
-def test_a_knob_is_judged_by_how_it_moves_the_answer_of_one_mesh(found: Found, tmp_path: Path) -> None:
+def test_a_parameter_is_judged_by_how_it_moves_the_answer_of_one_mesh(found: Found, tmp_path: Path) -> None:
     text = present(found, tmp_path)
     assert USUAL_CASE in found.records
     row = next(line for line in text.splitlines() if line.startswith("| penalty") and " 4 |" in line)

@@ -1,1 +1,1 @@
-"""The study ``accuracy``: error of T against processor time, over models and over every knob of the solvers."""
+"""The study ``accuracy``: error of T against processor time, over models and over every parameter of the solvers."""

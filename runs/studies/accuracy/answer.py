@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import duration
-from runs.studies.accuracy.matrix import ALL_RANKS, KNOBS, LADDER, OWN, REFERENCES, TRUE, USUAL_CASE, cases
+from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
@@ -42,9 +42,9 @@ def present(found: Found, folder: Path) -> str:
     lines += ["![Error of T against processor time](pareto.svg)", ""]
     for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
         lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
-    lines += [*_defaults(rows), *_knobs(rows), *_honesty(rows)]
+    lines += [*_defaults(rows), *_parameters(rows), *_honesty(rows)]
     columns = {
-        "model": "model", "knob": "knob", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
+        "model": "model", "parameter": "parameter", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
         "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
         "seconds": "CPU seconds", "wall": "wall seconds",
     }  # fmt: skip
@@ -88,7 +88,7 @@ def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the section on what a scene without [accuracy] gets, beside what it would get asking for less or more."""
     asked: list[dict[str, Any]] = []
     for row in rows:
-        if row["knob"] == "accuracy asked":
+        if row["parameter"] == "accuracy asked":
             default = row["case"] in DEFAULTS
             name = f"{row['model']}, {row['value']:g}" + (" (default)" if default else "")
             asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
@@ -96,30 +96,30 @@ def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return ["## Where the defaults of [accuracy] come from", "", *markdown(asked, columns), ""]
 
 
-def _knobs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the section on the solver's constants: by how much each moves T on one mesh, and what it costs."""
     usual = next((row for row in rows if row["case"] == USUAL_CASE), None)
     if usual is None:
         return []
     turned = [
         {
-            "knob": row["knob"],
+            "parameter": row["parameter"],
             "value": row["value"],
             "T moves by": _relative(row["force"], usual["force"]),
             "iterations": row["iterations"],
             "time over the default's": row["seconds"] / usual["seconds"],
         }
         for row in rows
-        if row["knob"] in KNOBS
+        if row["parameter"] in PARAMETERS
     ]
     known = "not known" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
     text = (
         f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {known}; "
         f"the default is in brackets. By default: {usual['iterations']} Newton iterations."
     )
-    ranks = next((row for row in rows if row["knob"] == ALL_RANKS), None)
+    ranks = next((row for row in rows if row["parameter"] == ALL_RANKS), None)
     one = next((row for row in rows if row["case"] == ON_ONE), None)
-    lines = ["## What the solver's own knobs do", "", text, "", *markdown(turned), ""]
+    lines = ["## Effect of the numerical parameters", "", text, "", *markdown(turned), ""]
     if ranks is not None and one is not None:
         lines += [
             f"On {ranks['ranks']} ranks T moves by {_relative(ranks['force'], one['force']):.1g}, in "
@@ -166,13 +166,13 @@ def _reference(found: Found, model: str) -> dict[str, Any] | None:
 
 
 def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
-    """Return the cheapest way to every wanted error, of the knobs that a user turns.
+    """Return the cheapest way to every wanted error, of the parameters that a user turns.
 
     A case counts where its error, its own estimate and what the reference itself is known to all lie below: an error
     that is small by chance, or below what the reference can resolve, does not count.
     """
     answer = []
-    usual = [row for row in rows if row["knob"] in LADDER and row[column] is not None]
+    usual = [row for row in rows if row["parameter"] in LADDER and row[column] is not None]
     models = dict.fromkeys(row["model"] for row in usual) if column == OWN else [None]
     for model in models:
         for wanted in WANTED:
@@ -184,7 +184,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
             use = (
                 "no case is known to reach it"
                 if best is None
-                else f"{best['model']}, {best['knob']} {best['value']}".rstrip(", ")
+                else f"{best['model']}, {best['parameter']} {best['value']}".rstrip(", ")
             )
             answer.append(
                 {

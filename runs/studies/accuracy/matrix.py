@@ -1,4 +1,4 @@
-"""The ladder of models and the knobs of each, on one problem: the paper's thin pair at D = 0.1 R, exact spheres."""
+"""The ladder of models and the parameters of each, on one problem: the paper's thin pair at D = 0.1 R."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0
 """Every contact on a grid, none by polynomials."""
 USUAL = 0.02
 """Accuracy asked by default."""
-USUAL_CASE = "knob-usual"
-"""The case with every knob at its default, on the coarsest discretisation that answers."""
+USUAL_CASE = "parameter-usual"
+"""The case with every parameter at its default, on the coarsest discretisation that answers."""
 FINEST = 1e-3
 """The finest accuracy asked of the finite elements but the reference's."""
 REFERENCE_ACCURACY, REFERENCE_UNKNOWNS = 5e-4, 200e3
@@ -23,18 +23,18 @@ ALL_RANKS = "all ranks"
 OWN, TRUE = "error within the model", "error against finite strain"
 """Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
 LADDER = ("model", "accuracy asked")
-"""Knobs that a user turns, of which advice is drawn; the others are the solver's own."""
+"""Parameters that a user turns, of which advice is drawn; the others are the solver's own."""
 
 
 @dataclass(frozen=True)
 class Turned:
-    """One knob at another value: the discretisation with it, or a field of `finite_strain.Numerics`."""
+    """One parameter at another value: the discretisation with it, or a field of `finite_strain.Numerics`."""
 
     level: Level = field(default_factory=Level)
     numerics: Mapping[str, Any] = field(default_factory=dict)
 
 
-KNOBS = {
+PARAMETERS = {
     "order and fineness (3, 1)": {
         f"{order}, {fineness:g}": Turned(Level(order, fineness))
         for order, fineness in ((2, 1.0), (2, 1.5), (2, 2.0), (3, 1.5), (4, 1.0))
@@ -48,7 +48,7 @@ KNOBS = {
         f"{step:g}": Turned(numerics={"largest_step": step}) for step in (0.035, 10.0)
     },
 }
-"""What is turned one at a time from its default, which the knob's name holds."""
+"""What is turned one at a time from its default, which the parameter's name holds."""
 
 REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-reference",
               "finite_strain": "finite-strain-reference", "point_load": "linear-bem-reference"}  # fmt: skip
@@ -56,17 +56,17 @@ REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the linear models, the finite elements by mesh and accuracy, the knobs, the reference, and all ranks.
+    """Return the linear models, the finite elements by mesh and accuracy, the parameters, the reference, and all ranks.
 
     Every case is one rank's but the last, so that seconds compare.
     """
     approach = 0.015 if quick else 0.1
 
     def make(
-        name: str, model: str, accuracy: float, knob: str, value: Any, kind: type[Case] = Case, *, alone: bool = True,
-        **more: Any,
+        name: str, model: str, accuracy: float, parameter: str, value: Any, kind: type[Case] = Case, *,
+        alone: bool = True, **more: Any,
     ) -> Case:  # fmt: skip
-        labels = {"knob": knob, "value": value}
+        labels = {"parameter": parameter, "value": value}
         alone = alone and model in ("finite_strain", "small_strain")
         return kind(name, as_seen_by(model, pair(approach)), model, accuracy, labels=labels, alone=alone, **more)
 
@@ -90,11 +90,11 @@ def cases(quick: bool) -> list[Case]:
             found.append(make(f"{short}-{a:g}", model, a, "accuracy asked", a, **more))
     if not quick:
         found.append(make(USUAL_CASE, "finite_strain", USUAL, "default", "", LevelCase))
-        for number, (knob, values) in enumerate(KNOBS.items(), start=1):
+        for number, (parameter, values) in enumerate(PARAMETERS.items(), start=1):
             for value, turned in values.items():
-                name = f"knob-{number}-{value.replace(', ', '-')}"
+                name = f"parameter-{number}-{value.replace(', ', '-')}"
                 more = {"levels": (turned.level,), "numerics": turned.numerics}
-                found.append(make(name, "finite_strain", USUAL, knob, value, LevelCase, **more))
+                found.append(make(name, "finite_strain", USUAL, parameter, value, LevelCase, **more))
     best, budget = (0.1, {}) if quick else (REFERENCE_ACCURACY, {"unknowns": REFERENCE_UNKNOWNS})
     found.append(make(REFERENCES["finite_strain"], "finite_strain", best, "reference", "", budget=budget))
     if not quick:

@@ -65,10 +65,10 @@ def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, A
 
 
 def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tuple[str, str, str]) -> None:
-    """Draw a model's cases: those that a user chooses filled and named, the solver's own knobs small and hollow."""
+    """Draw a model's cases: those that a user chooses filled and named, numerical parameters small and hollow."""
     color, marker, model = style
-    chosen = [row for row in rows if row["knob"] in LADDER]
-    others = [row for row in rows if row["knob"] not in (*LADDER, "reference")]
+    chosen = [row for row in rows if row["parameter"] in LADDER]
+    others = [row for row in rows if row["parameter"] not in (*LADDER, "reference")]
     if chosen:
         axis.plot(*_places(chosen, column), marker, color=color, ms=6, label=model)
         for row, x, y in zip(chosen, *_places(chosen, column), strict=True):
@@ -78,7 +78,7 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
                 axis.plot([x], [row["estimate"]], "_", color=color, ms=6, mew=0.9)
     if others:
         axis.plot(
-            *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, other knobs"
+            *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics"
         )
     named = [row for row in chosen if row["value"] != ""]
     for text, x, y in _labels(named, *_places(named, column)):
