@@ -17,7 +17,7 @@ from linear_bem.profiles import height
 from linear_bem.smooth.displacement import FEW, displacement_around, displacement_of_many, zone_displacement
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
-from linear_bem.smooth.zone import horner
+from linear_bem.smooth.polynomials import horner
 
 EVALUATED = 1e-7
 """Relative error of the displacement that residuals are recomputed with."""

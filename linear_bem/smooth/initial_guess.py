@@ -18,7 +18,8 @@ from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.smooth.many_balls import sweep_zones
 from linear_bem.smooth.newton import Nodes, SmoothSolution, solve_zones
-from linear_bem.smooth.zone import Zone, exponents
+from linear_bem.smooth.polynomials import exponents
+from linear_bem.smooth.zone import Zone
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness at which polynomials are used."""

@@ -21,7 +21,7 @@ from scipy.spatial.distance import pdist, squareform
 from linear_bem.arrays import Array
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.smooth.newton import Nodes
-from linear_bem.smooth.zone import basis
+from linear_bem.smooth.polynomials import basis
 
 Points = tuple[Array, Array, Array]
 """x, y [m] and loads."""

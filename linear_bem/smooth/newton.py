@@ -23,7 +23,8 @@ from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
-from linear_bem.smooth.zone import Zone, basis
+from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.zone import Zone
 
 DIVERGED = 1e6
 """Relative step of the coefficients, or growth of the approaches, that counts as divergence."""

@@ -1,0 +1,71 @@
+"""Polynomials of two variables on the unit disc: basis, values, and points to fit them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+from linear_bem.arrays import Array, Indices
+
+
+@lru_cache(maxsize=32)
+def exponents(degree: int) -> tuple[Indices, Indices]:
+    """Return the pairs (i, j), i + j <= degree, of the basis T_i(xi) T_j(eta), ordered by total degree."""
+    pairs = [(k - j, j) for k in range(degree + 1) for j in range(k + 1)]
+    i, j = np.array(pairs).T
+    return i, j
+
+
+def basis(xi: Array, eta: Array, degree: int) -> Array:
+    """Return the basis polynomials, shape (terms, *xi.shape)."""
+    i, j = exponents(degree)
+    t_xi, t_eta = np.moveaxis(chebvander([xi, eta], degree), -1, 1)
+    return np.asarray(t_xi[i] * t_eta[j])
+
+
+@lru_cache(maxsize=32)
+def fit_nodes(degree: int) -> tuple[Array, Array, Array]:
+    """Return points of the unit disc and the matrix that fits a polynomial through values there."""
+    rings = degree // 2 + 2
+    radius = np.repeat(np.cos((np.arange(rings) + 0.5) * np.pi / (2 * rings)), 2 * degree + 4)
+    angle = np.tile((np.arange(2 * degree + 4) + 0.5) * 2.0 * np.pi / (2 * degree + 4), rings)
+    xi, eta = radius * np.cos(angle), radius * np.sin(angle)
+    return xi, eta, np.linalg.pinv(basis(xi, eta, degree).T)
+
+
+@lru_cache(maxsize=64)
+def circle(count: int) -> tuple[Array, Array]:
+    """Return cosine and sine of ``count`` equally spaced angles."""
+    angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count
+    return np.cos(angle), np.sin(angle)
+
+
+@lru_cache(maxsize=32)
+def monomials(degree: int) -> Array:
+    """Return the power coefficients of every basis polynomial, shape (terms, degree + 1, degree + 1)."""
+    table = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        table[k, : k + 1] = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k, : k + 1])
+    i, j = exponents(degree)
+    return np.asarray(table[i][:, :, None] * table[j][:, None, :])
+
+
+def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree.
+
+    ``powers`` may have further axes, which are broadcast with those of x and y.
+    """
+    degree = len(powers) - 1
+    value = dx = dy = np.zeros(np.shape(x))
+    for i in range(degree, -1, -1):
+        row = np.zeros(np.shape(x)) + powers[i, degree - i]
+        slope = np.zeros(np.shape(x))
+        for j in range(degree - i - 1, -1, -1):
+            slope = slope * y + row
+            row = row * y + powers[i, j]
+        dx = dx * x + value
+        value = value * x + row
+        dy = dy * x + slope
+    return value, dx, dy
