@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -142,20 +143,19 @@ class ZoneStack:
         terms = self.coefficients.shape[1] if derivative else 0
         potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
         for part in self.parts(xi.shape[1] * directions * along * max(1, terms // 8)):
-            zones = self[part]
-            zero = np.zeros(2 * directions)
-            x, y = xi[part, :, None] + zero, eta[part, :, None] + zero
-            ahead, back = np.split(zones.edge(x, y, *both), 2, axis=2)
+            x, y = xi[part, :, None], eta[part, :, None]
+            chord = _Chords.through(self[part], x, y, cos, sin)
+            ahead, back = chord.ends()
             half, middle = 0.5 * (ahead + back)[..., None], 0.5 * (ahead - back)[..., None]
             t = middle + half * np.cos(beta)
             weight = half * np.sin(beta) * measure[part, None, :, None]
-            u, v = x[:, :, :directions, None] + t * cos[:, None], y[:, :, :directions, None] + t * sin[:, None]
-            p = np.sqrt(np.maximum(_value(zones.powers(3), u, v), 1e-300))
+            p = np.sqrt(np.maximum(chord.squared_pressure(t), 1e-300))
             potential[part] = np.sum(weight * p, axis=(2, 3))
             if derivative:
-                share = (0.5 * weight / p).reshape(1, *u.shape[:2], -1)
-                phi = basis(u, v, self.degree).reshape(terms, *share.shape[1:])
-                changes[part] = np.einsum("tnkc,nkc->nkt", phi, share[0])
+                share = (0.5 * weight / p).reshape(*x.shape[:2], -1)
+                u, v = x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None]
+                phi = basis(u, v, self.degree).reshape(terms, *share.shape)
+                changes[part] = np.einsum("tnkc,nkc->nkt", phi, share)
         return potential, changes
 
     def reframed(self, degree: int) -> ZoneStack:
@@ -171,6 +171,72 @@ class ZoneStack:
         new = replace(self, centre=centre, axes=axes, degree=degree)
         old = self.frame(*new.points(xi, eta))
         return replace(new, coefficients=self.squared_pressure(*old) @ fit.T)
+
+
+@dataclass(frozen=True)
+class _Chords:
+    """P along chords through points: polynomials of (t - ``middle``) / ``half``, t the distance from the point.
+
+    The interval from -1 to 1 is the part of the chord in a disc a little larger than the unit disc.
+    """
+
+    middle: Array
+    half: Array
+    coefficients: Array
+    start: tuple[Array, Array]
+
+    @classmethod
+    def through(cls, zones: ZoneStack, x: Array, y: Array, cos: Array, sin: Array) -> _Chords:
+        """Return the chords through points (zones, points, 1) in some directions."""
+        middle = -(x * cos + y * sin)
+        half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
+        nodes, chebyshev, powers = _chord_rule(zones.degree)
+        t = middle[..., None] + half[..., None] * nodes
+        values = _value(zones.powers(3), x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None])
+        c0, c1, c2 = np.moveaxis(values @ chebyshev, -1, 0)
+        # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
+        root = c1 * c1 - 8.0 * c2 * (c0 - c2)
+        hopeful = (c2 < 0.0) & (root > 0.0)
+        root, c2 = np.sqrt(np.where(hopeful, root, 0.0)), np.where(hopeful, 4.0 * c2, -1.0)
+        ends = [np.where(hopeful, (-c1 + sign * root) / c2, -sign) for sign in (-1.0, 1.0)]
+        trusted = [np.where(np.abs(u - end) * half < 0.2, u, end) for u, end in zip(ends, (1.0, -1.0), strict=True)]
+        coefficients = np.ascontiguousarray(np.moveaxis(values @ powers, -1, 0))
+        return cls(middle, half, coefficients, (trusted[0], trusted[1]))
+
+    def ends(self) -> tuple[Array, Array]:
+        """Return the distances from the points to the edge, ahead and back, by Newton's method."""
+        size = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
+        out = []
+        for sign, u in zip((1.0, -1.0), self.start, strict=True):
+            for _ in range(40):
+                value, slope = np.zeros_like(u), np.zeros_like(u)
+                for c in self.coefficients[::-1]:
+                    slope = slope * u + value
+                    value = value * u + c
+                move = value / np.minimum(sign * slope, size)
+                u = u - sign * np.minimum(np.maximum(move, -0.3), 0.3)
+                if np.max(np.abs(move) * self.half) < 3e-8:
+                    break  # the next step, quadratically smaller, is below roundoff
+            out.append(np.maximum(sign * (self.middle + self.half * u), 1e-12))
+        return out[0], out[1]
+
+    def squared_pressure(self, t: Array) -> Array:
+        """Return P at distances t, shape (zones, points, chords, distances)."""
+        u = (t - self.middle[..., None]) / self.half[..., None]
+        value = np.zeros_like(u)
+        for c in self.coefficients[::-1, ..., None]:
+            value *= u
+            value += c
+        return value
+
+
+@lru_cache(maxsize=16)
+def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
+    """Return nodes on [-1, 1], and matrices from values to the Chebyshev coefficients up to 2 and to powers."""
+    nodes = np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
+    powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
+    return nodes, inverse[:3].T, powers.T
 
 
 def _value(powers: Array, x: Array, y: Array) -> Array:
