@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import couple, distances, estimated_relations
+from linear_bem.coupled_point_loads import couple, estimated_relations
 from linear_bem.errors import NotConverged
+from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
@@ -29,6 +30,10 @@ DENSE = 4
 """Largest number of balls in one dense Newton system; more balls are solved by sweeps."""
 
 
+GUESSED = 1e-5
+"""Relative residual of the point-load estimate that solvers start from."""
+
+
 @dataclass(frozen=True)
 class Start:
     """First guess: which balls touch, their zones, and all approaches [m]."""
@@ -43,10 +48,11 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
 
     A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radius_seen`.
     """
-    mutual = kernel.displacement(distances(problem.positions))
+    field = FarField.of(kernel, problem.positions, 0.0, GUESSED)
+    mutual = PointInfluence(field, problem.positions, kernel.singular)
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-    state = couple(problem, mutual, *estimated_relations(problem, radii))
+    state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
     for _ in range(4 if others else 0):
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
@@ -54,7 +60,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         for i in others:
             if values[i] > 0.0:
                 radii[i] = _radius_seen(problem, problem.balls[i], kind, float(values[i]))
-        state = couple(problem, mutual, *estimated_relations(problem, radii))
+        state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]

@@ -20,7 +20,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Ball
 from linear_bem.profiles import gradient
 from linear_bem.smooth.multipole import Interaction
-from linear_bem.smooth.newton import Nodes
+from linear_bem.smooth.newton import Nodes, NodeStack
 
 
 def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> Array:
@@ -28,9 +28,10 @@ def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: flo
 
     Pressures are in units of 1/``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
     """
-    interaction = Interaction(kernel, list(nodes), precision)
-    interaction.update(list(nodes))
-    return np.array([interaction.force(i) for i in range(len(nodes))])
+    together = NodeStack.joined(nodes)
+    interaction = Interaction(kernel, together.zones, precision)
+    interaction.update(together)
+    return interaction.force()
 
 
 def half_space_pulls(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,3 +102,15 @@ class Zone:
         """Return the same pressure in the frame that maps its edge closest to the unit circle, at a new degree."""
         new = self._stack.reframed(degree)
         return Zone(new.centre[0], new.axes[0], degree, new.coefficients[0])
+
+
+def stacked(zones: Sequence[Zone]) -> ZoneStack:
+    """Return zones of one degree together."""
+    centre, axes, coefficients = (np.array([getattr(z, k) for z in zones]) for k in ("centre", "axes", "coefficients"))
+    return ZoneStack(centre, axes, zones[0].degree, coefficients)
+
+
+def unstacked(zones: ZoneStack) -> list[Zone]:
+    """Return the zones of a stack one by one."""
+    together = zip(zones.centre, zones.axes, zones.coefficients, strict=True)
+    return [Zone(centre, axes, zones.degree, coefficients) for centre, axes, coefficients in together]
