@@ -14,7 +14,6 @@ mixing. A sweep costs n small dense systems and the sums of `linear_bem.smooth.m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from linear_bem.far_field.kernel_split import PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
+from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import NodeStack, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
@@ -57,7 +57,7 @@ def sweep_zones(
     tolerance: float,
     limit: int = 60,
     pair_precision: float | None = None,
-    report: Callable[[str], None] = lambda text: None,
+    report: Report = silent,
 ) -> SmoothSolution:
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 

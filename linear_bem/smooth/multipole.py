@@ -57,6 +57,16 @@ def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, a
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 
 
+def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
+    """Return the point loads at `disc_nodes` that replace the pressures, shape (zones, nodes of the degree)."""
+    inverse = disc_nodes(degree)[2]
+    out = np.empty((len(nodes.zones), len(inverse)))
+    for part in nodes.zones.parts(nodes.x.shape[1] * 4):
+        phi = basis(nodes.xi[part], nodes.eta[part], degree)
+        out[part] = np.einsum("tnk,nk->nt", phi, nodes.loads[part]) @ inverse
+    return out
+
+
 def lowest_degree(distance: Array, size: Array, precision: float) -> Array:
     """Return the place in `DEGREES` of the lowest sufficient degree, or `FULL`.
 
@@ -101,18 +111,9 @@ class Interaction:
         self.loads: dict[int, Array] = {}
         for k in {self.mesh_level, *(k for k, _, _ in self.pairs)} - {-1}:
             self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zones.points(*disc_nodes(DEGREES[k])[:2])
-            self.loads[k] = nodes.loads if k == FULL else self._moments(DEGREES[k])
+            self.loads[k] = nodes.loads if k == FULL else equivalent_loads(nodes, DEGREES[k])
         if self.far.mesh is not None:
             self._points = self.far.mesh.at(*self.places[self.mesh_level])
-
-    def _moments(self, degree: int) -> Array:
-        """Return the equivalent point loads, shape (zones, nodes of the degree)."""
-        n = self.nodes
-        out = np.empty((self.count, len(disc_nodes(degree)[0])))
-        for part in n.zones.parts(n.x.shape[1] * 4):
-            phi = basis(n.xi[part], n.eta[part], degree)
-            out[part] = np.einsum("tnk,nk->nt", phi, n.loads[part]) @ disc_nodes(degree)[2]
-        return out
 
     def _received(self, level: int, values: Array) -> Array:
         """Return displacements at the quadrature points from those at the nodes of a degree."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
 
 from linear_bem.arrays import Array, Indices
 
@@ -20,9 +19,24 @@ def exponents(degree: int) -> tuple[Indices, Indices]:
 
 def basis(xi: Array, eta: Array, degree: int) -> Array:
     """Return the basis polynomials, shape (terms, *xi.shape)."""
-    i, j = exponents(degree)
-    t_xi, t_eta = np.moveaxis(chebvander([xi, eta], degree), -1, 1)
-    return np.asarray(t_xi[i] * t_eta[j])
+    t_xi, t_eta = _chebyshev(xi, degree), _chebyshev(eta, degree)
+    pairs = exponents(degree)
+    out = np.empty((len(pairs[0]), *np.shape(xi)))
+    for k, (i, j) in enumerate(zip(*pairs, strict=True)):
+        np.multiply(t_xi[i], t_eta[j], out=out[k, ...])
+    return out
+
+
+def _chebyshev(x: Array, degree: int) -> Array:
+    """Return T_0, ..., T_degree, shape (degree + 1, *x.shape)."""
+    out = np.empty((degree + 1, *np.shape(x)))
+    out[0] = 1.0
+    if degree > 0:
+        out[1] = x
+    for k in range(2, degree + 1):
+        np.multiply(2.0 * x, out[k - 1], out=out[k, ...])
+        out[k] -= out[k - 2]
+    return out
 
 
 @lru_cache(maxsize=32)

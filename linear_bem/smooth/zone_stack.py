@@ -108,6 +108,22 @@ class ZoneStack:
         radius = self.edge(zero, zero, cos, sin)
         return self.points(radius * cos, radius * sin)
 
+    def peaks(self, xi: Array, eta: Array) -> Array:
+        """Return the largest P near points (zones,) of large P, by Newton's method on its gradient."""
+        p, step = self.powers(0), 1e-4
+        x, y = xi, eta
+        for _ in range(6):
+            (_, gx, gy), (_, ax, ay), (_, bx, by) = (
+                horner(p, x + dx, y + dy) for dx, dy in ((0.0, 0.0), (step, 0.0), (0.0, step))
+            )
+            xx, yy, xy = (ax - gx) / step, (by - gy) / step, 0.5 * ((ay - gy) + (bx - gx)) / step
+            determinant = xx * yy - xy * xy
+            peaked = (xx < 0.0) & (determinant > 0.0)
+            safe = np.where(peaked, determinant, 1.0)
+            x = np.clip(x - np.where(peaked, (yy * gx - xy * gy) / safe, 0.0), xi - 0.3, xi + 0.3)
+            y = np.clip(y - np.where(peaked, (xx * gy - xy * gx) / safe, 0.0), eta - 0.3, eta + 0.3)
+        return np.asarray(np.maximum(horner(p, x, y)[0], horner(p, xi, eta)[0]))
+
     def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
         """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.
 
@@ -191,17 +207,16 @@ class _Chords:
         middle = -(x * cos + y * sin)
         half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
         nodes, chebyshev, powers = _chord_rule(zones.degree)
-        t = middle[..., None] + half[..., None] * nodes
-        values = _value(zones.powers(3), x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None])
-        c0, c1, c2 = np.moveaxis(values @ chebyshev, -1, 0)
+        t = middle + half * nodes[:, None, None, None]
+        values = _value(zones.powers(2), x + t * cos, y + t * sin)
+        c0, c1, c2 = np.tensordot(chebyshev, values, 1)
         # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
         root = c1 * c1 - 8.0 * c2 * (c0 - c2)
         hopeful = (c2 < 0.0) & (root > 0.0)
         root, c2 = np.sqrt(np.where(hopeful, root, 0.0)), np.where(hopeful, 4.0 * c2, -1.0)
         ends = [np.where(hopeful, (-c1 + sign * root) / c2, -sign) for sign in (-1.0, 1.0)]
         trusted = [np.where(np.abs(u - end) * half < 0.2, u, end) for u, end in zip(ends, (1.0, -1.0), strict=True)]
-        coefficients = np.ascontiguousarray(np.moveaxis(values @ powers, -1, 0))
-        return cls(middle, half, coefficients, (trusted[0], trusted[1]))
+        return cls(middle, half, np.tensordot(powers, values, 1), (trusted[0], trusted[1]))
 
     def ends(self) -> tuple[Array, Array]:
         """Return the distances from the points to the edge, ahead and back, by Newton's method."""
@@ -236,7 +251,7 @@ def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
     nodes = np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))
     inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
     powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
-    return nodes, inverse[:3].T, powers.T
+    return nodes, inverse[:3], powers
 
 
 def _value(powers: Array, x: Array, y: Array) -> Array:
