@@ -32,7 +32,7 @@ At 1e-4 of the others' depth it carries 1e-6 of their force."""
 
 
 class Touched(NotConverged):
-    """Balls assumed lifted touch the surface; ``zones`` holds a first guess of their contacts, to add to ``contacts``."""
+    """Balls assumed lifted in ``contacts`` touch the surface; ``zones`` holds a first guess of their contacts."""
 
     def __init__(self, zones: dict[int, Zone], contacts: SmoothContacts) -> None:
         super().__init__("linear_bem: a ball assumed lifted touches the surface")
@@ -101,7 +101,8 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
         return {}
     few = not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED
     least = (TOUCHING if few else OVERLOOKED) * float(np.max(np.abs(contacts.approaches)))
-    depths = {i: (float(contacts.approaches[i]) - v, at) for i, (v, at) in zip(lifted, rests(contacts, lifted), strict=True)}
+    found = zip(lifted, rests(contacts, lifted), strict=True)
+    depths = {i: (float(contacts.approaches[i]) - value, at) for i, (value, at) in found}
     return {i: (depth, at) for i, (depth, at) in depths.items() if depth > least}
 
 

@@ -129,7 +129,7 @@ def _judged(contacts: SmoothContacts, wanted: float) -> Sampled:
         "sample_error": float(np.max(sample.tangential_force)) / reference,
         "forces_and_approaches": sample.settled,
     }
-    notes = ()
+    notes: tuple[str, ...] = ()
     if reached > wanted:
         notes = (
             f"T was requested to {wanted:.0e} of its largest size and is estimated to {reached:.0e}: "

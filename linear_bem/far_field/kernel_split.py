@@ -31,7 +31,7 @@ Measured on 400 random loads per (40 H)^2 with splines of order 8: field to 1e-6
 PER_LAYER = 3.0
 """Least thickness of the layer over the spacing: s alone is then known to 2e-6/H."""
 PAIR, NODE, BALL = 5e-6, 4e-7, 1e-5
-"""Processor time [s] of a near pair, a node of the doubled mesh, and a ball on the mesh: only the choice rests on it."""
+"""Processor time [s] of a near pair, a node of the doubled mesh, and a ball on the mesh; only the choice needs them."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,9 @@ class FarField:
                 if cost < least:
                     best, least = (size, cutoff), cost
         if best is None:
-            near_pairs = tree.query_pairs(reach, output_type="ndarray") if within else np.stack(np.triu_indices(n, 1), 1)
-            return cls(kernel, near_pairs[:, 0], near_pairs[:, 1])
+            if not within:
+                return cls(kernel, *np.triu_indices(n, 1))
+            return cls(kernel, *tree.query_pairs(reach, output_type="ndarray").T)
         assert rule is not None
         size, cutoff = best
         alpha = rule[0] / size
@@ -89,7 +90,6 @@ class FarField:
         a, r = self.alpha, np.maximum(r, 1e-3 / self.alpha)
         bell = 2.0 * a / np.sqrt(np.pi) * np.exp(-((a * r) ** 2))
         return np.asarray((bell - erf(a * r) / r) / r + self.kernel.smooth_slope(r))
-
 
     def near(self, r: Array) -> Array:
         """Return the part of K over ``singular`` that the mesh does not hold [1/m], r > 0."""

@@ -2,10 +2,11 @@ r"""Convolution of point loads with a smooth radial kernel on a mesh, for loads 
 
 Loads are spread to the nodes of a square mesh by B-splines, convolved there by FFT (on twice the mesh's size, so that
 nothing wraps around), and the field is interpolated by the same splines: a symmetric operator. Its transform is the
-kernel's, multiplied per direction by sinc^2p(k H / 2) / b(k)^2, p the splines' order, H the spacing and b the
-transform of the splines of order 2 p at whole numbers: the factor of least mean square error for a kernel without
-wave numbers beyond pi/H [Hockney and Eastwood 1988, Computer Simulation Using Particles, section 8-3]. A wave of
-k = x pi/H is reproduced to about (x/(2 - x))^p of itself, and what the kernel has beyond pi/H is lost.
+kernel's, divided per direction by b(k), p the splines' order, H the spacing and b the transform of the spline of order
+2 p at whole numbers. That is the factor of least mean square error [Hockney and Eastwood 1988, Computer Simulation
+Using Particles, section 8-3] up to waves near pi/H, and smooth and periodic in k, so that the mesh's end is felt at few
+nodes only. A wave of k = x pi/H is reproduced to about (x/(2 - x))^p of itself; what the kernel has beyond pi/H is
+lost.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Points:
 def mesh_shape(low: Array, high: Array, spacing: float) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return the numbers of nodes that cover a rectangle, and those of the mesh of twice the size."""
     nodes = tuple(int(np.ceil((high[k] - low[k]) / spacing)) + ORDER + 2 for k in (0, 1))
-    doubled = tuple(int(next_fast_len(2 * n + 20, real=True)) for n in nodes)
+    doubled = tuple(int(next_fast_len(2 * (n + ORDER), real=True)) for n in nodes)
     return (nodes[0], nodes[1]), (doubled[0], doubled[1])
 
 
@@ -63,8 +64,8 @@ class ParticleMesh:
             kernel[rows] = radial(np.hypot(along[0][rows, None], along[1]))
         kernel[half:] = kernel[self.doubled[0] - np.arange(half, self.doubled[0])]
         transform = rfft2(kernel).real
-        waves = [2.0 * np.pi * np.fft.fftfreq(self.doubled[0]), 2.0 * np.pi * np.fft.rfftfreq(self.doubled[1])]
-        self.transform = transform * _best_factor(waves[0])[:, None] * _best_factor(waves[1])
+        first, second = np.fft.fftfreq(self.doubled[0], 1.0), np.fft.rfftfreq(self.doubled[1], 1.0)
+        self.transform = transform * _factor(first)[:, None] * _factor(second)
 
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
         """Return the splines at points [m]."""
@@ -97,8 +98,8 @@ class ParticleMesh:
         return np.ascontiguousarray(wide[: self.nodes[0], : self.nodes[1]]).ravel()
 
 
-def _best_factor(wave: Array) -> Array:
-    """Return sinc^2p / b^2 at wave numbers times spacing."""
+def _factor(waves: Array) -> Array:
+    """Return 1/b at wave numbers, in waves per spacing."""
     at_whole = [float(v[0]) for v in _splines(np.zeros(1), 2 * ORDER)]
-    b = at_whole[ORDER] + 2.0 * sum(at_whole[ORDER + j] * np.cos(j * wave) for j in range(1, ORDER))
+    b = at_whole[ORDER] + 2.0 * sum(at_whole[ORDER + j] * np.cos(2.0 * np.pi * j * waves) for j in range(1, ORDER))
     return np.asarray(1.0 / b)

@@ -153,7 +153,7 @@ class SmoothContacts:
 
     @cached_property
     def certificate(self) -> dict[str, float]:
-        """Residuals recomputed around every ball of the `sample`, at points and with nodes that the solver does not use.
+        """Residuals recomputed around every ball of the `sample`, at points and nodes that the solver does not use.
 
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
@@ -216,5 +216,5 @@ class SmoothContacts:
 def _peaks(nodes: Sequence[Nodes]) -> Array:
     """Return the largest pressure of every zone."""
     best = [int(np.argmax(n.pressure)) for n in nodes]
-    xi, eta = (np.array([v[k] for v, k in zip(w, best, strict=True)]) for w in ([n.xi for n in nodes], [n.eta for n in nodes]))
+    xi, eta = np.array([(n.xi[k], n.eta[k]) for n, k in zip(nodes, best, strict=True)]).T
     return np.sqrt(np.maximum(stacked([n.zone for n in nodes]).peaks(xi, eta), 0.0))

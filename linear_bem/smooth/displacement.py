@@ -73,11 +73,7 @@ def displacement_about(
     rule = Rule.of(zones, kernel.thickness)
     empty = NodeStack.of(discs, rule)
     empty = replace(empty, pressure=np.zeros_like(empty.pressure))
-    together = NodeStack(
-        ZoneStack(*(np.concatenate([getattr(z, k) for z in (zones, discs)]) for k in ("centre", "axes")), zones.degree,
-                  np.concatenate([zones.coefficients, parabola])),
-        *(np.concatenate([getattr(n, k) for n in (contacts, empty)]) for k in ("xi", "eta", "x", "y", "weights", "pressure")),
-    )  # fmt: skip
+    together = contacts.followed_by(empty)
     interaction = Interaction(kernel, together.zones, precision)
     interaction.update(together)
     values = interaction.displacement()[len(zones) :]
@@ -109,7 +105,7 @@ class DirectSums:
         return self._loads[degree]
 
     def _degrees(self, i: int, spread: float) -> tuple[list[tuple[int, Indices]], Indices]:
-        """Return the contacts that act on points within ``spread`` [m] about contact i, by degree, and those too near."""
+        """Return the contacts that act on points within ``spread`` [m] about contact i, by degree, and nearer ones."""
         apart = np.hypot(*(self.centres - self.centres[i]).T)
         large = np.maximum(self.size, spread)
         eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 0.01 * large), np.inf)

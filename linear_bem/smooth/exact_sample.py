@@ -30,7 +30,7 @@ WIDER, ROUND = 1.2, 10
 
 @dataclass(frozen=True)
 class SampleError:
-    """Places in ``touching`` of the sample, errors of T [N], and the largest relative error of forces and approaches."""
+    """Places of the sample in ``touching``, errors of T [N], largest relative error of forces and approaches."""
 
     places: tuple[int, ...]
     tangential_force: Array

@@ -37,7 +37,7 @@ SLOW = 0.2
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
 LEAST_SHARE, LOST = 0.3, 4
-"""Least share of its force that a ball keeps in one sweep, and after how many such sweeps in a row it has lost contact."""
+"""Least share of its force that a ball keeps in one sweep; after so many such sweeps in a row it has lost contact."""
 
 
 class Lost(NotConverged):

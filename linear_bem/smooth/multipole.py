@@ -67,14 +67,14 @@ def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
     return out
 
 
-def lowest_degree(distance: Array, size: Array, precision: float) -> Array:
+def lowest_degree(distance: Array, size: Array, precision: float) -> Indices:
     """Return the place in `DEGREES` of the lowest sufficient degree, or `FULL`.
 
     ``distance`` [m] between the centres of contacts, ``size`` [m] of the larger one.
     """
     away = np.maximum(distance / size - 1.0, 1.0)
     rate = away + np.sqrt(away**2 - 1.0)
-    level = np.full(rate.shape, FULL, dtype=np.int8)
+    level = np.full(rate.shape, FULL, dtype=np.intp)
     for k in range(FULL - 1, -1, -1):
         level[rate ** -(DEGREES[k] + 1.0) < SAFETY * precision] = k
     return level

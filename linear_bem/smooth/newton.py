@@ -114,6 +114,15 @@ class NodeStack:
         names = ("xi", "eta", "x", "y", "weights", "pressure")
         return cls(stacked([n.zone for n in nodes]), *(np.array([getattr(n, name) for n in nodes]) for name in names))
 
+    def followed_by(self, other: NodeStack) -> NodeStack:
+        """Return these zones and others of their degree and rule."""
+        a, b = self.zones, other.zones
+        zones = (np.concatenate([getattr(z, k) for z in (a, b)]) for k in ("centre", "axes", "coefficients"))
+        centre, axes, coefficients = zones
+        names = ("xi", "eta", "x", "y", "weights", "pressure")
+        arrays = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
+        return NodeStack(ZoneStack(centre, axes, a.degree, coefficients), *arrays)
+
     def __getitem__(self, part: slice | Indices | Mask) -> NodeStack:
         arrays = (self.xi, self.eta, self.x, self.y, self.weights, self.pressure)
         return NodeStack(self.zones[part], *(v[part] for v in arrays))
@@ -133,8 +142,8 @@ class NodeStack:
         out = []
         for i, zone in enumerate(unstacked(self.zones)):
             variations = 0.5 * basis(self.xi[i], self.eta[i], zone.degree).T / self.pressure[i, :, None]
-            here = (v[i] for v in (self.xi, self.eta, self.x, self.y, self.weights, self.pressure))
-            out.append(Nodes(zone, *here, variations))
+            points = self.xi[i], self.eta[i], self.x[i], self.y[i]
+            out.append(Nodes(zone, *points, self.weights[i], self.pressure[i], variations))
         return tuple(out)
 
 
@@ -230,9 +239,9 @@ def solve_zones(
 
 
 def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
-    """Return the solution of equations whose rows and columns are scaled by ``size``, or of many; raises `NotConverged`.
+    """Return the solution of equations (many, too) whose rows and columns are scaled by ``size``.
 
-    ``right`` has the shape (..., terms) or (..., terms, right sides).
+    ``right`` has the shape (..., terms) or (..., terms, right sides). Raises `NotConverged`.
     """
     columns = right[..., None] if right.ndim == size.ndim else right
     try:

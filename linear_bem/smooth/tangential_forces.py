@@ -26,7 +26,6 @@ from linear_bem.profiles import gradient
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import Nodes, NodeStack
 
-
 SUMMED = 1000
 """Number of balls up to which `half_space_pulls` sums all pairs."""
 
@@ -48,8 +47,8 @@ def half_space_pulls(
     """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
 
     This is T of point loads on a half-space of the layer's material if all had the same sign and direction: the scale
-    of T on a layer, where T may pass through zero. Beyond ``fading`` [m] each term is multiplied by fading/r. Within 5 %
-    for more than `SUMMED` balls.
+    of T on a layer, where T may pass through zero. Beyond ``fading`` [m] each term is multiplied by fading/r. The
+    sum is within 5 % for more than `SUMMED` balls.
     """
 
     def pull(r: Array) -> Array:

@@ -71,7 +71,7 @@ class Zone:
 
         For P of degree 2 this is a root of the quadratic along the chord; else Newton's method starts from there.
         """
-        return np.asarray(self._stack.edge(*(np.asarray(v)[None] for v in (xi, eta)), cos, sin)[0])
+        return np.asarray(self._stack.edge(np.asarray(xi)[None], np.asarray(eta)[None], cos, sin)[0])
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] of the contact's edge."""

@@ -155,7 +155,6 @@ class ZoneStack:
         a = self.axes[..., None]
         stretch = np.hypot(a[:, 0, 0] * cos + a[:, 0, 1] * sin, a[:, 1, 0] * cos + a[:, 1, 1] * sin)
         measure = np.pi / along * np.pi / directions * self.jacobian[:, None] / stretch
-        both = np.concatenate([cos, -cos]), np.concatenate([sin, -sin])
         terms = self.coefficients.shape[1] if derivative else 0
         potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
         for part in self.parts(xi.shape[1] * directions * along * max(1, terms // 8)):
@@ -222,7 +221,8 @@ class _Chords:
         """Return the distances from the points to the edge, ahead and back, by Newton's method."""
         size = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
         out = []
-        for sign, u in zip((1.0, -1.0), self.start, strict=True):
+        for sign, start in zip((1.0, -1.0), self.start, strict=True):
+            u = start
             for _ in range(40):
                 value, slope = np.zeros_like(u), np.zeros_like(u)
                 for c in self.coefficients[::-1]:
