@@ -18,6 +18,8 @@ from scipy.spatial.distance import pdist, squareform
 
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
+from linear_bem.far_field.coupled_system import solve_coupled
+from linear_bem.far_field.kernel_split import PointInfluence
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
 
@@ -53,40 +55,48 @@ def estimated_relations(problem: Problem, radii: Array) -> tuple[Relation, Relat
     return force, approach
 
 
-def couple(problem: Problem, mutual: Array, relation: Relation, inverse: Relation) -> PointState:
+def couple(
+    problem: Problem, mutual: Array | PointInfluence, relation: Relation, inverse: Relation, tolerance: float = 1e-13
+) -> PointState:
     """Return the state of all balls for any kind of load.
 
     ``mutual`` holds K(L_ij) [m/N], 0 on the diagonal; ``inverse`` returns effective approaches from forces.
+    ``tolerance`` bounds the residual over the largest approach, and ten times it the error of a total force over it.
     """
     values = np.array(problem.load.values, dtype=float)
     if problem.load.kind == "force":
         effective = inverse(values)
         return PointState(effective, effective + mutual @ values, values)
     if problem.load.kind == "approach":
-        effective = _effective(mutual, relation, values, values)
+        effective = _effective(mutual, relation, values, values, tolerance)
         return PointState(effective, values, relation(effective))
     total = float(values[0])
     equal = np.full(problem.size, total / problem.size)
     start = inverse(equal)
 
+    last = start
+
     def state(common: float) -> PointState:
+        nonlocal last
         approaches = np.full(problem.size, common)
-        effective = _effective(mutual, relation, approaches, start)
-        return PointState(effective, approaches, relation(effective))
+        last = _effective(mutual, relation, approaches, last, tolerance)
+        return PointState(last, approaches, relation(last))
 
     def excess(common: float) -> float:
         difference = float(np.sum(state(common).forces)) - total
-        return difference if abs(difference) > 1e-12 * total else 0.0
+        return difference if abs(difference) > 10.0 * tolerance * total else 0.0
 
     lower = upper = float(np.max(start + mutual @ equal))
     while excess(upper) < 0.0:
         upper *= 2.0
     while excess(lower) > 0.0:
         lower *= 0.5
-    return state(brentq(excess, lower, upper, xtol=1e-15 * upper, rtol=1e-14))
+    return state(brentq(excess, lower, upper, xtol=1e-15 * upper, rtol=max(1e-14, tolerance)))
 
 
-def _effective(mutual: Array, relation: Relation, approaches: Array, start: Array) -> Array:
+def _effective(
+    mutual: Array | PointInfluence, relation: Relation, approaches: Array, start: Array, tolerance: float
+) -> Array:
     """Return the effective approaches under given approaches, by a damped semismooth Newton method."""
     d = start
     scale = float(np.max(np.abs(approaches)))
@@ -98,11 +108,11 @@ def _effective(mutual: Array, relation: Relation, approaches: Array, start: Arra
     norm = np.inf
     for _ in range(100):
         norm = float(np.max(np.abs(r)))
-        if norm <= 1e-13 * scale:
+        if norm <= tolerance * scale:
             return d
         step = np.maximum(1e-6 * np.abs(d), 1e-9 * scale)
         slope = (relation(d + step) - relation(d)) / step
-        move = np.linalg.solve(np.eye(len(d)) + mutual * slope, -r)
+        move = _newton_move(mutual, slope, r)
         length = 1.0
         while True:
             trial = d + length * move
@@ -118,3 +128,13 @@ def _effective(mutual: Array, relation: Relation, approaches: Array, start: Arra
     raise NotConverged(
         f"point loads: the effective approaches did not converge, residual {norm:.1e} m of approach {scale:.1e} m"
     )
+
+
+def _newton_move(mutual: Array | PointInfluence, slope: Array, residual: Array) -> Array:
+    """Return the solution of (1 + K diag(``slope``)) x = -``residual``."""
+    if isinstance(mutual, np.ndarray):
+        return np.asarray(np.linalg.solve(np.eye(len(slope)) + mutual * slope, -residual))
+    active = slope > 0.0
+    safe = np.where(active, slope, 1.0)
+    loads = solve_coupled(mutual, 1.0 / safe, -residual, active)
+    return np.where(active, loads / safe, -residual - mutual @ loads)

@@ -26,6 +26,10 @@ class NotConverged(ThirdBodyError, ArithmeticError):
     """A solver did not reach its stopping criterion; no result is returned."""
 
 
+class TooLarge(ThirdBodyError, MemoryError):
+    """The problem needs more memory than is free; nothing was computed."""
+
+
 class OutputUnusable(ThirdBodyError, OSError):
     """A folder or file cannot be written, read, or belongs to another run."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,7 +14,9 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
-from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.report import Report, silent
+from linear_bem.smooth.contacts import CHECKED, SmoothContacts
+from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.newton import SmoothSolution
 from linear_bem.smooth.zone import Zone
@@ -22,12 +25,18 @@ Contacts = SmoothContacts | GridContacts
 Same = TypeVar("Same", SmoothContacts, GridContacts)
 
 
-class Touched(NotConverged):
-    """Balls assumed lifted touch the surface; ``zones`` holds a first guess of their contacts."""
+TOUCHING, OVERLOOKED = 1e-9, 1e-4
+"""Least depth over the largest approach at which a ball without force touches: among few and among many balls.
 
-    def __init__(self, zones: dict[int, Zone]) -> None:
+At 1e-4 of the others' depth it carries 1e-6 of their force."""
+
+
+class Touched(NotConverged):
+    """Balls assumed lifted in ``contacts`` touch the surface; ``zones`` holds a first guess of their contacts."""
+
+    def __init__(self, zones: dict[int, Zone], contacts: SmoothContacts) -> None:
         super().__init__("linear_bem: a ball assumed lifted touches the surface")
-        self.zones = zones
+        self.zones, self.contacts = zones, contacts
 
     def added_to(self, guess: Start) -> Start:
         """Return a first guess with these contacts too."""
@@ -51,13 +60,35 @@ def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
     return value, (float(centre[0]), float(centre[1]))
 
 
+def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[float, float]]]:
+    """Return `rest` of many balls; among many smooth contacts all at once, to about 1e-5 of the displacement."""
+    if not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED:
+        return [rest(contacts, i) for i in balls]
+    centres = contacts.problem.positions[list(balls)]
+    reach = np.array([0.1 * contacts.problem.balls[i].radius for i in balls])
+    moved = displacement_about(contacts.kernel, contacts.smooth.nodes, centres, reach, contacts.precision)
+    profiles = [height(contacts.problem.balls[i]) for i in balls]
+    at, size, value = np.zeros((len(balls), 2)), 1.0, np.full(len(balls), np.inf)
+    grid = np.stack([v.ravel() for v in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 7)])])
+    for _ in range(12):
+        xi, eta = np.moveaxis(np.clip(at[:, :, None] + size * grid, -0.7, 0.7), 1, 0)
+        x, y = centres[:, :1] + reach[:, None] * xi, centres[:, 1:] + reach[:, None] * eta
+        gap = moved(xi, eta) + np.array([f(u, v) for f, u, v in zip(profiles, x, y, strict=True)])
+        best = np.argmin(gap, axis=1)[:, None]
+        at = np.concatenate([np.take_along_axis(v, best, 1) for v in (xi, eta)], axis=1)
+        value = np.minimum(value, np.take_along_axis(gap, best, 1)[:, 0])
+        size *= 0.4
+    places = centres + reach[:, None] * at
+    return [(float(v), (float(x), float(y))) for v, (x, y) in zip(value, places, strict=True)]
+
+
 def rested(contacts: Same) -> Same:
     """Return the contacts with every ball of zero prescribed force at the height where it just touches."""
     resting = unloaded(contacts.problem.load)
     if not resting:
         return contacts
     approaches = contacts.approaches.copy()
-    approaches[resting] = [rest(contacts, i)[0] for i in resting]
+    approaches[resting] = [value for value, _ in rests(contacts, resting)]
     return replace(contacts, approaches=approaches)
 
 
@@ -65,30 +96,40 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
     """Return how far [m] balls without force are below the height where they just touch the surface, and where [m]."""
     if contacts.problem.load.kind == "force":
         return {}
-    largest, found = float(np.max(np.abs(contacts.approaches))), {}
-    for i in np.flatnonzero(contacts.normal_forces == 0.0):
-        rests, place = rest(contacts, int(i))
-        depth = float(contacts.approaches[i]) - rests
-        if depth > 1e-9 * largest:
-            found[int(i)] = depth, place
-    return found
+    lifted = np.flatnonzero(contacts.normal_forces == 0.0).tolist()
+    if not lifted:
+        return {}
+    few = not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED
+    least = (TOUCHING if few else OVERLOOKED) * float(np.max(np.abs(contacts.approaches)))
+    found = zip(lifted, rests(contacts, lifted), strict=True)
+    depths = {i: (float(contacts.approaches[i]) - value, at) for i, (value, at) in found}
+    return {i: (depth, at) for i, (depth, at) in depths.items() if depth > least}
 
 
 def smooth_state(
-    problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts, precision: float
+    problem: Problem,
+    kernel: LayeredKernel,
+    degree: int,
+    start: Start | SmoothContacts,
+    precision: float,
+    pair_precision: float | None = None,
+    report: Report = silent,
 ) -> SmoothContacts:
-    """Return the contacts at one degree; raises `Touched` where further balls touch, `NotConverged`."""
+    """Return the contacts at one degree; raises `Touched` where further balls touch, `Lost`, `NotConverged`.
+
+    ``precision``, ``pair_precision`` and ``report`` are those of `solve_smooth`.
+    """
     touching = list(start.touching)
     origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
     approaches = start.approaches.copy()
-    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision)
+    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision, pair_precision, report)
     if overlap(smooth.nodes):
         raise NotConverged("linear_bem: contacts of neighbouring balls merge")
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
-    contacts = rested(SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, precision))
+    contacts = rested(SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, pair_precision or precision))
     found = overlapping(contacts)
     if found:
-        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in found.items()})
+        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in found.items()}, contacts)
     return contacts

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from numbers import Real
 from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
@@ -212,8 +212,12 @@ class Problem:
         return faults or self._overlaps()
 
     def _overlaps(self) -> list[str]:
+        # a pair can be too close only within twice the largest half width
+        widths = [_largest_half_width(ball) for ball in self.balls]
+        pairs = cKDTree(self.positions).query_pairs(2.0 * max(widths), output_type="ndarray")
         faults = []
-        for (i, a), (j, b) in combinations(enumerate(self.balls), 2):
+        for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
+            a, b = self.balls[i], self.balls[j]
             gap = math.dist(a.position, b.position)
             touch = _touching_distance(a, b)
             if gap < touch * (1.0 - 1e-9):
@@ -251,6 +255,15 @@ def _are_numbers(values: object) -> bool:
         return all(isinstance(value, Real) for value in values)  # type: ignore[attr-defined]
     except TypeError:
         return False
+
+
+def _largest_half_width(ball: Ball) -> float:
+    """Return a bound [m] of half the touching distance to an equal body."""
+    body = ball.indenter
+    if not isinstance(body, Indenter):
+        return ball.radius
+    reach = body.reach if math.isfinite(body.reach) else 0.0
+    return max(ball.radius, reach, body.half_width(1.0, 0.0), body.half_width(0.0, 1.0))
 
 
 def _touching_distance(a: Ball, b: Ball) -> float:

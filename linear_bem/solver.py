@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -26,8 +27,10 @@ from linear_bem.indenter import Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
+from linear_bem.report import Report, silent
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.sampled_solution import require_memory, solve_by_sample
+from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
 
 CERTIFIED = 1e-3
@@ -39,6 +42,8 @@ ROUTES_SUFFICE = 1e-3
 STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
 """Contact radius over the sphere's, contact radius over the layer's thickness, number of balls. Up to that number,
 balls with a contact above one of the two radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+GRIDDED = 500
+"""Largest number of balls that go to grids where polynomials do not converge."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
@@ -58,6 +63,7 @@ class Solution:
     tangential_force_error: Array
     seconds: float
     notes: tuple[str, ...] = ()
+    accuracy: Mapping[str, object] = field(default_factory=dict)
 
     def pressure(self, x: Array, y: Array) -> Array:
         """Return the contact pressure [Pa] at surface points [m]."""
@@ -97,6 +103,7 @@ class Solution:
             notes=self.notes,
             certificate=c.certificate,
             tolerances=dict.fromkeys(c.certificate, CERTIFIED),
+            accuracy=self.accuracy,
         )
         return Result(model="linear_bem", balls=balls, solved=solved)
 
@@ -105,18 +112,19 @@ def _pair(v: Array) -> tuple[float, float]:
     return float(v[0]), float(v[1])
 
 
-def solve(problem: Problem, tangential_force: float = 1e-4) -> Result:
+def solve(problem: Problem, tangential_force: float = 1e-4, report: Report = silent) -> Result:
     """Return the small-strain result with T to the relative accuracy ``tangential_force``.
 
     The accuracy is relative to the largest T in the problem, or to 1e-4 of the force that a half-space of the layer's
     material would transmit if that is more (T may pass through zero). Where it cannot be reached, or T is known less
-    accurately relative to itself, ``result.solved.notes`` states the accuracy reached. Raises `InvalidProblem`,
-    `UnsupportedProblem`, and `NotConverged` where no certified solution is found.
+    accurately relative to itself, ``result.solved.notes`` states the accuracy reached. ``report`` gets a line of text
+    at every step of the solver, and may raise to end it. Raises `InvalidProblem`, `UnsupportedProblem`, `TooLarge`, and
+    `NotConverged` where no certified solution is found.
     """
-    return solve_contact(problem, tangential_force).result()
+    return solve_contact(problem, tangential_force, report).result()
 
 
-def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
+def solve_contact(problem: Problem, tangential_force: float = 1e-4, report: Report = silent) -> Solution:
     """Return the solution with its fields; see `solve`."""
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
@@ -127,23 +135,33 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     begun = time.perf_counter()
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
-    contacts, error, notes = _refined(problem, kernel, tangential_force)
+    require_memory(problem)
+    contacts, error, notes, accuracy = _refined(problem, kernel, tangential_force, report)
     notes = (*(notes or small_force_note(contacts, error, tangential_force)), *large_strain_note(contacts))
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
-    return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
+    return Solution(problem, contacts, error, time.perf_counter() - begun, notes, accuracy)
 
 
-Answer = tuple[Contacts, Array, tuple[str, ...]]
-"""Contacts, error of T [N] per ball, notes."""
+Answer = tuple[Contacts, Array, tuple[str, ...], Mapping[str, object]]
+"""Contacts, error of T [N] per ball, notes, and how the accuracy was judged if not by refinement."""
 
 
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> Answer:
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report) -> Answer:
     """Return contacts by polynomials if these converge, else on grids."""
+    report(f"{problem.size} ball(s): first guess")
     guess = first_guess(problem, kernel)
+    if len(guess.touching) > CHECKED:
+        try:
+            found = solve_by_sample(problem, kernel, wanted, guess, report)
+        except NotConverged:
+            if problem.size > GRIDDED:
+                raise
+        else:
+            return found.contacts, found.error, found.notes, found.accuracy
     if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not (_steep(problem, guess) or _wide(kernel, guess)):
-        answer = _by_polynomials(problem, kernel, wanted, guess)
+        answer = _by_polynomials(problem, kernel, wanted, guess, report)
         if answer is not None:
             return answer
     return _on_grids(problem, kernel, wanted, guess)
@@ -174,7 +192,9 @@ class _Refined:
         )
 
 
-def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Answer | None:
+def _by_polynomials(
+    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report
+) -> Answer | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if it is nearly sufficient, else None."""
     best: _Refined | None = None
     before: SmoothContacts | None = None
@@ -183,7 +203,7 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:
         try:
-            after = smooth_state(problem, kernel, degree, guess if before is None else before, precision)
+            after = smooth_state(problem, kernel, degree, guess if before is None else before, precision, report=report)
         except Touched as touched:
             guess, before, best, degrees = touched.added_to(guess), None, None, iter(DEGREES)
             continue
@@ -196,7 +216,7 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
             error = error_of_one(after)
             reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)
             if certified and wanted >= ROUTES_SUFFICE and reached <= wanted:
-                return after, error, ()
+                return after, error, (), {}
         else:
             error, settled = change(before, after)
             error = np.maximum(error, route_difference(after))
@@ -206,12 +226,12 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
             if certified and (best is None or found.excess(wanted) < best.excess(wanted)):
                 best = found
             if certified and found.excess(wanted) <= 1.0:
-                return after, error, ()
+                return after, error, (), {}
         before = after
     if best is None:
         return None
     if best.excess(wanted) <= WORTH_KEEPING or (best.reached <= 1e-3 and best.settled <= _enough(wanted)):
-        return best.contacts, best.error, (best.note("highest usable degree", wanted),)
+        return best.contacts, best.error, (best.note("highest usable degree", wanted),), {}
     return None
 
 
@@ -235,7 +255,7 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
         last = _Refined(contacts, error, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
-            return rested(contacts), error + missed_pulls(contacts), ()
+            return rested(contacts), error + missed_pulls(contacts), (), {}
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     error, note = last.error, last.note(f"finest grid that {fits}", wanted)
@@ -243,7 +263,7 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
         note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
-    return rested(last.contacts), error + missed_pulls(last.contacts), (note,)
+    return rested(last.contacts), error + missed_pulls(last.contacts), (note,), {}
 
 
 def _steep(problem: Problem, guess: Start) -> bool:

@@ -33,7 +33,8 @@ class Run:
     """Arguments of a model other than the problem.
 
     Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
-    with output (None: those of `load_path`), and values of `finite_strain.Numerics` other than its defaults.
+    with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults, and what takes
+    the linear model's lines of progress.
     """
 
     tangential_force: float | None = None
@@ -44,6 +45,7 @@ class Run:
     budget: Mapping[str, float] = field(default_factory=dict)
     steps: Sequence[float] | None = (1.0,)
     numerics: Mapping[str, Any] = field(default_factory=dict)
+    report: Callable[[str], None] = lambda text: None
 
 
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
@@ -77,7 +79,7 @@ def _point_load(problem: Problem, run: Run) -> Result:
 def _linear_bem(problem: Problem, run: Run) -> Result:
     from linear_bem import solve  # noqa: PLC0415
 
-    return solve(problem, **_accuracy(run.tangential_force))
+    return solve(problem, **_accuracy(run.tangential_force), report=run.report)
 
 
 def load_path(problem: Problem) -> Sequence[float]:

@@ -20,7 +20,7 @@ from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.smooth.initial_guess import Start
-from linear_bem.smooth.zone import circle
+from linear_bem.smooth.polynomials import circle
 
 COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize
+from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import force_error
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
-from linear_bem.smooth.displacement import FEW, displacement_around, displacement_of_many, zone_displacement
+from linear_bem.smooth.displacement import FEW, DirectSums, displacement_of_many, zone_displacement
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
-from linear_bem.smooth.zone import horner
+from linear_bem.smooth.zone import stacked
 
 EVALUATED = 1e-7
 """Relative error of the displacement that residuals are recomputed with."""
+CHECKED, SAMPLED = 100, 16
+"""Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
 RINGS = (1.12, 2.0)
 """Where penetration outside a contact is checked, over its outline's distance; nearer needs finer quadrature."""
 
@@ -69,7 +72,7 @@ class SmoothContacts:
     @cached_property
     def peak_pressures(self) -> Array:
         """Largest contact pressure under every ball [Pa]."""
-        return self._scatter([_peak(n) / self.kernel.singular for n in self.smooth.nodes])
+        return self._scatter(_peaks(self.smooth.nodes) / self.kernel.singular)
 
     @cached_property
     def contact_areas(self) -> Array:
@@ -126,8 +129,31 @@ class SmoothContacts:
         return np.asarray(total).reshape(x.shape)
 
     @cached_property
+    def sample(self) -> tuple[int, ...]:
+        """Places in ``touching`` of the balls whose equations are recomputed by direct sums: all, or some of very many.
+
+        Of more than `CHECKED` balls: `SAMPLED` at equal steps of their number, and `SAMPLED` // 4 each with the largest
+        T, the largest force, the widest contact, and the nearest neighbour.
+        """
+        nodes = self.smooth.nodes
+        if len(nodes) <= CHECKED:
+            return tuple(range(len(nodes)))
+        centres = np.array([n.zone.centre for n in nodes])
+        touching = list(self.touching)
+        sizes = (
+            np.hypot(*self.mutual_force[touching].T),
+            self.normal_forces[touching],
+            np.array([n.zone.reach for n in nodes]),
+            -cKDTree(centres).query(centres, 2)[0][:, 1],
+        )
+        chosen = set(np.linspace(0, len(nodes) - 1, SAMPLED).astype(int).tolist())
+        for size in sizes:
+            chosen |= set(np.argsort(-size, kind="stable")[: SAMPLED // 4].tolist())
+        return tuple(sorted(chosen))
+
+    @cached_property
     def certificate(self) -> dict[str, float]:
-        """Residuals recomputed around every ball, at points and with nodes that the solver does not use.
+        """Residuals recomputed around every ball of the `sample`, at points and nodes that the solver does not use.
 
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
@@ -135,8 +161,10 @@ class SmoothContacts:
         `EVALUATED` of itself.
         """
         scale = float(np.max(np.abs(self.approaches)))
-        xs, ys, depths, pressures = [], [], [], []
-        for ball, n in zip(self.touching, self.smooth.nodes, strict=True):
+        xs, ys, depths, pressures, found = [], [], [], [], []
+        direct = DirectSums(self.kernel, self.smooth.nodes, EVALUATED)
+        for k in self.sample:
+            ball, n = self.touching[k], self.smooth.nodes[k]
             zone = n.zone
             xi, eta, _, p = zone.quadrature(3, 5)
             x, y = zone.points(xi, eta)
@@ -146,11 +174,11 @@ class SmoothContacts:
                 y = np.append(y, zone.centre[1] + ring * (oy - zone.centre[1]))
             xs.append(x)
             ys.append(y)
+            found.append(direct.displacement(k, x, y))
             depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
             pressures.append(np.append(p / np.max(n.pressure), np.zeros(len(x) - len(p))))
         p = np.concatenate(pressures)
-        gap = np.concatenate(displacement_around(self.kernel, self.smooth.nodes, xs, ys, EVALUATED))
-        gap = gap - np.concatenate(depths)
+        gap = np.concatenate(found) - np.concatenate(depths)
         free = (p == 0.0) & ~self._covered(xs, ys)
         inside = float(np.max(np.abs(gap[p > 0.0])))
         outside = float(np.max(-gap[free], initial=0.0))
@@ -169,7 +197,8 @@ class SmoothContacts:
         centres = np.array([z.centre for z in zones])
         size = np.array([1.4 * z.reach for z in zones])
         out = []
-        for x, y, centre in zip(xs, ys, centres, strict=True):
+        for k, x, y in zip(self.sample, xs, ys, strict=True):
+            centre = centres[k]
             spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
             inside = np.zeros(len(x), dtype=bool)
             for j in np.flatnonzero(np.hypot(*(centres - centre).T) < spread + size):
@@ -184,17 +213,8 @@ class SmoothContacts:
         return out
 
 
-def _peak(n: Nodes) -> float:
-    """Return the largest pressure of a zone: the maximum of P near the best node."""
-    best = int(np.argmax(n.pressure))
-    square = float(n.pressure[best]) ** 2
-
-    powers = n.zone.powers / square
-
-    def lowered(at: Array) -> tuple[float, Array]:
-        value, dx, dy = horner(powers, at[0], at[1])
-        return -float(value), -np.array([dx, dy])
-
-    near = [(at - 0.3, at + 0.3) for at in (n.xi[best], n.eta[best])]
-    found = minimize(lowered, np.mean(near, axis=1), jac=True, bounds=near, options={"ftol": 1e-15, "gtol": 1e-11})
-    return float(np.sqrt(square * max(1.0, -found.fun)))
+def _peaks(nodes: Sequence[Nodes]) -> Array:
+    """Return the largest pressure of every zone."""
+    best = [int(np.argmax(n.pressure)) for n in nodes]
+    xi, eta = np.array([(n.xi[k], n.eta[k]) for n, k in zip(nodes, best, strict=True)]).T
+    return np.sqrt(np.maximum(stacked([n.zone for n in nodes]).peaks(xi, eta), 0.0))

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.smooth.multipole import DEGREES, disc_nodes, interpolation, point_displacement
-from linear_bem.smooth.newton import Nodes, Rule
+from linear_bem.smooth.multipole import (
+    DEGREES,
+    Interaction,
+    disc_nodes,
+    equivalent_loads,
+    interpolation,
+    point_displacement,
+)
+from linear_bem.smooth.newton import Nodes, NodeStack, Rule
+from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.zone import stacked
+from linear_bem.smooth.zone_stack import ZoneStack
 
 FEW = 6
 """Up to this number of contacts each is integrated at all points."""
+FINE = Rule(radial=14, angular=28, directions=0, along=0)
+"""Quadrature of the pressures, other than the solver's."""
 _NEAR = 4.0
 _DEGREE = 6
 
@@ -44,49 +57,107 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
     return total
 
 
-def displacement_around(
-    kernel: LayeredKernel, nodes: Sequence[Nodes], x: Sequence[Array], y: Sequence[Array], precision: float
-) -> list[Array]:
-    """Return the displacement [m] from all contacts at points around each: ``x[k]``, ``y[k]`` [m] near ``nodes[k]``.
+def displacement_about(
+    kernel: LayeredKernel, nodes: Sequence[Nodes], centres: Array, reach: Array, precision: float
+) -> Callable[[Array, Array], Array]:
+    """Return the displacement [m] from all contacts on discs without pressure, as a function of places in each disc.
 
-    A far contact acts by equivalent point loads on interpolation nodes about the points, of the lowest degree d with
-    (a/(L - a))^(d + 1) below ``precision``, a the larger of its size and the points' spread: the neglected terms are
-    of that size relative to its share. Where no degree suffices, the share is integrated to 1e-8. Only the pressures
-    come from the solver: nodes, degrees and pairs differ from those of `linear_bem.smooth.multipole.Interaction`.
+    ``centres`` (discs, 2) and ``reach`` (discs,) [m]; the function takes xi, eta (discs, points), 1 at a disc's edge.
     """
-    centres = np.array([n.zone.centre for n in nodes])
-    size = np.array([1.1 * n.zone.reach for n in nodes])
-    spread = np.array([np.max(np.hypot(u - c[0], v - c[1])) for u, v, c in zip(x, y, centres, strict=True)])
-    fine = [n.zone.quadrature(14, 28) for n in nodes]
-    loads = {d: np.array([(w * p) @ interpolation(u, v, d) for u, v, w, p in fine]) for d in DEGREES}
-    sources = {d: np.array([n.zone.points(*disc_nodes(d)[:2]) for n in nodes]) for d in DEGREES}
-    surface = [n.zone.points(u, v) for n, (u, v, _, _) in zip(nodes, fine, strict=True)]
-    out = []
-    for i in range(len(nodes)):
-        apart = np.hypot(*(centres - centres[i]).T)
-        large = np.maximum(size, spread[i])
+    contacts = NodeStack.joined(nodes)
+    zones = contacts.zones
+    count, terms = len(centres), zones.coefficients.shape[1]
+    parabola = np.zeros((count, terms))
+    parabola[:, [3, 5]] = -0.5  # 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2
+    discs = ZoneStack(centres, reach[:, None, None] * np.eye(2), zones.degree, parabola)
+    rule = Rule.of(zones, kernel.thickness)
+    empty = NodeStack.of(discs, rule)
+    empty = replace(empty, pressure=np.zeros_like(empty.pressure))
+    together = contacts.followed_by(empty)
+    interaction = Interaction(kernel, together.zones, precision)
+    interaction.update(together)
+    values = interaction.displacement()[len(zones) :]
+    fit = np.linalg.pinv(basis(empty.xi[0], empty.eta[0], zones.degree).T)
+    coefficients = values @ fit.T
+    return lambda xi, eta: np.asarray(np.einsum("nt,tnk->nk", coefficients, basis(xi, eta, zones.degree)))
+
+
+class DirectSums:
+    """Displacement and T from all contacts by sums over all of them, in place of the solver's degrees, pairs and mesh.
+
+    A far contact acts by equivalent point loads, with interpolation nodes about the points where it is felt, of the
+    lowest degree d with (a/(L - a))^(d + 1) below ``precision``, a the larger of both sizes: the neglected terms are of
+    that size relative to its share. Nearer contacts are integrated. Only the pressures come from the solver.
+    """
+
+    def __init__(self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float) -> None:
+        self.kernel, self.nodes, self.precision = kernel, nodes, precision
+        zones = stacked([n.zone for n in nodes])
+        self.centres, self.size = zones.centre, 1.1 * zones.reach
+        self.fine = NodeStack.of(zones, FINE)
+        self._loads: dict[int, tuple[Array, Array]] = {}
+
+    def _sources(self, degree: int) -> tuple[Array, Array]:
+        """Return places (contacts, 2, nodes) [m] and equivalent loads of a degree."""
+        if degree not in self._loads:
+            places = np.stack(self.fine.zones.points(*disc_nodes(degree)[:2]), axis=1)
+            self._loads[degree] = places, equivalent_loads(self.fine, degree)
+        return self._loads[degree]
+
+    def _degrees(self, i: int, spread: float) -> tuple[list[tuple[int, Indices]], Indices]:
+        """Return the contacts that act on points within ``spread`` [m] about contact i, by degree, and nearer ones."""
+        apart = np.hypot(*(self.centres - self.centres[i]).T)
+        large = np.maximum(self.size, spread)
         eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 0.01 * large), np.inf)
         eta[i] = np.inf
-        left = np.ones(len(nodes), dtype=bool)
-        total = np.zeros(len(x[i]))
+        left, out = np.ones(len(apart), dtype=bool), []
         for d in DEGREES:
-            chosen = np.flatnonzero(left & (eta ** (d + 1) < precision))
-            if chosen.size == 0:
-                continue
+            chosen = np.flatnonzero(left & (eta ** (d + 1) < self.precision))
             left[chosen] = False
+            if chosen.size:
+                out.append((d, chosen))
+        left[i] = False
+        return out, np.flatnonzero(left)
+
+    def displacement(self, i: int, x: Array, y: Array, own: bool = True) -> Array:
+        """Return the displacement [m] at points about contact i, with its own share or without."""
+        centre = self.centres[i]
+        spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
+        by_degree, near = self._degrees(i, spread)
+        total = np.zeros(len(x))
+        for d, chosen in by_degree:
             u, v, _ = disc_nodes(d)
-            tx, ty = centres[i, 0] + spread[i] * u, centres[i, 1] + spread[i] * v
-            at = sources[d][chosen]
-            values = point_displacement(kernel, tx, ty, at[:, 0], at[:, 1], loads[d][chosen])
-            total += interpolation((x[i] - centres[i, 0]) / spread[i], (y[i] - centres[i, 1]) / spread[i], d) @ values
-        for j in np.flatnonzero(left):
-            if apart[j] > 2.5 * size[j] + spread[i]:
-                (_, _, w, p), (at_x, at_y) = fine[j], surface[j]
-                total += point_displacement(kernel, x[i], y[i], at_x, at_y, w * p)
+            at, loads = self._sources(d)
+            tx, ty = centre[0] + spread * u, centre[1] + spread * v
+            values = point_displacement(self.kernel, tx, ty, at[chosen, 0], at[chosen, 1], loads[chosen])
+            total += interpolation((x - centre[0]) / spread, (y - centre[1]) / spread, d) @ values
+        for j in near:
+            if np.hypot(*(self.centres[j] - centre)) > 2.5 * self.size[j] + spread:
+                f = self.fine
+                total += point_displacement(self.kernel, x, y, f.x[j], f.y[j], f.loads[j])
             else:
-                total += zone_displacement(kernel, nodes[j], x[i], y[i])
-        out.append(total)
-    return out
+                total += zone_displacement(self.kernel, self.nodes[j], x, y)
+        return total + zone_displacement(self.kernel, self.nodes[i], x, y) if own else total
+
+    def force(self, i: int, here: Nodes) -> Array:
+        """Return T [N] on a pressure in the place of contact i, from all other contacts."""
+        by_degree, near = self._degrees(i, 1.1 * here.zone.reach)
+        total = np.zeros(2)
+        for d, chosen in by_degree:
+            at, loads = self._sources(d)
+            q = here.loads @ interpolation(here.xi, here.eta, d)
+            x, y = here.zone.points(*disc_nodes(d)[:2])
+            total += self._pull(x, y, q, at[chosen, 0].ravel(), at[chosen, 1].ravel(), loads[chosen].ravel())
+        f = self.fine
+        for j in near:
+            total += self._pull(here.x, here.y, here.loads, f.x[j], f.y[j], f.loads[j])
+        return total / self.kernel.singular
+
+    def _pull(self, x: Array, y: Array, q: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
+        dx, dy = x[:, None] - at_x, y[:, None] - at_y
+        r = np.hypot(dx, dy)
+        g = self.kernel.scaled_slope(r) / r
+        return np.array([q @ (g * dx) @ loads, q @ (g * dy) @ loads])
 
 
 def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import couple, distances, estimated_relations
+from linear_bem.coupled_point_loads import couple, estimated_relations
 from linear_bem.errors import NotConverged
+from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.load_control import force_groups
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
+from linear_bem.report import Report, silent
 from linear_bem.smooth.many_balls import sweep_zones
 from linear_bem.smooth.newton import Nodes, SmoothSolution, solve_zones
-from linear_bem.smooth.zone import Zone, exponents
+from linear_bem.smooth.polynomials import exponents
+from linear_bem.smooth.zone import Zone, stacked, unstacked
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness at which polynomials are used."""
@@ -26,6 +31,10 @@ SHARP = 3.0
 """Largest contact radius of a cone over tan(slope) R, R the radius of its tip, at which polynomials are used."""
 DENSE = 4
 """Largest number of balls in one dense Newton system; more balls are solved by sweeps."""
+
+
+GUESSED = 1e-5
+"""Relative residual of the point-load estimate that solvers start from."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +51,11 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
 
     A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radius_seen`.
     """
-    mutual = kernel.displacement(distances(problem.positions))
+    field = FarField.of(kernel, problem.positions, 0.0, GUESSED)
+    mutual = PointInfluence(field, problem.positions, kernel.singular)
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-    state = couple(problem, mutual, *estimated_relations(problem, radii))
+    state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
     for _ in range(4 if others else 0):
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
@@ -53,7 +63,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         for i in others:
             if values[i] > 0.0:
                 radii[i] = _radius_seen(problem, problem.balls[i], kind, float(values[i]))
-        state = couple(problem, mutual, *estimated_relations(problem, radii))
+        state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
@@ -121,16 +131,19 @@ def solve_smooth(
     touching: list[int],
     approaches: Array,
     precision: float,
+    pair_precision: float | None = None,
+    report: Report = silent,
 ) -> SmoothSolution:
     """Return the solution at one degree of p^2, from a guess or from another degree's solution.
 
     ``precision`` bounds the last relative change of forces and approaches in sweeps (more than `DENSE` balls), else the
-    last relative step of the pressure's coefficients (not below 1e-9). Raises `NotConverged`.
+    last relative step of the pressure's coefficients (not below 1e-9). ``pair_precision`` and ``report`` go to
+    `sweep_zones`. Raises `NotConverged`.
     """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
     if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
         raise NotConverged("smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; use a grid")
-    zones = [z.reframed(degree) for z in old]
+    zones = _reframed(old, degree)
     groups = force_groups(problem.load, touching, kernel.singular)
     radius = max(z.radius for z in zones)
     if radius > ROUGHEST * kernel.thickness:
@@ -140,8 +153,20 @@ def solve_smooth(
         )
     shapes = [height(problem.balls[i]) for i in touching]
     if len(touching) > DENSE:
-        return sweep_zones(kernel, shapes, zones, approaches[touching], groups, precision, 30 if degree == 2 else 60)
+        limit = 30 if degree == 2 else 60
+        here = approaches[touching]
+        return sweep_zones(kernel, shapes, zones, here, groups, precision, limit, pair_precision, report)
     return solve_zones(kernel, shapes, zones, approaches[touching], groups, max(precision, 1e-9))
+
+
+def _reframed(zones: Sequence[Zone], degree: int) -> list[Zone]:
+    """Return zones at one degree."""
+    out = list(zones)
+    for old in {z.degree for z in zones}:
+        places = [k for k, z in enumerate(zones) if z.degree == old]
+        for k, new in zip(places, unstacked(stacked([zones[k] for k in places]).reframed(degree)), strict=True):
+            out[k] = new
+    return out
 
 
 def _peaked(ball: Ball, zone: Zone) -> bool:
@@ -154,14 +179,13 @@ def _peaked(ball: Ball, zone: Zone) -> bool:
 
 def overlap(nodes: tuple[Nodes, ...]) -> bool:
     """Return whether two zones come closer than a twentieth of the smaller one's radius."""
-    outlines = [np.array(n.zone.outline(48)) for n in nodes]
-    centres = np.array([n.zone.centre for n in nodes])
-    reach = np.array([np.max(np.hypot(*(o - c[:, None]))) for o, c in zip(outlines, centres, strict=True)])
-    for i in range(len(nodes)):
-        for j in range(i):
-            if np.hypot(*(centres[i] - centres[j])) > 1.1 * (reach[i] + reach[j]):
-                continue
-            gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :])).min()
-            if gap < 0.05 * min(reach[i], reach[j]):
-                return True
+    zones = stacked([n.zone for n in nodes])
+    outlines = np.stack(zones.outline(48), axis=1)
+    reach = np.max(np.hypot(*(outlines - zones.centre[:, :, None]).transpose(1, 0, 2)), axis=1)
+    for i, j in cKDTree(zones.centre).query_pairs(2.2 * float(np.max(reach)), output_type="ndarray"):
+        if np.hypot(*(zones.centre[i] - zones.centre[j])) > 1.1 * (reach[i] + reach[j]):
+            continue
+        gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :])).min()
+        if gap < 0.05 * min(reach[i], reach[j]):
+            return True
     return False

@@ -9,7 +9,7 @@ compliance s_i = dD_i/dQ_i, (3) new forces from the coarse system
 
 which point loads describe well. The error shrinks by the size of the shape coupling, 1e-2 to 1e-4 per
 sweep for separate balls; contacts that nearly touch, whose error is only halved, are accelerated by Anderson's
-mixing. A sweep costs n small dense systems and n^2 pairs of `linear_bem.smooth.multipole`.
+mixing. A sweep costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
 """
 
 from __future__ import annotations
@@ -18,20 +18,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from linear_bem.arrays import Array, Mask
-from linear_bem.coupled_point_loads import distances
+from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
+from linear_bem.far_field.coupled_system import solve_coupled
+from linear_bem.far_field.kernel_split import PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
+from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import Interaction
-from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution, own_displacement, solve_scaled, stalled
-from linear_bem.smooth.zone import Zone
+from linear_bem.smooth.newton import NodeStack, Rule, SmoothSolution, stalled
+from linear_bem.smooth.own_equations import RENEWED, OwnEquations
+from linear_bem.smooth.zone import Zone, stacked, unstacked
+from linear_bem.smooth.zone_stack import ZoneStack
 
 SLOW = 0.2
 """Ratio of successive changes above which sweeps are accelerated."""
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
+LEAST_SHARE, LOST = 0.3, 4
+"""Least share of its force that a ball keeps in one sweep; after so many such sweeps in a row it has lost contact."""
+
+
+class Lost(NotConverged):
+    """Balls lose their contact: ``kept`` are the places of the others among those given, and ``zones`` theirs."""
+
+    def __init__(self, kept: Indices, zones: list[Zone]) -> None:
+        super().__init__("smooth contacts: a ball lost its contact during the sweeps")
+        self.kept, self.zones = kept, zones
 
 
 def sweep_zones(
@@ -42,100 +56,102 @@ def sweep_zones(
     groups: Groups,
     tolerance: float,
     limit: int = 60,
+    pair_precision: float | None = None,
+    report: Report = silent,
 ) -> SmoothSolution:
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
     ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
-    as the residual. Raises `NotConverged`, also where a ball loses its contact.
+    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` takes a line per
+    sweep. Raises `Lost` where a ball loses its contact, and `NotConverged`.
     """
-    rule = Rule.of(zones, kernel.thickness)
-    nodes = [Nodes.of(z, rule) for z in zones]
-    interaction = Interaction(kernel, nodes, tolerance)
-    coarse = kernel.scaled(distances(np.array([z.centre for z in zones])))
-    forces = np.array([n.force for n in nodes])
+    stack = stacked(zones)
+    rule = Rule.of(stack, kernel.thickness)
+    nodes = NodeStack.of(stack, rule)
+    interaction = Interaction(kernel, stack, pair_precision or tolerance)
+    equations = OwnEquations(kernel, rule, pair_precision or tolerance)
+    forces = nodes.forces
     for members, force in groups:
         if len(members) == 1:
             forces[members[0]] = force
-    shared = [(members, force) for members, force in groups if len(members) > 1]
+    shared = [(np.array(members), force) for members, force in groups if len(members) > 1]
     fixed = np.ones(len(zones), dtype=bool)
     fixed[[m for members, _ in groups for m in members]] = False
     mixing, slow = Anderson(), False
     history: list[float] = []
+    sizes = np.ones(len(zones))
+    shrinking = np.zeros(len(zones), dtype=int)
     for sweep in range(limit):
         interaction.update(nodes)
-        steps = [
-            _alone(kernel, shapes[i], n, interaction.displacement(i), forces[i], rule) for i, n in enumerate(nodes)
-        ]
-        changes = np.array([change for change, _, _ in steps])
-        found, compliance = np.array([s[1:] for s in steps]).T
-        before = [n.zone for n in nodes]
-        sizes = np.max(np.abs(changes), axis=1) / np.array([np.max(np.abs(z.coefficients)) for z in before])
-        zones = [
-            _moved(z, min(1.0, 0.6 / max(size, 0.6)) * change, size > SETTLED)
-            for z, change, size in zip(before, changes, sizes, strict=True)
-        ]
-        more, level = _balance(coarse, compliance, found, forces, np.where(fixed, approaches, found), fixed, shared)
+        profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
+        steps = equations.step(nodes, interaction.displacement(), profile, forces, sizes > RENEWED)
+        before, found = nodes.zones, steps.approaches
+        sizes = np.max(np.abs(steps.changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
+        length = np.minimum(1.0, 0.6 / np.maximum(sizes, 0.6))
+        stack = _moved(before, length[:, None] * steps.changes, sizes > SETTLED)
+        wanted = np.where(fixed, approaches, found)
+        more, level = _balance(interaction.influence, steps.compliances, found, forces, wanted, fixed, shared)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
-        if not np.isfinite(last) or np.any(forces + more <= 0.0):
-            raise NotConverged("smooth contacts: a ball lost its contact during the sweeps")
+        if not np.isfinite(last):
+            raise NotConverged("smooth contacts: the sweeps diverged")
         history.append(last)
+        report(f"degree {stack.degree}, sweep {sweep + 1}: change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
-            return SmoothSolution(tuple(Nodes.of(z, rule) for z in zones), level, sweep + 1, last)
+            return SmoothSolution(NodeStack.of(stack, rule).single(), level, sweep + 1, last)
+        shrinking = np.where(forces + more < LEAST_SHARE * forces, shrinking + 1, 0)
+        if np.any(shrinking >= LOST):
+            kept = np.flatnonzero(shrinking == 0)
+            if kept.size == 0:
+                raise NotConverged("smooth contacts: all balls lost their contact during the sweeps")
+            raise Lost(kept, unstacked(stack[kept]))
+        new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])
-        if slow and np.max(sizes) <= SETTLED:
-            zones, forces = _mixed(mixing, (before, forces), (zones, forces + more))
+        if slow and np.max(sizes) <= SETTLED and not np.any(shrinking):
+            stack, forces = _mixed(mixing, (before, forces), (stack, new_forces))
         else:
             mixing.forget()
-            forces = forces + more
-        nodes = [Nodes.of(z, rule) for z in zones]
+            forces = new_forces
+        nodes = NodeStack.of(stack, rule)
     raise NotConverged(f"smooth contacts: {limit} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}")
 
 
-def _moved(zone: Zone, change: Array, reframe: bool) -> Zone:
-    moved = replace(zone, coefficients=zone.coefficients + change)
-    return moved.reframed(zone.degree) if reframe else moved
-
-
-def _alone(
-    kernel: LayeredKernel, shape: Height, here: Nodes, outside: Array, force: float, rule: Rule
-) -> tuple[Array, float, float]:
-    """Return one Newton step of one ball under a force, its approach [m], and its compliance."""
-    potential, derivative = own_displacement(kernel, here, rule)
-    test = here.variations.T * here.weights
-    matrix = test @ derivative
-    total = test.sum(axis=1)
-    size = np.sqrt(np.abs(np.diag(matrix)))
-    right = np.stack([-test @ (potential + outside + shape(here.x, here.y)), total], axis=1)
-    u, v = solve_scaled(matrix, right, size).T
-    # the change u + D v reaches the force where total.(u + D v) = force - present force
-    reach = float(total @ v)
-    approach = (force - here.force - float(total @ u)) / reach
-    return u + approach * v, approach, 1.0 / reach
+def _moved(zones: ZoneStack, change: Array, reframe: Mask) -> ZoneStack:
+    moved = replace(zones, coefficients=zones.coefficients + change)
+    if not np.any(reframe):
+        return moved
+    new = moved[reframe].reframed(zones.degree)
+    centre, axes, coefficients = moved.centre.copy(), moved.axes.copy(), moved.coefficients.copy()
+    centre[reframe], axes[reframe], coefficients[reframe] = new.centre, new.axes, new.coefficients
+    return ZoneStack(centre, axes, zones.degree, coefficients)
 
 
 def _balance(
-    coarse: Array, compliance: Array, found: Array, forces: Array, level: Array, fixed: Mask, shared: Groups
+    influence: PointInfluence,
+    compliance: Array,
+    found: Array,
+    forces: Array,
+    level: Array,
+    fixed: Mask,
+    shared: list[tuple[Indices, float]],
 ) -> tuple[Array, Array]:
     """Return the changes of all forces and the resulting approaches.
 
     ``found`` are the approaches at the present forces, ``level`` those wanted. Balls with ``fixed`` approach and balls
     that share one change their force, all others keep it.
     """
-    free = np.flatnonzero(fixed | np.isin(np.arange(len(found)), [m for members, _ in shared for m in members]))
-    n = free.size
-    matrix, right = np.zeros((n + len(shared), n + len(shared))), np.zeros(n + len(shared))
-    matrix[:n, :n] = coarse[np.ix_(free, free)] + np.diag(compliance[free])
-    right[:n] = np.where(fixed, level, 0.0)[free] - found[free]
-    for at, (members, force) in enumerate(shared, start=n):
-        mine = np.isin(free, members)
-        matrix[at, :n], matrix[:n, at] = mine, -1.0 * mine
-        right[at] = force - float(np.sum(forces[members]))
-    answer = np.linalg.solve(matrix, right)
+    free = fixed.copy()
+    for members, _ in shared:
+        free[members] = True
     more, level = np.zeros(len(found)), level.copy()
-    more[free] = answer[:n]
-    for at, (members, _) in enumerate(shared, start=n):
-        level[members] = answer[at]
+    if not np.any(free):
+        return more, level
+    missing = np.where(fixed, level, 0.0) - found
+    more = solve_coupled(influence, compliance, missing, free)
+    for members, force in shared:
+        rising = solve_coupled(influence, compliance, np.isin(np.arange(len(found)), members).astype(float), free)
+        common = (force - float(np.sum((forces + more)[members]))) / float(np.sum(rising[members]))
+        more, level[members] = more + common * rising, common
     return more, level
 
 
@@ -166,14 +182,14 @@ class Anderson:
         return np.asarray(image - weights @ (steps + changes))
 
 
-def _mixed(mixing: Anderson, old: tuple[list[Zone], Array], new: tuple[list[Zone], Array]) -> tuple[list[Zone], Array]:
+def _mixed(mixing: Anderson, old: tuple[ZoneStack, Array], new: tuple[ZoneStack, Array]) -> tuple[ZoneStack, Array]:
     """Return zones and forces accelerated; coefficients are scaled by each zone's largest."""
-    size = np.array([np.max(np.abs(z.coefficients)) for z in old[0]])
+    size = np.max(np.abs(old[0].coefficients), axis=1)
     load = float(np.max(old[1]))
     count = len(size)
 
-    def vector(state: tuple[list[Zone], Array]) -> Array:
-        return np.concatenate([(np.array([z.coefficients for z in state[0]]) / size[:, None]).ravel(), state[1] / load])
+    def vector(state: tuple[ZoneStack, Array]) -> Array:
+        return np.concatenate([(state[0].coefficients / size[:, None]).ravel(), state[1] / load])
 
     mixed = mixing.next(vector(old), vector(new))
     coefficients = mixed[:-count].reshape(count, -1) * size[:, None]
@@ -181,4 +197,4 @@ def _mixed(mixing: Anderson, old: tuple[list[Zone], Array], new: tuple[list[Zone
     if np.any(forces <= 0.0):
         mixing.forget()
         return new
-    return [replace(z, coefficients=c) for z, c in zip(old[0], coefficients, strict=True)], forces
+    return replace(old[0], coefficients=coefficients), forces

@@ -7,7 +7,8 @@ costs m x m kernel values instead of (quadrature points)^2. The nearest source i
 the centre, and interpolation on nodes that are dense at the edge, like Chebyshev's, neglects terms of order
 (z + sqrt(z^2 - 1))^-(degree + 1). Each pair uses the lowest degree that meets the requested precision; pairs too
 close for any degree use the quadrature points themselves. Nodes on concentric circles of 1, 5, 9, ... points
-determine polynomials of even degree uniquely [Bos 1991, J. Approx. Theory 64, 271].
+determine polynomials of even degree uniquely [Bos 1991, J. Approx. Theory 64, 271]. Far pairs act through the mesh of
+`linear_bem.far_field`, all by the lowest degree that suffices beyond its cut-off.
 """
 
 from __future__ import annotations
@@ -16,18 +17,20 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.distance import pdist, squareform
+from scipy.sparse import csr_matrix
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Indices
+from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.smooth.newton import Nodes
-from linear_bem.smooth.zone import basis
+from linear_bem.smooth.newton import NodeStack
+from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.zone_stack import CACHED, ZoneStack
 
-Points = tuple[Array, Array, Array]
-"""x, y [m] and loads."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 SAFETY = 0.01
 """Factor of that term, from measured errors at the contact's edge; errors of the force are 100 times smaller."""
+FULL = len(DEGREES)
+"""Place in `DEGREES` that stands for the quadrature points themselves."""
 
 
 @lru_cache(maxsize=8)
@@ -54,6 +57,29 @@ def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, a
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 
 
+def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
+    """Return the point loads at `disc_nodes` that replace the pressures, shape (zones, nodes of the degree)."""
+    inverse = disc_nodes(degree)[2]
+    out = np.empty((len(nodes.zones), len(inverse)))
+    for part in nodes.zones.parts(nodes.x.shape[1] * 4):
+        phi = basis(nodes.xi[part], nodes.eta[part], degree)
+        out[part] = np.einsum("tnk,nk->nt", phi, nodes.loads[part]) @ inverse
+    return out
+
+
+def lowest_degree(distance: Array, size: Array, precision: float) -> Indices:
+    """Return the place in `DEGREES` of the lowest sufficient degree, or `FULL`.
+
+    ``distance`` [m] between the centres of contacts, ``size`` [m] of the larger one.
+    """
+    away = np.maximum(distance / size - 1.0, 1.0)
+    rate = away + np.sqrt(away**2 - 1.0)
+    level = np.full(rate.shape, FULL, dtype=np.intp)
+    for k in range(FULL - 1, -1, -1):
+        level[rate ** -(DEGREES[k] + 1.0) < SAFETY * precision] = k
+    return level
+
+
 class Interaction:
     """Displacement and in-plane force on each of many separate contacts due to the others.
 
@@ -61,61 +87,118 @@ class Interaction:
     pair's displacement relative to it. Loads and displacements are in the units of `linear_bem.smooth.newton`.
     """
 
-    def __init__(self, kernel: LayeredKernel, nodes: list[Nodes], precision: float) -> None:
+    def __init__(self, kernel: LayeredKernel, zones: ZoneStack, precision: float) -> None:
         self.kernel = kernel
-        centres = np.array([n.zone.centre for n in nodes])
-        reach = np.array([1.1 * n.zone.reach for n in nodes])
-        apart = squareform(pdist(centres))
-        large = np.maximum(reach[:, None], reach)
-        away = np.maximum(apart / large - 1.0, 1.0)
-        rate = away + np.sqrt(away**2 - 1.0)
-        self.level = np.full(apart.shape, len(DEGREES), dtype=np.int8)
-        for k in range(len(DEGREES) - 1, -1, -1):
-            self.level[rate ** -(DEGREES[k] + 1.0) < SAFETY * precision] = k
-        np.fill_diagonal(self.level, -1)
-        self.used = [k for k in range(len(DEGREES)) if np.any(self.level == k)]
+        self.count = len(zones)
+        reach = 1.1 * zones.reach
+        largest = float(np.max(reach))
+        self.far = FarField.of(kernel, zones.centre, 1.5 * largest, precision)
+        first, second = self.far.first, self.far.second
+        apart = np.hypot(*(zones.centre[first] - zones.centre[second]).T)
+        level = lowest_degree(apart, np.maximum(reach[first], reach[second]), precision)
+        self.pairs = [(k, first[level == k], second[level == k]) for k in range(FULL + 1) if np.any(level == k)]
+        self.gather = [tuple(_incidence(part, self.count) for part in (i, j)) for _, i, j in self.pairs]
+        self.mesh_level = -1
+        if self.far.mesh is not None:
+            self.mesh_level = int(lowest_degree(np.array(self.far.cutoff), np.array(largest), precision))
+            assert self.mesh_level < FULL, "far contacts are far"
+        self.influence = PointInfluence(self.far, zones.centre)
 
-    def update(self, nodes: list[Nodes]) -> None:
+    def update(self, nodes: NodeStack) -> None:
         """Replace zones and pressures."""
         self.nodes = nodes
-        self.matrices = [{k: interpolation(n.xi, n.eta, DEGREES[k]) for k in self.used} for n in nodes]
-        self.x, self.y, self.loads = {}, {}, {}
-        for k in self.used:
-            u, v, _ = disc_nodes(DEGREES[k])
-            points = np.array([n.zone.points(u, v) for n in nodes])
-            self.x[k], self.y[k] = points[:, 0], points[:, 1]
-            self.loads[k] = np.array([n.loads @ m[k] for n, m in zip(nodes, self.matrices, strict=True)])
+        self.places: dict[int, tuple[Array, Array]] = {}
+        self.loads: dict[int, Array] = {}
+        for k in {self.mesh_level, *(k for k, _, _ in self.pairs)} - {-1}:
+            self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zones.points(*disc_nodes(DEGREES[k])[:2])
+            self.loads[k] = nodes.loads if k == FULL else equivalent_loads(nodes, DEGREES[k])
+        if self.far.mesh is not None:
+            self._points = self.far.mesh.at(*self.places[self.mesh_level])
 
-    def _partners(self, i: int) -> Iterator[tuple[Array | None, Points, Points]]:
-        """Yield zone i and its partners, as points and loads, and the matrix from those points to i's nodes.
+    def _received(self, level: int, values: Array) -> Array:
+        """Return displacements at the quadrature points from those at the nodes of a degree."""
+        if level == FULL:
+            return values
+        n, out = self.nodes, np.empty(self.nodes.x.shape)
+        found = values @ disc_nodes(DEGREES[level])[2].T
+        for part in n.zones.parts(n.x.shape[1] * 4):
+            out[part] = np.einsum("tnk,nt->nk", basis(n.xi[part], n.eta[part], DEGREES[level]), found[part])
+        return out
 
-        Partners come together per degree; those too close for any come one by one at their nodes, without a matrix.
-        """
-        for k in self.used:
-            others = np.flatnonzero(self.level[i] == k)
-            if others.size:
-                here, there = (
-                    (self.x[k][m].ravel(), self.y[k][m].ravel(), self.loads[k][m].ravel()) for m in (i, others)
-                )
-                yield self.matrices[i][k], here, there
-        for j in np.flatnonzero(self.level[i] == len(DEGREES)):
-            here, there = ((n.x, n.y, n.loads) for n in (self.nodes[i], self.nodes[j]))
-            yield None, here, there
+    def _blocks(self, first: Indices, second: Indices, level: int) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield parts of the pairs, and dx, dy [m] between their nodes, shape (pairs, nodes, nodes)."""
+        x, y = self.places[level]
+        size = max(1, CACHED // x.shape[1] ** 2)
+        for start in range(0, len(first), size):
+            i, j = first[start : start + size], second[start : start + size]
+            yield slice(start, start + size), *(v[i][:, :, None] - v[j][:, None, :] for v in (x, y))
 
-    def displacement(self, i: int) -> Array:
-        """Return the displacement [m] at the quadrature points of zone i from all others."""
-        total = np.zeros(len(self.nodes[i].x))
-        for matrix, (x, y, _), there in self._partners(i):
-            w = point_displacement(self.kernel, x, y, *there)
-            total += w if matrix is None else matrix @ w
+    def displacement(self) -> Array:
+        """Return the displacement [m] at the quadrature points of every zone from all others."""
+        total = np.zeros(self.nodes.x.shape)
+        sums = {k: np.zeros(q.shape) for k, q in self.loads.items()}
+        for (level, first, second), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
+            for k, sign in self._kernels(level):
+                q = self.loads[k]
+                at_first, at_second = np.empty((len(first), q.shape[1])), np.empty((len(first), q.shape[1]))
+                for part, dx, dy in self._blocks(first, second, k):
+                    r = np.hypot(dx, dy)
+                    value = self._value(r, sign)
+                    at_first[part] = np.einsum("pab,pb->pa", value, q[second[part]])
+                    at_second[part] = np.einsum("pab,pa->pb", value, q[first[part]])
+                sums[k] += to_first @ at_first + to_second @ at_second
+        if self.far.mesh is not None:
+            k = self.mesh_level
+            x, y = self.places[k]
+            grid = self.far.mesh.field(self._points, self.loads[k])
+            sums[k] += (self._points.value @ grid).reshape(x.shape)
+            own = self.far.far(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
+            sums[k] -= np.einsum("nab,nb->na", own, self.loads[k])
+        for k, values in sums.items():
+            total += self._received(k, values)
         return total
 
-    def force(self, i: int) -> Array:
-        """Return T on zone i [N] by the mutual formula."""
-        total = np.zeros(2)
-        for _, (x, y, here), (at_x, at_y, there) in self._partners(i):
-            dx, dy = x[:, None] - at_x, y[:, None] - at_y
-            r = np.hypot(dx, dy)
-            g = self.kernel.scaled_slope(r) / r
-            total += here @ (g * dx) @ there, here @ (g * dy) @ there
+    def _kernels(self, level: int) -> list[tuple[int, str]]:
+        """Return levels and kernels whose sum replaces the mesh's part for near pairs of a level."""
+        if self.far.mesh is None:
+            return [(level, "whole")]
+        if level == self.mesh_level:
+            return [(level, "near")]
+        return [(level, "whole"), (self.mesh_level, "less far")]
+
+    def _value(self, r: Array, kernel: str) -> Array:
+        if kernel == "near":
+            return self.far.near(r)
+        return self.kernel.scaled(r) if kernel == "whole" else -self.far.far(r)
+
+    def _slope(self, r: Array, kernel: str) -> Array:
+        if kernel == "near":
+            return self.far.near_slope(r)
+        return self.kernel.scaled_slope(r) if kernel == "whole" else -self.far.far_slope(r)
+
+    def force(self) -> Array:
+        """Return T on every zone [N] by the mutual formula, shape (zones, 2)."""
+        total = np.zeros((self.count, 2))
+        for (level, first, second), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
+            for k, sign in self._kernels(level):
+                q, pull = self.loads[k], np.empty((len(first), 2))
+                for part, dx, dy in self._blocks(first, second, k):
+                    r = np.hypot(dx, dy)
+                    g = self._slope(r, sign) / r
+                    here, there = q[first[part]], q[second[part]]
+                    pull[part, 0] = np.einsum("pa,pab,pb->p", here, g * dx, there, optimize=True)
+                    pull[part, 1] = np.einsum("pa,pab,pb->p", here, g * dy, there, optimize=True)
+                total += to_first @ pull - to_second @ pull
+        if self.far.mesh is not None:
+            q = self.loads[self.mesh_level]
+            grid = self.far.mesh.field(self._points, q)
+            points = self.far.mesh.at(*self.places[self.mesh_level], slopes=True)
+            for axis, matrix in enumerate((points.dx, points.dy)):
+                assert matrix is not None
+                total[:, axis] += np.sum(q * (matrix @ grid).reshape(q.shape), axis=1)
         return total / self.kernel.singular
+
+
+def _incidence(owners: Indices, count: int) -> csr_matrix:
+    """Return the matrix that adds up rows by owner."""
+    return csr_matrix((np.ones(len(owners)), (owners, np.arange(len(owners)))), shape=(count, len(owners)))

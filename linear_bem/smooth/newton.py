@@ -18,12 +18,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
-from linear_bem.smooth.zone import Zone, basis
+from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.zone import Zone, stacked, unstacked
+from linear_bem.smooth.zone_stack import ZoneStack
 
 DIVERGED = 1e6
 """Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
@@ -41,14 +43,15 @@ class Rule:
     along: int
 
     @classmethod
-    def of(cls, zones: Sequence[Zone], thickness: float, more: int = 0) -> Rule:
+    def of(cls, zones: Sequence[Zone] | ZoneStack, thickness: float, more: int = 0) -> Rule:
         """Return a rule for zones of one degree; ``more`` raises it.
 
         Contact radius over layer thickness sets the nodes for the smooth kernel; an ellipse of aspect k has chords
         whose weights converge like ((k - 1)/(k + 1))^directions.
         """
-        degree = zones[0].degree + more
-        axes = np.linalg.svd([z.axes for z in zones], compute_uv=False)
+        stack = zones if isinstance(zones, ZoneStack) else stacked(zones)
+        degree = stack.degree + more
+        axes = np.linalg.svd(stack.axes, compute_uv=False)
         rough = int(min(40.0, 3.0 * float(np.max(axes)) / thickness))
         flat = float(np.max((axes[:, 0] - axes[:, 1]) / (axes[:, 0] + axes[:, 1])))
         directions = int(np.clip(23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
@@ -85,6 +88,63 @@ class Nodes:
     def force(self) -> float:
         """Integral of the pressure."""
         return float(self.weights @ self.pressure)
+
+
+@dataclass(frozen=True)
+class NodeStack:
+    """Zones of one degree with their quadrature: arrays as in `Nodes`, the zones as first axis."""
+
+    zones: ZoneStack
+    xi: Array
+    eta: Array
+    x: Array
+    y: Array
+    weights: Array
+    pressure: Array
+
+    @classmethod
+    def of(cls, zones: ZoneStack, rule: Rule) -> NodeStack:
+        """Return the nodes of many zones."""
+        xi, eta, weights, pressure = zones.quadrature(rule.radial, rule.angular)
+        return cls(zones, xi, eta, *zones.points(xi, eta), weights, pressure)
+
+    @classmethod
+    def joined(cls, nodes: Sequence[Nodes]) -> NodeStack:
+        """Return zones of one degree and one rule together."""
+        names = ("xi", "eta", "x", "y", "weights", "pressure")
+        return cls(stacked([n.zone for n in nodes]), *(np.array([getattr(n, name) for n in nodes]) for name in names))
+
+    def followed_by(self, other: NodeStack) -> NodeStack:
+        """Return these zones and others of their degree and rule."""
+        a, b = self.zones, other.zones
+        zones = (np.concatenate([getattr(z, k) for z in (a, b)]) for k in ("centre", "axes", "coefficients"))
+        centre, axes, coefficients = zones
+        names = ("xi", "eta", "x", "y", "weights", "pressure")
+        arrays = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
+        return NodeStack(ZoneStack(centre, axes, a.degree, coefficients), *arrays)
+
+    def __getitem__(self, part: slice | Indices | Mask) -> NodeStack:
+        arrays = (self.xi, self.eta, self.x, self.y, self.weights, self.pressure)
+        return NodeStack(self.zones[part], *(v[part] for v in arrays))
+
+    @property
+    def loads(self) -> Array:
+        """Point loads at the nodes."""
+        return self.weights * self.pressure
+
+    @property
+    def forces(self) -> Array:
+        """Integrals of the pressures."""
+        return np.asarray(np.sum(self.loads, axis=1))
+
+    def single(self) -> tuple[Nodes, ...]:
+        """Return the zones one by one."""
+        out = []
+        for i, zone in enumerate(unstacked(self.zones)):
+            variations = 0.5 * basis(self.xi[i], self.eta[i], zone.degree).T / self.pressure[i, :, None]
+            points = self.xi[i], self.eta[i], self.x[i], self.y[i]
+            out.append(Nodes(zone, *points, self.weights[i], self.pressure[i], variations))
+        return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -179,15 +239,19 @@ def solve_zones(
 
 
 def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
-    """Return the solution of equations whose rows and columns are scaled by ``size``; raises `NotConverged`."""
+    """Return the solution of equations (many, too) whose rows and columns are scaled by ``size``.
+
+    ``right`` has the shape (..., terms) or (..., terms, right sides). Raises `NotConverged`.
+    """
+    columns = right[..., None] if right.ndim == size.ndim else right
     try:
-        solution = np.linalg.solve(matrix / size[:, None] / size, (right.T / size).T)
+        solution = np.linalg.solve(matrix / size[..., :, None] / size[..., None, :], columns / size[..., None])
     except np.linalg.LinAlgError as singular:
         raise NotConverged(
             "smooth contact: the equations of Newton's method are singular, as where contacts merge or vanish during "
             "the iteration; press balls less deep or closer to equal depth"
         ) from singular
-    return np.asarray((solution.T / size).T)
+    return np.asarray((solution / size[..., None]).reshape(right.shape))
 
 
 def _newton_step(

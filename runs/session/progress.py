@@ -12,6 +12,8 @@ from runs.display.numbers import Scale, attraction, duration, number
 from runs.process import signals
 
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
+EVERY = 2.0
+"""Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")
 
 
@@ -46,6 +48,7 @@ class Progress:
         self.scale, self.goal, self.root = scale, goal, root
         self.take, self.log, self.draw = take, log, draw
         self._began = self._step_began = time.monotonic()
+        self._noted = self._began
         self._cuts = 0
 
     def started(self, info: Mapping[str, Any]) -> None:
@@ -74,6 +77,16 @@ class Progress:
     def newton(self, iteration: int, residual: float) -> None:
         """Check for an interruption at every iteration."""
         signals.check()
+
+    def note(self, text: str) -> None:
+        """Print a line of a solver that reports no load steps, every few seconds, and check for an interruption."""
+        signals.check()
+        now = time.monotonic()
+        if self.root and now - self._noted > EVERY:
+            self._noted = now
+            words = f"{text}   {duration(now - self._began)} in all"
+            tell(words)
+            self.log(words)
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
         """Pass the step to ``take``, then print it: a printed step is already on disk.

@@ -134,7 +134,10 @@ class Session:
             tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
         scene = self.scene
-        run = Run(scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps)
+        run = Run(
+            scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps,
+            report=progress.note,
+        )  # fmt: skip
         result = self.model.solve(self.problem, run)
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)

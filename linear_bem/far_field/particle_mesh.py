@@ -1,0 +1,105 @@
+r"""Convolution of point loads with a smooth radial kernel on a mesh, for loads that do not repeat periodically.
+
+Loads are spread to the nodes of a square mesh by B-splines, convolved there by FFT (on twice the mesh's size, so that
+nothing wraps around), and the field is interpolated by the same splines: a symmetric operator. Its transform is the
+kernel's, divided per direction by b(k), p the splines' order, H the spacing and b the transform of the spline of order
+2 p at whole numbers. That is the factor of least mean square error [Hockney and Eastwood 1988, Computer Simulation
+Using Particles, section 8-3] up to waves near pi/H, and smooth and periodic in k, so that the mesh's end is felt at few
+nodes only. A wave of k = x pi/H is reproduced to about (x/(2 - x))^p of itself; what the kernel has beyond pi/H is
+lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.sparse import csr_matrix
+
+from linear_bem.arrays import Array
+
+ORDER = 8
+"""Order of the B-splines (degree 7): 64 nodes per point."""
+
+
+def _splines(offset: Array, order: int) -> list[Array]:
+    """Return M_order(offset + j) for j = 0, ..., order - 1; M is the B-spline on [0, order], offset in [0, 1)."""
+    values = [np.ones_like(offset)]
+    for m in range(2, order + 1):
+        above = [*values, np.zeros_like(offset)]
+        below = [np.zeros_like(offset), *values]
+        values = [((offset + j) * above[j] + (m - j - offset) * below[j]) / (m - 1) for j in range(m)]
+    return values
+
+
+@dataclass(frozen=True)
+class Points:
+    """Splines at points: `value`, and the derivatives `dx`, `dy` [1/m] where asked for, of shape (points, nodes)."""
+
+    value: csr_matrix
+    dx: csr_matrix | None = None
+    dy: csr_matrix | None = None
+
+
+def mesh_shape(low: Array, high: Array, spacing: float) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the numbers of nodes that cover a rectangle, and those of the mesh of twice the size."""
+    nodes = tuple(int(np.ceil((high[k] - low[k]) / spacing)) + ORDER + 2 for k in (0, 1))
+    doubled = tuple(int(next_fast_len(2 * (n + ORDER), real=True)) for n in nodes)
+    return (nodes[0], nodes[1]), (doubled[0], doubled[1])
+
+
+class ParticleMesh:
+    """A mesh over the rectangle from ``low`` to ``high`` [m], and a ``radial`` kernel on it as a function of r [m]."""
+
+    def __init__(self, low: Array, high: Array, spacing: float, radial: Callable[[Array], Array]) -> None:
+        self.spacing = spacing
+        self.nodes, self.doubled = mesh_shape(low, high, spacing)
+        self.origin = np.asarray(low, dtype=float) - spacing * (ORDER // 2)
+        along = [np.minimum(np.arange(n), n - np.arange(n)) * spacing for n in self.doubled]
+        kernel = np.empty(self.doubled)
+        half = self.doubled[0] // 2 + 1
+        for rows in np.array_split(np.arange(half), max(1, half * self.doubled[1] // 500_000)):
+            kernel[rows] = radial(np.hypot(along[0][rows, None], along[1]))
+        kernel[half:] = kernel[self.doubled[0] - np.arange(half, self.doubled[0])]
+        transform = rfft2(kernel).real
+        first, second = np.fft.fftfreq(self.doubled[0], 1.0), np.fft.rfftfreq(self.doubled[1], 1.0)
+        self.transform = transform * _factor(first)[:, None] * _factor(second)
+
+    def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
+        """Return the splines at points [m]."""
+        weights, derivatives, indices = [], [], []
+        for axis, at in enumerate((x, y)):
+            scaled = (np.ravel(at) - self.origin[axis]) / self.spacing
+            base = np.floor(scaled)
+            values = np.stack(_splines(scaled - base, ORDER), axis=1)
+            weights.append(values)
+            indices.append(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
+            if slopes:
+                lower = np.stack([*_splines(scaled - base, ORDER - 1), np.zeros_like(scaled)], axis=1)
+                derivatives.append((lower - np.roll(lower, 1, axis=1)) / self.spacing)
+        count = np.size(x)
+        columns = (indices[0][:, :, None] * np.int32(self.nodes[1]) + indices[1][:, None, :]).ravel()
+        rows = np.arange(0, count * ORDER**2 + 1, ORDER**2, dtype=np.int32)
+        shape = (count, self.nodes[0] * self.nodes[1])
+
+        def matrix(u: Array, v: Array) -> csr_matrix:
+            return csr_matrix(((u[:, :, None] * v[:, None, :]).ravel(), columns, rows), shape=shape)
+
+        if not slopes:
+            return Points(matrix(*weights))
+        return Points(matrix(*weights), matrix(derivatives[0], weights[1]), matrix(weights[0], derivatives[1]))
+
+    def field(self, points: Points, loads: Array) -> Array:
+        """Return the field at the mesh's nodes from loads at points; a `Points` matrix interpolates it."""
+        spread = (points.value.T @ loads.ravel()).reshape(self.nodes)
+        wide = irfft2(rfft2(spread, self.doubled) * self.transform, self.doubled)
+        return np.ascontiguousarray(wide[: self.nodes[0], : self.nodes[1]]).ravel()
+
+
+def _factor(waves: Array) -> Array:
+    """Return 1/b at wave numbers, in waves per spacing."""
+    at_whole = [float(v[0]) for v in _splines(np.zeros(1), 2 * ORDER)]
+    b = at_whole[ORDER] + 2.0 * sum(at_whole[ORDER + j] * np.cos(2.0 * np.pi * j * waves) for j in range(1, ORDER))
+    return np.asarray(1.0 / b)

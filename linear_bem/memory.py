@@ -1,0 +1,32 @@
+"""The memory that is free, and the refusal of problems that need more, before anything is allocated."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from linear_bem.errors import TooLarge
+
+SHARE = 0.9
+"""Share of the free memory that a problem may take."""
+
+
+def free_memory() -> float:
+    """Return the free memory [bytes]: what Linux could hand out without swapping, else all of the machine's."""
+    lines = Path("/proc/meminfo")
+    if lines.exists():
+        for line in lines.read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * float(line.split()[1])
+    if "SC_PHYS_PAGES" in getattr(os, "sysconf_names", {}):
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    return float("inf")
+
+
+def require(needed: float, what: str, remedy: str) -> None:
+    """Raise `TooLarge` if ``needed`` [bytes] is more than the free memory allows."""
+    free = free_memory()
+    if needed > SHARE * free:
+        raise TooLarge(
+            f"{what} needs about {needed / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free; {remedy}"
+        )

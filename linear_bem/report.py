@@ -1,0 +1,12 @@
+"""Lines of text about the progress of a solver, for whoever wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Report = Callable[[str], None]
+"""Takes a line at every step; an exception that it raises ends the solution."""
+
+
+def silent(text: str) -> None:
+    """Drop the line."""

@@ -1,0 +1,138 @@
+"""Many balls: one degree of p^2 is accepted where a sample of balls, solved exactly, has the requested T.
+
+Two degrees for all balls would cost several times as much as one. The error of T goes like the forces that neighbours
+exert on each other, so the largest ratio of the two on the sample, doubled, gives the error on every ball.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linear_bem.arrays import Array
+from linear_bem.error_estimate import least_error, pulls, reference_force
+from linear_bem.errors import NotConverged
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.lifted_balls import Touched, smooth_state
+from linear_bem.memory import require
+from linear_bem.problem import Problem
+from linear_bem.report import Report
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.smooth.exact_sample import sample_error
+from linear_bem.smooth.initial_guess import Start, solve_smooth
+from linear_bem.smooth.many_balls import Lost
+
+ROUGH = 3e-2
+"""Relative change at which sweeps at degree 2 end."""
+DEGREES = (4, 6, 8)
+"""Degrees of p^2, one after the other."""
+SWEPT, PAIRS = 0.03, 1e-2
+"""Last change of a sweep, and precision of a pair, over the requested accuracy of T."""
+UNSAMPLED = 2.0
+"""Error on any ball over the largest one in the sample, both over the neighbours' forces."""
+CHANGES = 40
+"""Largest number of times that balls may lose or find contact."""
+BYTES = 150e3
+"""Memory per ball."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Contacts, error of T [N] per ball, notes, and how the accuracy was judged."""
+
+    contacts: SmoothContacts
+    error: Array
+    notes: tuple[str, ...]
+    accuracy: Mapping[str, object]
+
+
+def require_memory(problem: Problem) -> None:
+    """Raise `TooLarge` where the balls are too many for the free memory."""
+    require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
+
+
+def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Sampled:
+    """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
+
+    Raises `NotConverged` where none does.
+    """
+    best: Sampled | None = None
+    start = _rough(problem, kernel, guess, wanted, report)
+    for degree in DEGREES:
+        try:
+            contacts = _at_degree(problem, kernel, degree, start, wanted, report)
+        except NotConverged:
+            if best is None:
+                raise
+            break
+        report(f"degree {degree}: {len(contacts.sample)} of {len(contacts.touching)} contacts are solved exactly")
+        best = _judged(contacts, wanted)
+        if not best.notes:
+            return best
+        start = Start(list(contacts.touching), [n.zone for n in contacts.smooth.nodes], contacts.approaches)
+    assert best is not None
+    return best
+
+
+def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float, report: Report) -> Start:
+    """Return the contacts at degree 2."""
+    start = guess
+    for _ in range(CHANGES):
+        try:
+            here = start.approaches.copy()
+            found = solve_smooth(problem, kernel, 2, start, start.touching, here, ROUGH, PAIRS * wanted, report)
+        except Lost as lost:
+            start = _without(start, lost)
+            continue
+        here[start.touching] = found.approaches
+        if problem.load.kind == "total_force":
+            here[:] = found.approaches[0]
+        return replace(start, zones=[n.zone for n in found.nodes], approaches=here)
+    raise NotConverged(f"linear_bem: balls lost contact {CHANGES} times; press them deeper or closer to equal depth")
+
+
+def _at_degree(
+    problem: Problem, kernel: LayeredKernel, degree: int, start: Start, wanted: float, report: Report
+) -> SmoothContacts:
+    for _ in range(CHANGES):
+        try:
+            return smooth_state(problem, kernel, degree, start, SWEPT * wanted, PAIRS * wanted, report)
+        except Lost as lost:
+            report(f"{len(start.touching) - len(lost.kept)} ball(s) lose contact")
+            start = _without(start, lost)
+        except Touched as touched:
+            report(f"{len(touched.zones)} ball(s) come into contact")
+            contacts = touched.contacts
+            zones = [n.zone for n in contacts.smooth.nodes]
+            start = touched.added_to(Start(list(contacts.touching), zones, contacts.approaches))
+    raise NotConverged(f"linear_bem: balls changed contact {CHANGES} times; press them deeper or closer to equal depth")
+
+
+def _without(start: Start, lost: Lost) -> Start:
+    return Start([start.touching[k] for k in lost.kept], lost.zones, start.approaches)
+
+
+def _judged(contacts: SmoothContacts, wanted: float) -> Sampled:
+    """Return the contacts with the error of T that the sample shows."""
+    sample, scale = sample_error(contacts), pulls(contacts)
+    balls = [contacts.touching[k] for k in sample.places]
+    ratio = float(np.max(sample.tangential_force / np.maximum(scale[balls], 1e-300)))
+    error = np.maximum((UNSAMPLED * ratio + contacts.smooth.residual) * scale, least_error(contacts))
+    reference = reference_force(contacts)
+    reached = float(np.max(error)) / reference
+    accuracy = {
+        "requested": wanted,
+        "reached": reached,
+        "sample": balls,
+        "sample_error": float(np.max(sample.tangential_force)) / reference,
+        "forces_and_approaches": sample.settled,
+    }
+    notes: tuple[str, ...] = ()
+    if reached > wanted:
+        notes = (
+            f"T was requested to {wanted:.0e} of its largest size and is estimated to {reached:.0e}: "
+            f"{len(balls)} balls solved exactly differ by up to {accuracy['sample_error']:.0e}",
+        )
+    return Sampled(contacts, error, notes, accuracy)

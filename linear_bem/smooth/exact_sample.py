@@ -1,0 +1,71 @@
+"""Some of many balls solved again, exactly: the error of their T that the solver's degrees, pairs and mesh leave.
+
+Each ball of `SmoothContacts.sample` is pressed into the surface that all others have moved, summed directly over all of
+them, at a higher degree of p^2 and as the only ball. Its T follows from another direct sum. What remains the same are
+the others' pressures, whose errors are of second order in this one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linear_bem.arrays import Array
+from linear_bem.errors import NotConverged
+from linear_bem.load_control import Groups
+from linear_bem.profiles import Height, height
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.smooth.displacement import DirectSums
+from linear_bem.smooth.multipole import disc_nodes, interpolation
+from linear_bem.smooth.newton import solve_zones
+
+PRECISE = 1e-8
+"""Relative precision of direct sums and single balls."""
+SHARPER = 4
+"""Degrees by which the single ball's p^2 is above the solver's."""
+WIDER, ROUND = 1.2, 10
+"""Disc about a contact, over its reach, on which the others' displacement is a polynomial, and its degree."""
+
+
+@dataclass(frozen=True)
+class SampleError:
+    """Places of the sample in ``touching``, errors of T [N], largest relative error of forces and approaches."""
+
+    places: tuple[int, ...]
+    tangential_force: Array
+    settled: float
+
+
+def sample_error(contacts: SmoothContacts) -> SampleError:
+    """Return the errors of T on the balls of the sample; infinite where a ball alone finds no solution."""
+    direct = DirectSums(contacts.kernel, contacts.smooth.nodes, PRECISE)
+    errors, settled = [], 0.0
+    for k in contacts.sample:
+        ball, n = contacts.touching[k], contacts.smooth.nodes[k]
+        spread = WIDER * n.zone.reach
+        x, y = (c + spread * u for c, u in zip(n.zone.centre, disc_nodes(ROUND)[:2], strict=True))
+        shape = _risen(height(contacts.problem.balls[ball]), n.zone.centre, spread, direct.displacement(k, x, y, False))
+        approach, force = contacts.approaches[[ball]], n.force
+        given = contacts.problem.load.kind == "force"
+        groups: Groups = [([0], force)] if given else []
+        zone = n.zone.reframed(n.zone.degree + SHARPER)
+        try:
+            alone = solve_zones(contacts.kernel, [shape], [zone], approach, groups, PRECISE)
+        except NotConverged:
+            errors.append(np.inf)
+            continue
+        errors.append(float(np.max(np.abs(direct.force(k, alone.nodes[0]) - contacts.mutual_force[ball]))))
+        change = alone.approaches[0] / approach[0] if given else alone.nodes[0].force / force
+        settled = max(settled, abs(float(change) - 1.0))
+    return SampleError(contacts.sample, np.array(errors), settled)
+
+
+def _risen(profile: Height, centre: Array, spread: float, values: Array) -> Height:
+    """Return a ball's height above a surface that already has these displacements [m] on a disc's nodes."""
+
+    def shape(x: Array, y: Array) -> Array:
+        outside = interpolation((x - centre[0]) / spread, (y - centre[1]) / spread, ROUND) @ values
+        return np.asarray(profile(x, y) + outside)
+
+    return shape

@@ -1,0 +1,85 @@
+"""Polynomials of two variables on the unit disc: basis, values, and points to fit them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from linear_bem.arrays import Array, Indices
+
+
+@lru_cache(maxsize=32)
+def exponents(degree: int) -> tuple[Indices, Indices]:
+    """Return the pairs (i, j), i + j <= degree, of the basis T_i(xi) T_j(eta), ordered by total degree."""
+    pairs = [(k - j, j) for k in range(degree + 1) for j in range(k + 1)]
+    i, j = np.array(pairs).T
+    return i, j
+
+
+def basis(xi: Array, eta: Array, degree: int) -> Array:
+    """Return the basis polynomials, shape (terms, *xi.shape)."""
+    t_xi, t_eta = _chebyshev(xi, degree), _chebyshev(eta, degree)
+    pairs = exponents(degree)
+    out = np.empty((len(pairs[0]), *np.shape(xi)))
+    for k, (i, j) in enumerate(zip(*pairs, strict=True)):
+        np.multiply(t_xi[i], t_eta[j], out=out[k, ...])
+    return out
+
+
+def _chebyshev(x: Array, degree: int) -> Array:
+    """Return T_0, ..., T_degree, shape (degree + 1, *x.shape)."""
+    out = np.empty((degree + 1, *np.shape(x)))
+    out[0] = 1.0
+    if degree > 0:
+        out[1] = x
+    for k in range(2, degree + 1):
+        np.multiply(2.0 * x, out[k - 1], out=out[k, ...])
+        out[k] -= out[k - 2]
+    return out
+
+
+@lru_cache(maxsize=32)
+def fit_nodes(degree: int) -> tuple[Array, Array, Array]:
+    """Return points of the unit disc and the matrix that fits a polynomial through values there."""
+    rings = degree // 2 + 2
+    radius = np.repeat(np.cos((np.arange(rings) + 0.5) * np.pi / (2 * rings)), 2 * degree + 4)
+    angle = np.tile((np.arange(2 * degree + 4) + 0.5) * 2.0 * np.pi / (2 * degree + 4), rings)
+    xi, eta = radius * np.cos(angle), radius * np.sin(angle)
+    return xi, eta, np.linalg.pinv(basis(xi, eta, degree).T)
+
+
+@lru_cache(maxsize=64)
+def circle(count: int) -> tuple[Array, Array]:
+    """Return cosine and sine of ``count`` equally spaced angles."""
+    angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count
+    return np.cos(angle), np.sin(angle)
+
+
+@lru_cache(maxsize=32)
+def monomials(degree: int) -> Array:
+    """Return the power coefficients of every basis polynomial, shape (terms, degree + 1, degree + 1)."""
+    table = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        table[k, : k + 1] = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k, : k + 1])
+    i, j = exponents(degree)
+    return np.asarray(table[i][:, :, None] * table[j][:, None, :])
+
+
+def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree.
+
+    ``powers`` may have further axes, which are broadcast with those of x and y.
+    """
+    degree = len(powers) - 1
+    value = dx = dy = np.zeros(np.shape(x))
+    for i in range(degree, -1, -1):
+        row = np.zeros(np.shape(x)) + powers[i, degree - i]
+        slope = np.zeros(np.shape(x))
+        for j in range(degree - i - 1, -1, -1):
+            slope = slope * y + row
+            row = row * y + powers[i, j]
+        dx = dx * x + value
+        value = value * x + row
+        dy = dy * x + slope
+    return value, dx, dy

@@ -1,0 +1,269 @@
+"""Many contact zones of one degree at once: their edges, quadrature and singular integrals.
+
+A frame maps the plane of xi to the surface by x = centre + A xi, so that the contact is close to the
+unit disc. The pressure is the square root of a polynomial P(xi), which is exact for Hertz's elliptical contact. For
+every smooth indenter p is sqrt(1 - rho^2) times a smooth function, so p^2 is smooth and vanishes linearly at the edge:
+P converges like a Taylor series, and the edge is the zero line of P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from linear_bem.arrays import Array, Indices, Mask
+from linear_bem.layer.kernel import gauss
+from linear_bem.smooth.polynomials import basis, circle, fit_nodes, horner, monomials
+
+CACHED = 200_000
+"""Numbers per array up to which zones are treated together, so that arrays stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class ZoneStack:
+    """Zones of one degree: ``centre`` (zones, 2) [m], ``axes`` (zones, 2, 2) [m], ``coefficients`` (zones, terms) of P.
+
+    Arrays of points have the zones as their first axis.
+    """
+
+    centre: Array
+    axes: Array
+    degree: int
+    coefficients: Array
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+    def __getitem__(self, part: slice | Indices | Mask) -> ZoneStack:
+        return ZoneStack(self.centre[part], self.axes[part], self.degree, self.coefficients[part])
+
+    @property
+    def jacobian(self) -> Array:
+        """Areas [m^2] of the frames' unit squares."""
+        return np.asarray(np.abs(np.linalg.det(self.axes)))
+
+    @property
+    def reach(self) -> Array:
+        """Largest semi-axes [m] of the frames."""
+        return np.asarray(np.linalg.svd(self.axes, compute_uv=False)[:, 0])
+
+    def parts(self, numbers: int) -> Iterator[slice]:
+        """Yield slices of as many zones as fit the cache with so many numbers per zone and array."""
+        size = max(1, CACHED // numbers)
+        return (slice(start, start + size) for start in range(0, len(self), size))
+
+    def powers(self, axes: int) -> Array:
+        """Return the coefficients of P in powers of xi and eta, shape (i, j, zones), and ``axes`` more of length 1."""
+        both = np.einsum("nt,tij->ijn", self.coefficients, monomials(self.degree))
+        return both.reshape(*both.shape, *(1,) * axes)
+
+    def points(self, xi: Array, eta: Array) -> tuple[Array, Array]:
+        """Return the surface coordinates x, y [m], shape (zones, points), of frame points."""
+        a, c = self.axes[..., None], self.centre[..., None]
+        return c[:, 0] + a[:, 0, 0] * xi + a[:, 0, 1] * eta, c[:, 1] + a[:, 1, 0] * xi + a[:, 1, 1] * eta
+
+    def frame(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return the frame coordinates of surface points."""
+        b = np.linalg.inv(self.axes)[..., None]
+        dx, dy = x - self.centre[:, :1], y - self.centre[:, 1:]
+        return b[:, 0, 0] * dx + b[:, 0, 1] * dy, b[:, 1, 0] * dx + b[:, 1, 1] * dy
+
+    def squared_pressure(self, xi: Array, eta: Array) -> Array:
+        """Return P = p^2 at frame points (negative outside the contact)."""
+        return np.asarray(np.einsum("nt,tnk->nk", self.coefficients, basis(xi, eta, self.degree)))
+
+    def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
+        """Return the distance (frame units) from interior points along unit directions to the edge.
+
+        For P of degree 2 this is a root of the quadratic along the chord; else Newton's method starts from there.
+        """
+        p = self.powers(np.ndim(xi) - 1)
+        a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
+        b = (p[1, 0] + 2.0 * p[2, 0] * xi + p[1, 1] * eta) * cos + (p[0, 1] + p[1, 1] * xi + 2.0 * p[0, 2] * eta) * sin
+        c = p[0, 0] + p[1, 0] * xi + p[0, 1] * eta + p[2, 0] * xi * xi + p[1, 1] * xi * eta + p[0, 2] * eta * eta
+        root = b * b - 4.0 * a * c
+        hopeful = (a < 0.0) & (root > 0.0)
+        quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
+        if self.degree <= 2 and np.all(hopeful):
+            return np.maximum(quadratic, 1e-12)
+        along = xi * cos + eta * sin
+        on_circle = -along + np.sqrt(np.maximum(along * along + 1.02**2 - xi**2 - eta**2, 0.0))
+        t = np.maximum(np.where(np.abs(quadratic - on_circle) < 0.1, quadratic, on_circle), 0.01)
+        floor = -1e-6 * np.abs(self.coefficients[:, 0]).reshape(-1, *(1,) * (np.ndim(xi) - 1))
+        for _ in range(40):
+            value, dx, dy = horner(p, xi + t * cos, eta + t * sin)
+            move = value / np.minimum(dx * cos + dy * sin, floor)
+            t = t - np.minimum(np.maximum(move, -0.3), 0.3)
+            if np.max(np.abs(move)) < 3e-8:
+                break  # the next step, quadratically smaller, is below roundoff
+        return np.maximum(t, 1e-12)
+
+    def outline(self, count: int = 64) -> tuple[Array, Array]:
+        """Return points x, y [m] of the contacts' edges, shape (zones, count)."""
+        cos, sin = circle(count)
+        zero = np.zeros((len(self), count))
+        radius = self.edge(zero, zero, cos, sin)
+        return self.points(radius * cos, radius * sin)
+
+    def peaks(self, xi: Array, eta: Array) -> Array:
+        """Return the largest P near points (zones,) of large P, by Newton's method on its gradient."""
+        p, step = self.powers(0), 1e-4
+        x, y = xi, eta
+        for _ in range(6):
+            (_, gx, gy), (_, ax, ay), (_, bx, by) = (
+                horner(p, x + dx, y + dy) for dx, dy in ((0.0, 0.0), (step, 0.0), (0.0, step))
+            )
+            xx, yy, xy = (ax - gx) / step, (by - gy) / step, 0.5 * ((ay - gy) + (bx - gx)) / step
+            determinant = xx * yy - xy * xy
+            peaked = (xx < 0.0) & (determinant > 0.0)
+            safe = np.where(peaked, determinant, 1.0)
+            x = np.clip(x - np.where(peaked, (yy * gx - xy * gy) / safe, 0.0), xi - 0.3, xi + 0.3)
+            y = np.clip(y - np.where(peaked, (xx * gy - xy * gx) / safe, 0.0), eta - 0.3, eta + 0.3)
+        return np.asarray(np.maximum(horner(p, x, y)[0], horner(p, xi, eta)[0]))
+
+    def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
+        """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.
+
+        Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr is proportional to sin(phi).
+        """
+        cos, sin = circle(angular)
+        zero = np.zeros((len(self), angular))
+        edge = self.edge(zero, zero, cos, sin)[:, None, :]
+        phi, w = gauss(radial)
+        phi, w = 0.25 * np.pi * (1.0 + phi)[:, None], 0.25 * np.pi * w[:, None]
+        r = edge * np.cos(phi)
+        xi, eta = (r * cos).reshape(len(self), -1), (r * sin).reshape(len(self), -1)
+        weights = (w * np.sin(phi) * edge * r * (2.0 * np.pi / angular)).reshape(xi.shape) * self.jacobian[:, None]
+        p = np.sqrt(np.maximum(self.squared_pressure(xi, eta), 1e-300))
+        return xi, eta, weights, p
+
+    def half_space(
+        self, xi: Array, eta: Array, directions: int, along: int, derivative: bool = True
+    ) -> tuple[Array, Array]:
+        """Return int p/|x - x'| dA' at frame points inside, and its derivative by the coefficients of P.
+
+        Polar coordinates about each target remove the singularity. Along each chord the rule is Gauss-Chebyshev, exact
+        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (zones,
+        targets) and (zones, targets, terms); without ``derivative`` the latter has no terms.
+        """
+        angle = (np.arange(directions) + 0.5) * np.pi / directions
+        cos, sin = np.cos(angle), np.sin(angle)
+        beta = (np.arange(along) + 0.5) * np.pi / along
+        a = self.axes[..., None]
+        stretch = np.hypot(a[:, 0, 0] * cos + a[:, 0, 1] * sin, a[:, 1, 0] * cos + a[:, 1, 1] * sin)
+        measure = np.pi / along * np.pi / directions * self.jacobian[:, None] / stretch
+        terms = self.coefficients.shape[1] if derivative else 0
+        potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
+        for part in self.parts(xi.shape[1] * directions * along * max(1, terms // 8)):
+            x, y = xi[part, :, None], eta[part, :, None]
+            chord = _Chords.through(self[part], x, y, cos, sin)
+            ahead, back = chord.ends()
+            half, middle = 0.5 * (ahead + back)[..., None], 0.5 * (ahead - back)[..., None]
+            t = middle + half * np.cos(beta)
+            weight = half * np.sin(beta) * measure[part, None, :, None]
+            p = np.sqrt(np.maximum(chord.squared_pressure(t), 1e-300))
+            potential[part] = np.sum(weight * p, axis=(2, 3))
+            if derivative:
+                share = (0.5 * weight / p).reshape(*x.shape[:2], -1)
+                u, v = x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None]
+                phi = basis(u, v, self.degree).reshape(terms, *share.shape)
+                changes[part] = np.einsum("tnkc,nkc->nkt", phi, share)
+        return potential, changes
+
+    def reframed(self, degree: int) -> ZoneStack:
+        """Return the same pressures in the frames that map their edges closest to the unit circle, at a new degree."""
+        outline = np.stack(self.outline(32), axis=1)
+        centre = outline.mean(axis=2)
+        d = outline - centre[:, :, None]
+        scale, turn = np.linalg.eigh(2.0 * d @ d.transpose(0, 2, 1) / d.shape[2])
+        mean = np.sqrt(scale.mean(axis=1))[:, None, None] * np.eye(2)
+        round_enough = scale[:, 1] - scale[:, 0] < 1e-3 * scale[:, 1]
+        axes = np.where(round_enough[:, None, None], mean, turn * np.sqrt(np.maximum(scale, 0.0))[:, None, :])
+        xi, eta, fit = fit_nodes(degree)
+        new = replace(self, centre=centre, axes=axes, degree=degree)
+        old = self.frame(*new.points(xi, eta))
+        return replace(new, coefficients=self.squared_pressure(*old) @ fit.T)
+
+
+@dataclass(frozen=True)
+class _Chords:
+    """P along chords through points: polynomials of (t - ``middle``) / ``half``, t the distance from the point.
+
+    The interval from -1 to 1 is the part of the chord in a disc a little larger than the unit disc.
+    """
+
+    middle: Array
+    half: Array
+    coefficients: Array
+    start: tuple[Array, Array]
+
+    @classmethod
+    def through(cls, zones: ZoneStack, x: Array, y: Array, cos: Array, sin: Array) -> _Chords:
+        """Return the chords through points (zones, points, 1) in some directions."""
+        middle = -(x * cos + y * sin)
+        half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
+        nodes, chebyshev, powers = _chord_rule(zones.degree)
+        t = middle + half * nodes[:, None, None, None]
+        values = _value(zones.powers(2), x + t * cos, y + t * sin)
+        c0, c1, c2 = np.tensordot(chebyshev, values, 1)
+        # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
+        root = c1 * c1 - 8.0 * c2 * (c0 - c2)
+        hopeful = (c2 < 0.0) & (root > 0.0)
+        root, c2 = np.sqrt(np.where(hopeful, root, 0.0)), np.where(hopeful, 4.0 * c2, -1.0)
+        ends = [np.where(hopeful, (-c1 + sign * root) / c2, -sign) for sign in (-1.0, 1.0)]
+        trusted = [np.where(np.abs(u - end) * half < 0.2, u, end) for u, end in zip(ends, (1.0, -1.0), strict=True)]
+        return cls(middle, half, np.tensordot(powers, values, 1), (trusted[0], trusted[1]))
+
+    def ends(self) -> tuple[Array, Array]:
+        """Return the distances from the points to the edge, ahead and back, by Newton's method."""
+        size = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
+        out = []
+        for sign, start in zip((1.0, -1.0), self.start, strict=True):
+            u = start
+            for _ in range(40):
+                value, slope = np.zeros_like(u), np.zeros_like(u)
+                for c in self.coefficients[::-1]:
+                    slope = slope * u + value
+                    value = value * u + c
+                move = value / np.minimum(sign * slope, size)
+                u = u - sign * np.minimum(np.maximum(move, -0.3), 0.3)
+                if np.max(np.abs(move) * self.half) < 3e-8:
+                    break  # the next step, quadratically smaller, is below roundoff
+            out.append(np.maximum(sign * (self.middle + self.half * u), 1e-12))
+        return out[0], out[1]
+
+    def squared_pressure(self, t: Array) -> Array:
+        """Return P at distances t, shape (zones, points, chords, distances)."""
+        u = (t - self.middle[..., None]) / self.half[..., None]
+        value = np.zeros_like(u)
+        for c in self.coefficients[::-1, ..., None]:
+            value *= u
+            value += c
+        return value
+
+
+@lru_cache(maxsize=16)
+def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
+    """Return nodes on [-1, 1], and matrices from values to the Chebyshev coefficients up to 2 and to powers."""
+    nodes = np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
+    powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
+    return nodes, inverse[:3], powers
+
+
+def _value(powers: Array, x: Array, y: Array) -> Array:
+    """Return a polynomial by Horner's rule; see `linear_bem.smooth.polynomials.horner`."""
+    degree = len(powers) - 1
+    value = np.zeros(np.shape(x))
+    row = np.empty(np.shape(x))
+    for i in range(degree, -1, -1):
+        row[:] = powers[i, degree - i]
+        for j in range(degree - i - 1, -1, -1):
+            row *= y
+            row += powers[i, j]
+        value *= x
+        value += row
+    return value
