@@ -15,7 +15,9 @@ class BallResult:
     """State of one ball: forces [N] on the ball, lengths [m], pressure [Pa], area [m^2].
 
     ``tangential_force_error`` is the model's absolute error estimate [N]; ``tangential_force_routes`` holds T [N] by
-    each of the independent formulas that the estimate is based on.
+    each of the independent formulas that the estimate is based on. ``errors`` holds absolute error estimates of the
+    other quantities by their names, "normal_force", "approach", "peak_pressure", "contact_area", where the model has
+    them.
     """
 
     position: tuple[float, float]
@@ -27,15 +29,18 @@ class BallResult:
     peak_pressure: float
     contact_area: float
     tangential_force_routes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object of this ball."""
-        return {
+        """Return the JSON object of this ball; ``errors`` only where the model has them."""
+        data = {
             **vars(self),
             "position": list(self.position),
             "tangential_force": list(self.tangential_force),
             "tangential_force_routes": {k: list(v) for k, v in self.tangential_force_routes.items()},
+            "errors": dict(self.errors),
         }
+        return data if self.errors else {k: v for k, v in data.items() if k != "errors"}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> BallResult:
@@ -44,7 +49,8 @@ class BallResult:
         tx, ty = data["tangential_force"]
         routes = {k: (v[0], v[1]) for k, v in data.get("tangential_force_routes", {}).items()}
         numbers = {f.name: float(data[f.name]) for f in fields(cls) if f.type == "float"}
-        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, **numbers)
+        errors = {k: float(v) for k, v in data.get("errors", {}).items()}
+        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, errors=errors, **numbers)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from math import tan
 
 import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.error_estimate import (
+    Errors,
     change,
     error_of_one,
+    errors_by_change,
+    errors_of_one,
     large_strain_note,
     least_error,
     missed_pulls,
@@ -22,7 +26,7 @@ from linear_bem.error_estimate import (
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
-from linear_bem.indenter import Sphere
+from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
@@ -36,9 +40,9 @@ WORTH_KEEPING = 5.0
 """Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
 ROUTES_SUFFICE = 1e-3
 """Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
-STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
-"""Contact radius over the sphere's, contact radius over the layer's thickness, number of balls. Up to that number,
-balls with a contact above one of the two radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
+"""Contact radius over the sphere's, over a cone's tan(slope) R, over the layer's thickness; number of balls. Up to that
+number, balls with a contact above one of the radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
@@ -50,12 +54,14 @@ class Solution:
     """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
 
     ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
-    difference between the mutual formula and the slope integral, whose errors are independent.
+    difference between the mutual formula and the slope integral, whose errors are independent. ``errors`` are those of
+    forces, approaches, peak pressures and areas.
     """
 
     problem: Problem
     contacts: Contacts
     tangential_force_error: Array
+    errors: Errors
     seconds: float
     notes: tuple[str, ...] = ()
 
@@ -85,6 +91,7 @@ class Solution:
                 peak_pressure=float(c.peak_pressures[i]),
                 contact_area=float(c.contact_areas[i]),
                 tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
+                errors={name: float(error[i]) for name, error in self.errors.items()},
             )
             for i, ball in enumerate(self.problem.balls)
         )
@@ -127,16 +134,16 @@ def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
     begun = time.perf_counter()
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
-    contacts, error, notes = _refined(problem, kernel, tangential_force)
+    contacts, error, errors, notes = _refined(problem, kernel, tangential_force)
     notes = (*(notes or small_force_note(contacts, error, tangential_force)), *large_strain_note(contacts))
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
-    return Solution(problem, contacts, error, time.perf_counter() - begun, notes)
+    return Solution(problem, contacts, error, errors, time.perf_counter() - begun, notes)
 
 
-Answer = tuple[Contacts, Array, tuple[str, ...]]
-"""Contacts, error of T [N] per ball, notes."""
+Answer = tuple[Contacts, Array, Errors, tuple[str, ...]]
+"""Contacts, error of T [N] per ball, errors of the rest, notes."""
 
 
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float) -> Answer:
@@ -156,10 +163,11 @@ def _enough(wanted: float) -> float:
 
 @dataclass(frozen=True)
 class _Refined:
-    """Contacts, error of T [N] per ball, that error over `reference_force`, and the relative change of the rest."""
+    """Contacts, error of T [N] per ball and of the rest, that of T over `reference_force`, and the rest's change."""
 
     contacts: Contacts
     error: Array
+    errors: Errors
     reached: float
     settled: float
 
@@ -196,22 +204,23 @@ def _by_polynomials(problem: Problem, kernel: LayeredKernel, wanted: float, gues
             error = error_of_one(after)
             reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)
             if certified and wanted >= ROUTES_SUFFICE and reached <= wanted:
-                return after, error, ()
+                return after, error, errors_of_one(after), ()
         else:
             error, settled = change(before, after)
             error = np.maximum(error, route_difference(after))
             if after.smooth.residual > (precision if many else 0.0):
                 error = error + 3.0 * after.smooth.residual * pulls(after)
-            found = _Refined(after, error, float(np.max(error)) / reference_force(after), settled)
+            errors = errors_by_change(before, after)
+            found = _Refined(after, error, errors, float(np.max(error)) / reference_force(after), settled)
             if certified and (best is None or found.excess(wanted) < best.excess(wanted)):
                 best = found
             if certified and found.excess(wanted) <= 1.0:
-                return after, error, ()
+                return after, error, errors, ()
         before = after
     if best is None:
         return None
     if best.excess(wanted) <= WORTH_KEEPING or (best.reached <= 1e-3 and best.settled <= _enough(wanted)):
-        return best.contacts, best.error, (best.note("highest usable degree", wanted),)
+        return best.contacts, best.error, best.errors, (best.note("highest usable degree", wanted),)
     return None
 
 
@@ -229,13 +238,15 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         if contacts is None:
             break
         if last is None:
-            last = _Refined(contacts, np.full(problem.size, np.inf), np.inf, np.inf)
+            last = _Refined(contacts, np.full(problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
             continue
         error, settled = change(last.contacts, contacts)
         error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
-        last = _Refined(contacts, error, float(np.max(error)) / reference_force(contacts), settled)
+        known = last.errors if np.isfinite(last.reached) else None
+        errors = errors_by_change(last.contacts, contacts, known)
+        last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
-            return rested(contacts), error + missed_pulls(contacts), ()
+            return rested(contacts), error + missed_pulls(contacts), errors, ()
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     error, note = last.error, last.note(f"finest grid that {fits}", wanted)
@@ -243,13 +254,21 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
         note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
-    return rested(last.contacts), error + missed_pulls(last.contacts), (note,)
+    return rested(last.contacts), error + missed_pulls(last.contacts), last.errors, (note,)
 
 
 def _steep(problem: Problem, guess: Start) -> bool:
-    """Return whether a contact comes close to the equator of its sphere, where the profile is singular."""
-    spheres = ((problem.balls[i], zone) for i, zone in zip(guess.touching, guess.zones, strict=True))
-    return any(isinstance(b.indenter, Sphere) and z.radius > STEEP * b.radius for b, z in spheres)
+    """Return whether a contact comes close to the equator of its sphere, or is wide against the tip of its cone.
+
+    The profiles are singular at r = R, and at r = i tan(slope) R: polynomials then converge slowly.
+    """
+    for i, zone in zip(guess.touching, guess.zones, strict=True):
+        ball = problem.balls[i]
+        if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
+            return True
+        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * tan(ball.indenter.slope) * ball.radius:
+            return True
+    return False
 
 
 def _wide(kernel: LayeredKernel, guess: Start) -> bool:
