@@ -67,11 +67,17 @@ class Ball:
 
     ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), an `Indenter` such as ``Cone(slope, tip_radius)``, which
     sets the radius, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that takes and returns numpy arrays.
+
+    A body is whole by default: it must not overlap others. An ``asperity`` is a cap on a rigid surface, of which
+    only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross the
+    lower
+    one is there. Linear model only.
     """
 
     position: tuple[float, float]
     radius: float = math.nan
     shape: str | Indenter | Profile = "sphere"
+    asperity: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, Indenter) and math.isnan(self.radius):
@@ -135,6 +141,8 @@ class Problem:
         faults = [*self._material_faults(), *self._ball_faults(), *self._load_faults()]
         if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
+        if self.finite_strain is not None and any(ball.asperity for ball in self.balls):
+            faults.append("finite_strain: bodies must be whole, some balls are asperities; leave out the effect")
         if self.finite_strain is not None and self.finite_strain.law not in LAWS:
             faults.append(f'finite_strain.law: must be one of {", ".join(LAWS)}, got "{self.finite_strain.law}"')
         if faults:
@@ -219,7 +227,8 @@ class Problem:
             if gap < touch * (1.0 - 1e-9):
                 faults.append(
                     f"balls.positions: balls {i} and {j} overlap: their axes are {gap:g} m apart, "
-                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m"
+                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m; caps of a rough surface may "
+                    "stand closer: Ball(..., asperity=True)"
                 )
         return faults
 
@@ -254,10 +263,12 @@ def _are_numbers(values: object) -> bool:
 
 
 def _touching_distance(a: Ball, b: Ball) -> float:
-    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded.
+    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded or cut.
 
     Exact for balls, for punches and for equal ellipsoids. Cones are unbounded: they may merge above the layer.
     """
+    if a.asperity or b.asperity:
+        return 0.0
     if not any(isinstance(ball.shape, Indenter) and not isinstance(ball.shape, Sphere | Paraboloid) for ball in (a, b)):
         return 2.0 * math.sqrt(a.radius * b.radius)
     (x, y), (u, v) = a.position, b.position
