@@ -14,7 +14,7 @@ from linear_bem.interaction_energy import elastic_energy, energy_force
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.point_load import solve_point_load
-from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem, SurfaceResponse
 from linear_bem.result import BallResult, Result
 from linear_bem.sequence.contact_sequence import ContactSequence, SequenceState
 from linear_bem.solver import Solution, solve, solve_contact
@@ -43,6 +43,7 @@ __all__ = [
     "SequenceState",
     "Solution",
     "Sphere",
+    "SurfaceResponse",
     "ThirdBodyError",
     "UnsupportedProblem",
     "deepest_bulge",

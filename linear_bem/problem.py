@@ -62,6 +62,21 @@ class Layer(Elastic):
 
 
 @dataclass(frozen=True)
+class SurfaceResponse(Layer):
+    """A medium known by the response G of its surface, in place of layer and substrate; linear model only.
+
+    A pressure p cos(k x) displaces the surface down by 2 (1 - poisson^2)/(young k) G(k thickness) p cos(k x): ``young``
+    and ``poisson`` (-1 to 0.5) are those at the surface, ``thickness`` is the unit [m] that G's argument is counted in.
+    ``response`` takes and returns arrays; G > 0 must tend to 1 exponentially at large arguments, as where the material
+    next to the surface is homogeneous. ``far_ratio`` is G(0), the compliance far from a load over that of the material
+    at the surface (0 over a rigid base); None: measured by G at 1e-6. Derivation: linear_bem/README.md.
+    """
+
+    response: Callable[[Array], Array]
+    far_ratio: float | None = None
+
+
+@dataclass(frozen=True)
 class Ball:
     """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
 
@@ -70,8 +85,7 @@ class Ball:
 
     A body is whole by default: it must not overlap others. An ``asperity`` is a cap on a rigid surface, of which
     only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross the
-    lower
-    one is there. Linear model only.
+    lower one is there. Linear model only.
     """
 
     position: tuple[float, float]
@@ -195,8 +209,25 @@ class Problem:
                 continue
             if not (solid.young > 0.0 and math.isfinite(solid.young)):
                 faults.append(f"{name}.young: must be greater than 0 and finite, got {solid.young:g} Pa")
-            if not 0.0 <= solid.poisson <= 0.5:
-                faults.append(f"{name}.poisson: must lie between 0 and 0.5, got {solid.poisson:g}")
+            least = -1.0 if isinstance(solid, SurfaceResponse) else 0.0
+            if not least <= solid.poisson <= 0.5 or solid.poisson == -1.0:
+                faults.append(f"{name}.poisson: must lie between {least:g} and 0.5, got {solid.poisson:g}")
+        return faults + self._response_faults()
+
+    def _response_faults(self) -> list[str]:
+        if not isinstance(self.layer, SurfaceResponse):
+            return []
+        faults, own = [], self.layer
+        if not callable(own.response):
+            faults.append(f"layer.response: must be a function of k times thickness, got {own.response!r}")
+        if not math.isfinite(own.thickness):
+            faults.append(f"layer.thickness: must be finite where the response is given, got {own.thickness:g} m")
+        if own.far_ratio is not None and not 0.0 <= own.far_ratio < math.inf:
+            faults.append(f"layer.far_ratio: must not be negative, and finite, got {own.far_ratio}")
+        if self.substrate is not None:
+            faults.append("substrate: is part of the response in place of the layer, got another; leave it out")
+        if self.finite_strain is not None:
+            faults.append("finite_strain: needs a layer of a material, got the response of its surface; use linear_bem")
         return faults
 
     def _ball_faults(self) -> list[str]:

@@ -23,7 +23,7 @@ from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from scipy.special import erfc, j0
 
 from linear_bem.arrays import Array
-from linear_bem.layer.response import LayerResponse
+from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_of, scaled_media
 from linear_bem.problem import Elastic, Layer, Problem
 
 _SPACING = 0.02
@@ -77,7 +77,7 @@ def hankel(f: Callable[[Array], Array], rho: Array) -> Array:
     return out
 
 
-def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
+def smooth_kernel(response: LayerResponse | MeasuredResponse, rho: Array) -> Array:
     """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
     return hankel(lambda t: response(t) - 1.0, rho)
 
@@ -91,7 +91,7 @@ def even_spline(y: Array, values: Array, mirrored: int) -> BSpline:
 class _Table:
     """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y; its limit G(0) - 1 beyond the table."""
 
-    def __init__(self, response: LayerResponse) -> None:
+    def __init__(self, response: LayerResponse | MeasuredResponse) -> None:
         self.far = response.at_zero - 1.0
         y_end = float(np.arcsinh(1e4 / response.smallest_scale))
         y = _SPACING * np.arange(int(np.ceil(y_end / _SPACING)) + 1)
@@ -137,16 +137,16 @@ def _power_series(coefficients: Array, z: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _table(poisson: float, ratio: float | None, substrate_poisson: float) -> _Table:
-    substrate = None if ratio is None else Elastic(1.0 / ratio, substrate_poisson)
-    return _Table(LayerResponse(Elastic(1.0, poisson), substrate))
+def _table(layer: Layer, substrate: Elastic | None) -> _Table:
+    return _Table(response_of(layer, substrate))
 
 
 class LayeredKernel:
     """Surface displacement K(r) [m/N] under a unit normal point load, and its slope.
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
-    (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0).
+    (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
+    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds.
     """
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
@@ -154,10 +154,11 @@ class LayeredKernel:
         self.singular = (1.0 - layer.poisson**2) / (np.pi * layer.young)
         self.homogeneous = not np.isfinite(layer.thickness) or substrate == Elastic(layer.young, layer.poisson)
         self._table = None
-        self._response = LayerResponse(layer, substrate)
+        self._response = response_of(layer, substrate)
+        if isinstance(self._response, MeasuredResponse):
+            self.thickness, self.homogeneous = self._response.thickness, self._response.homogeneous
         if not self.homogeneous:
-            ratio = None if substrate is None else layer.young / substrate.young
-            self._table = _table(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
+            self._table = _table(*scaled_media(layer, substrate))
 
     @classmethod
     def of(cls, problem: Problem) -> LayeredKernel:
