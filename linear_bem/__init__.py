@@ -18,7 +18,7 @@ from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Loa
 from linear_bem.result import BallResult, Result
 from linear_bem.sequence.contact_sequence import ContactSequence, SequenceState
 from linear_bem.solver import Solution, solve, solve_contact
-from linear_bem.stress import vertical_stress
+from linear_bem.stress import interior_displacement, stress, vertical_stress
 
 __all__ = [
     "Ball",
@@ -49,10 +49,12 @@ __all__ = [
     "deepest_bulge",
     "elastic_energy",
     "energy_force",
+    "interior_displacement",
     "solve",
     "solve_contact",
     "solve_height_field",
     "solve_point_load",
+    "stress",
     "uniform_square_displacement",
     "vertical_stress",
 ]

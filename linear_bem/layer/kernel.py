@@ -20,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
-from scipy.special import erfc, j0
+from scipy.special import erfc, j0, jv
 
 from linear_bem.arrays import Array
 from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_of, scaled_media
@@ -45,15 +45,15 @@ def panels(edges: Array, order: int) -> tuple[Array, Array]:
     return (edges[:-1, None] + half * (1.0 + x)).ravel(), (half * w).ravel()
 
 
-@lru_cache(maxsize=1)
-def far_rule() -> tuple[Array, Array]:
-    """Return u_j and weights that contain J0(u_j) and the cut-off: int f(u) J0(u) du for f smooth in log u.
+@lru_cache(maxsize=3)
+def far_rule(order: int = 0) -> tuple[Array, Array]:
+    """Return u_j and weights that contain Jn(u_j) and the cut-off: int f(u) Jn(u) du for f smooth in log u.
 
-    Exact for constants (int J0 = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.
+    Exact for constants (int Jn = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.
     """
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 141.0, 4.0)])
     u, w = panels(edges, 12)
-    w = w * j0(u) * 0.5 * erfc((u - 80.0) / 9.0)
+    w = w * jv(order, u) * 0.5 * erfc((u - 80.0) / 9.0)
     return u, w / np.sum(w)
 
 
@@ -64,14 +64,15 @@ def near_rule() -> tuple[Array, Array]:
     return panels(edges, 12)
 
 
-def hankel(f: Callable[[Array], Array], rho: Array) -> Array:
-    """Return int_0^inf f(t) J0(rho t) dt for f smooth in log t that is negligible beyond t = 48."""
+def hankel(f: Callable[[Array], Array], rho: Array, order: int = 0) -> Array:
+    """Return int_0^inf f(t) Jn(rho t) dt, n = ``order``, for f smooth in log t that is negligible beyond t = 48."""
     rho = np.atleast_1d(np.asarray(rho, dtype=float))
     out = np.empty(rho.shape)
     near = rho <= _NEAR
     t, w = near_rule()
-    out[near] = j0(np.outer(rho[near], t)) @ (w * f(t))
-    u, omega = far_rule()
+    arguments = np.outer(rho[near], t)
+    out[near] = (j0(arguments) if order == 0 else jv(order, arguments)) @ (w * f(t))
+    u, omega = far_rule(order)
     for block in np.array_split(np.flatnonzero(~near), max(1, int(np.sum(~near)) // 256)):
         out[block] = (f(u / rho[block, None]) @ omega) / rho[block]
     return out
@@ -82,9 +83,9 @@ def smooth_kernel(response: LayerResponse | MeasuredResponse, rho: Array) -> Arr
     return hankel(lambda t: response(t) - 1.0, rho)
 
 
-def even_spline(y: Array, values: Array, mirrored: int) -> BSpline:
-    """Return the quintic spline through values at y = 0, ..., continued evenly by some points at y < 0."""
-    both = np.concatenate([values[mirrored:0:-1], values])
+def even_spline(y: Array, values: Array, mirrored: int, *, odd: bool = False) -> BSpline:
+    """Return the quintic spline through values at y = 0, ..., continued evenly (or oddly) by some points at y < 0."""
+    both = np.concatenate([(-1.0 if odd else 1.0) * values[mirrored:0:-1], values])
     return make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
 
 
