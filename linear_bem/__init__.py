@@ -17,7 +17,8 @@ from linear_bem.point_load import solve_point_load
 from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem, SurfaceResponse
 from linear_bem.result import BallResult, Result
 from linear_bem.sequence.contact_sequence import ContactSequence, SequenceState
-from linear_bem.solver import Solution, solve, solve_contact
+from linear_bem.solution import Solution
+from linear_bem.solver import solve, solve_contact
 from linear_bem.stress import interior_displacement, stress, vertical_stress
 
 __all__ = [

@@ -13,7 +13,8 @@ import numpy as np
 
 from linear_bem.problem import Load, Problem
 from linear_bem.profiles import difference
-from linear_bem.solver import Solution, solve_contact
+from linear_bem.solution import Solution
+from linear_bem.solver import solve_contact
 
 
 def elastic_energy(solution: Solution) -> float:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import tan
 
 import numpy as np
-import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.error_estimate import (
@@ -30,12 +29,11 @@ from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
-from linear_bem.result import BallResult, Result, Solved
+from linear_bem.result import Result
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
+from linear_bem.solution import CERTIFIED, Solution
 
-CERTIFIED = 1e-3
-"""Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
 WORTH_KEEPING = 5.0
 """Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
 ROUTES_SUFFICE = 1e-3
@@ -49,93 +47,60 @@ DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, one after the other."""
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
+def solve(problem: Problem, accuracy: float = 1e-4) -> Result:
+    """Return the small-strain result with T to a relative accuracy.
 
-    ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
-    difference between the mutual formula and the slope integral, whose errors are independent. ``errors`` are those of
-    forces, approaches, peak pressures and areas.
+    Parameters
+    ----------
+    problem
+        Layer, substrate, balls and load; SI units.
+    accuracy
+        Wanted error of T (0 to 1), relative to the largest T in the problem, or to 1e-4 of the force that a half-space
+        of the layer's material would transmit if that is more (T may pass through zero). Forces and approaches are
+        asked to the same accuracy, not below 1e-4 nor above 1e-3.
+
+    Returns
+    -------
+    Result
+        Per ball approach [m], normal force [N], tangential force [N] on the ball, peak pressure [Pa] and contact area
+        [m^2], each with its error. Where the accuracy cannot be reached, or T is known less accurately relative to
+        itself, ``result.solved.notes`` states the accuracy reached.
+
+    Raises
+    ------
+    InvalidProblem
+        Accuracy out of its range, a profile that is not convex or not 0 at its apex, no response of a surface.
+    UnsupportedProblem
+        An effect that this model lacks, or contacts that need more cells than fit.
+    NotConverged
+        No certified solution is found.
+
+    Examples
+    --------
+    >>> from linear_bem import Ball, Layer, Load, Problem, solve
+    >>> pair = (Ball((-8e-3, 0.0), 8e-3), Ball((8e-3, 0.0), 8e-3))
+    >>> result = solve(Problem(Layer(1e6, 0.48, 10e-3), pair, Load("approach", (1e-3, 1e-3))), accuracy=1e-3)
+    >>> ball = result.balls[0]
+    >>> print(f"Q = {ball.normal_force:.3f} N, T = {ball.tangential_force[0]:.4f} N")
+    Q = 7.107 N, T = -0.0105 N
+
     """
-
-    problem: Problem
-    contacts: Contacts
-    tangential_force_error: Array
-    errors: Errors
-    seconds: float
-    notes: tuple[str, ...] = ()
-
-    def pressure(self, x: Array, y: Array) -> Array:
-        """Return the contact pressure [Pa] at surface points [m]."""
-        return self.contacts.pressure(x, y)
-
-    def displacement(self, x: Array, y: Array) -> Array:
-        """Return the surface displacement [m], positive into the layer, at surface points [m]."""
-        return self.contacts.displacement(x, y)
-
-    def outline(self, ball: int) -> tuple[Array, Array]:
-        """Return points x, y [m] on the edge of one ball's contact."""
-        return self.contacts.outline(ball)
-
-    def result(self) -> Result:
-        """Return the numbers in the format that all models share."""
-        c = self.contacts
-        balls = tuple(
-            BallResult(
-                position=(float(ball.position[0]), float(ball.position[1])),
-                radius=float(ball.radius),
-                approach=float(c.approaches[i]),
-                normal_force=float(c.normal_forces[i]),
-                tangential_force=_pair(c.mutual_force[i]),
-                tangential_force_error=float(self.tangential_force_error[i]),
-                peak_pressure=float(c.peak_pressures[i]),
-                contact_area=float(c.contact_areas[i]),
-                tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
-                errors={name: float(error[i]) for name, error in self.errors.items()},
-            )
-            for i, ball in enumerate(self.problem.balls)
-        )
-        solved = Solved(
-            converged=True,
-            iterations=c.iterations,
-            unknowns=c.unknowns,
-            seconds=self.seconds,
-            versions={"numpy": np.__version__, "scipy": scipy.__version__},
-            notes=self.notes,
-            certificate=c.certificate,
-            tolerances=dict.fromkeys(c.certificate, CERTIFIED),
-        )
-        return Result(model="linear_bem", balls=balls, solved=solved)
+    return solve_contact(problem, accuracy).result()
 
 
-def _pair(v: Array) -> tuple[float, float]:
-    return float(v[0]), float(v[1])
-
-
-def solve(problem: Problem, tangential_force: float = 1e-4) -> Result:
-    """Return the small-strain result with T to the relative accuracy ``tangential_force``.
-
-    The accuracy is relative to the largest T in the problem, or to 1e-4 of the force that a half-space of the layer's
-    material would transmit if that is more (T may pass through zero). Where it cannot be reached, or T is known less
-    accurately relative to itself, ``result.solved.notes`` states the accuracy reached. Raises `InvalidProblem`,
-    `UnsupportedProblem`, and `NotConverged` where no certified solution is found.
-    """
-    return solve_contact(problem, tangential_force).result()
-
-
-def solve_contact(problem: Problem, tangential_force: float = 1e-4) -> Solution:
-    """Return the solution with its fields; see `solve`."""
+def solve_contact(problem: Problem, accuracy: float = 1e-4) -> Solution:
+    """Return the solution with its fields; parameters and errors as for `solve`."""
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
         )
-    if not 0.0 < tangential_force < 1.0:
-        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    if not 0.0 < accuracy < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
     begun = time.perf_counter()
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
-    contacts, error, errors, notes = _refined(problem, kernel, tangential_force)
-    notes = (*(notes or small_force_note(contacts, error, tangential_force)), *large_strain_note(contacts))
+    contacts, error, errors, notes = _refined(problem, kernel, accuracy)
+    notes = (*(notes or small_force_note(contacts, error, accuracy)), *large_strain_note(contacts))
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")

@@ -77,7 +77,7 @@ def _point_load(problem: Problem, run: Run) -> Result:
 def _linear_bem(problem: Problem, run: Run) -> Result:
     from linear_bem import solve  # noqa: PLC0415
 
-    return solve(problem, **_accuracy(run.tangential_force))
+    return solve(problem) if run.tangential_force is None else solve(problem, run.tangential_force)
 
 
 def load_path(problem: Problem) -> Sequence[float]:
