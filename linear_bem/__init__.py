@@ -14,11 +14,12 @@ from linear_bem.interaction_energy import elastic_energy, energy_force
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.point_load import solve_point_load
-from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem, SurfaceResponse
 from linear_bem.result import BallResult, Result
 from linear_bem.sequence.contact_sequence import ContactSequence, SequenceState
-from linear_bem.solver import Solution, solve, solve_contact
-from linear_bem.stress import vertical_stress
+from linear_bem.solution import Solution
+from linear_bem.solver import solve, solve_contact
+from linear_bem.stress import interior_displacement, stress, vertical_stress
 
 __all__ = [
     "Ball",
@@ -43,15 +44,18 @@ __all__ = [
     "SequenceState",
     "Solution",
     "Sphere",
+    "SurfaceResponse",
     "ThirdBodyError",
     "UnsupportedProblem",
     "deepest_bulge",
     "elastic_energy",
     "energy_force",
+    "interior_displacement",
     "solve",
     "solve_contact",
     "solve_height_field",
     "solve_point_load",
+    "stress",
     "uniform_square_displacement",
     "vertical_stress",
 ]

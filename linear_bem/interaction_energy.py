@@ -13,14 +13,8 @@ import numpy as np
 
 from linear_bem.problem import Load, Problem
 from linear_bem.profiles import difference
-from linear_bem.solver import Solution, solve_contact
-
-
-class _Passable(Problem):
-    """A problem whose balls may pass through each other."""
-
-    def _overlaps(self) -> list[str]:
-        return []
+from linear_bem.solution import Solution
+from linear_bem.solver import solve_contact
 
 
 def elastic_energy(solution: Solution) -> float:
@@ -41,9 +35,9 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     h = step if step is not None else 0.01 * min(others, default=problem.balls[ball].radius)
 
     def energy(dx: float, dy: float) -> float:
-        moved = list(problem.balls)
+        moved = [replace(b, asperity=True) for b in problem.balls]
         moved[ball] = replace(moved[ball], position=(float(here[0] + dx), float(here[1] + dy)))
-        shifted = _Passable(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
+        shifted = Problem(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
         return solve_contact(shifted, 1e-6).contacts.elastic_energy
 
     return -difference(lambda s: energy(s, 0.0), h), -difference(lambda s: energy(0.0, s), h)

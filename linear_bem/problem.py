@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
+from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
@@ -30,48 +31,21 @@ NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "parab
 
 
 @dataclass(frozen=True)
-class Elastic:
-    """Isotropic elastic constants: Young's modulus [Pa] and Poisson's ratio [-]."""
-
-    young: float
-    poisson: float
-
-    @property
-    def shear_modulus(self) -> float:
-        """Shear modulus [Pa]."""
-        return self.young / (2.0 * (1.0 + self.poisson))
-
-    @property
-    def lame_first(self) -> float:
-        """First Lame constant [Pa]; infinite for an incompressible material."""
-        if self.poisson == 0.5:
-            return math.inf
-        return self.young * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
-
-    @property
-    def contact_modulus(self) -> float:
-        """E / (1 - nu^2) [Pa], the modulus of frictionless contact with a rigid indenter."""
-        return self.young / (1.0 - self.poisson**2)
-
-
-@dataclass(frozen=True)
-class Layer(Elastic):
-    """The elastic layer: elastic constants and thickness [m] (``inf``: a half-space; 0: the substrate alone)."""
-
-    thickness: float
-
-
-@dataclass(frozen=True)
 class Ball:
     """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
 
     ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), an `Indenter` such as ``Cone(slope, tip_radius)``, which
     sets the radius, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that takes and returns numpy arrays.
+
+    A body is whole by default: it must not overlap others. An ``asperity`` is a cap on a rigid surface, of which
+    only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross the
+    lower one is there. Linear model only.
     """
 
     position: tuple[float, float]
     radius: float = math.nan
     shape: str | Indenter | Profile = "sphere"
+    asperity: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, Indenter) and math.isnan(self.radius):
@@ -132,9 +106,13 @@ class Problem:
         faults = self._type_faults()
         if faults:
             raise InvalidProblem(*faults)
-        faults = [*self._material_faults(), *self._ball_faults(), *self._load_faults()]
+        faults = [*material_faults(self.layer, self.substrate), *self._ball_faults(), *self._load_faults()]
         if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
+        if self.finite_strain is not None and isinstance(self.layer, SurfaceResponse):
+            faults.append("finite_strain: needs a layer of a material, got the response of its surface; use linear_bem")
+        if self.finite_strain is not None and any(ball.asperity for ball in self.balls):
+            faults.append("finite_strain: bodies must be whole, some balls are asperities; leave out the effect")
         if self.finite_strain is not None and self.finite_strain.law not in LAWS:
             faults.append(f'finite_strain.law: must be one of {", ".join(LAWS)}, got "{self.finite_strain.law}"')
         if faults:
@@ -176,21 +154,6 @@ class Problem:
             faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r}")
         return faults
 
-    def _material_faults(self) -> list[str]:
-        faults = []
-        thickness = self.layer.thickness
-        if not (thickness > 0.0 or (thickness == 0.0 and self.substrate is not None)):
-            rule = "must be greater than 0" if self.substrate is None else "must not be negative"
-            faults.append(f"layer.thickness: {rule}, got {thickness:g} m")
-        for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
-            if solid is None:
-                continue
-            if not (solid.young > 0.0 and math.isfinite(solid.young)):
-                faults.append(f"{name}.young: must be greater than 0 and finite, got {solid.young:g} Pa")
-            if not 0.0 <= solid.poisson <= 0.5:
-                faults.append(f"{name}.poisson: must lie between 0 and 0.5, got {solid.poisson:g}")
-        return faults
-
     def _ball_faults(self) -> list[str]:
         if not self.balls:
             return ["balls.positions: at least one ball is needed, got none"]
@@ -223,7 +186,8 @@ class Problem:
             if gap < touch * (1.0 - 1e-9):
                 faults.append(
                     f"balls.positions: balls {i} and {j} overlap: their axes are {gap:g} m apart, "
-                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m"
+                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m; caps of a rough surface may "
+                    "stand closer: Ball(..., asperity=True)"
                 )
         return faults
 
@@ -267,10 +231,12 @@ def _largest_half_width(ball: Ball) -> float:
 
 
 def _touching_distance(a: Ball, b: Ball) -> float:
-    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded.
+    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded or cut.
 
     Exact for balls, for punches and for equal ellipsoids. Cones are unbounded: they may merge above the layer.
     """
+    if a.asperity or b.asperity:
+        return 0.0
     if not any(isinstance(ball.shape, Indenter) and not isinstance(ball.shape, Sphere | Paraboloid) for ball in (a, b)):
         return 2.0 * math.sqrt(a.radius * b.radius)
     (x, y), (u, v) = a.position, b.position

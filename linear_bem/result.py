@@ -5,9 +5,17 @@ The dictionaries of ``to_dict`` are the public JSON format; their numbers are in
 
 from __future__ import annotations
 
+import html
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
+
+COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [N]", "peak p [Pa]", "area [m²]")
+"""Of the table of balls in `Result.summary`."""
+LONGEST = 20
+"""Number of balls in that table; of more balls those with the largest T."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +23,9 @@ class BallResult:
     """State of one ball: forces [N] on the ball, lengths [m], pressure [Pa], area [m^2].
 
     ``tangential_force_error`` is the model's absolute error estimate [N]; ``tangential_force_routes`` holds T [N] by
-    each of the independent formulas that the estimate is based on.
+    each of the independent formulas that the estimate is based on. ``errors`` holds absolute error estimates of the
+    other quantities by their names, "normal_force", "approach", "peak_pressure", "contact_area", where the model has
+    them.
     """
 
     position: tuple[float, float]
@@ -27,15 +37,18 @@ class BallResult:
     peak_pressure: float
     contact_area: float
     tangential_force_routes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object of this ball."""
-        return {
+        """Return the JSON object of this ball; ``errors`` only where the model has them."""
+        data = {
             **vars(self),
             "position": list(self.position),
             "tangential_force": list(self.tangential_force),
             "tangential_force_routes": {k: list(v) for k, v in self.tangential_force_routes.items()},
+            "errors": dict(self.errors),
         }
+        return data if self.errors else {k: v for k, v in data.items() if k != "errors"}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> BallResult:
@@ -44,7 +57,8 @@ class BallResult:
         tx, ty = data["tangential_force"]
         routes = {k: (v[0], v[1]) for k, v in data.get("tangential_force_routes", {}).items()}
         numbers = {f.name: float(data[f.name]) for f in fields(cls) if f.type == "float"}
-        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, **numbers)
+        errors = {k: float(v) for k, v in data.get("errors", {}).items()}
+        return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, errors=errors, **numbers)
 
 
 @dataclass(frozen=True)
@@ -111,8 +125,13 @@ class Solved:
             **{name: value for name, value in present.items() if value},
         }
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Solved:
+        """Return what ``to_dict`` wrote."""
+        return cls(**{**data, "notes": tuple(data.get("notes", ()))})
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Result:
     """A model's result: the final state of every ball, the load path if there is one, and how it was solved."""
 
@@ -130,3 +149,66 @@ class Result:
             "steps": [s.to_dict() for s in self.steps],
             "solved": self.solved.to_dict(),
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Result:
+        """Return the result that ``to_dict`` wrote; the scene is left out."""
+        balls = tuple(BallResult.from_dict(ball) for ball in data["balls"])
+        steps = tuple(Step.from_dict(step) for step in data.get("steps", ()))
+        return cls(data["model"], balls, Solved.from_dict(data["solved"]), steps)
+
+    def to_json(self, scene: Mapping[str, Any] | None = None) -> str:
+        """Return the JSON text; `from_json` gives back the same numbers to the last bit."""
+        return json.dumps(self.to_dict(scene), ensure_ascii=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> Result:
+        """Return the result that `to_json` wrote."""
+        return cls.from_dict(json.loads(text))
+
+    def __repr__(self) -> str:
+        """Return one short line: model, number of balls, the largest T with its error."""
+        size, error = max((math.hypot(*b.tangential_force), b.tangential_force_error) for b in self.balls)
+        count = f"{len(self.balls)} ball{'s' if len(self.balls) > 1 else ''}"
+        return f"Result({self.model}: {count}, largest T {size:.4g} ± {error:.1g} N)"
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        order = range(len(self.balls))
+        if len(self.balls) > LONGEST:
+            largest = sorted(order, key=lambda i: -math.hypot(*self.balls[i].tangential_force))
+            order = sorted(largest[:LONGEST])  # type: ignore[assignment]
+        return [
+            (str(i), *(f"{v:.6g}" for v in (*b.position, b.approach, b.normal_force, *b.tangential_force)),
+             f"{b.tangential_force_error:.1g}", f"{b.peak_pressure:.5g}", f"{b.contact_area:.5g}")
+            for i, b in ((i, self.balls[i]) for i in order)
+        ]  # fmt: skip
+
+    def _remarks(self) -> list[str]:
+        left = len(self.balls) - LONGEST
+        more = [f"{left} more balls; shown are those with the largest T"] if left > 0 else []
+        solved = self.solved
+        cost = f"{solved.unknowns} unknowns, {solved.iterations} iterations, {solved.seconds:.2g} s"
+        return [*more, cost, *(f"note: {note}" for note in solved.notes)]
+
+    def summary(self) -> str:
+        """Return model, state of the balls (at most `LONGEST`) in SI units, cost and notes as text."""
+        rows = [COLUMNS, *self._rows()]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
+        table = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+        return "\n".join([repr(self), *table, *self._remarks()])
+
+    def _repr_html_(self) -> str:
+        """Return `summary` as a table for notebooks."""
+
+        def line(cells: tuple[str, ...], tag: str) -> str:
+            return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+        body = "".join(line(row, "td") for row in self._rows())
+        remarks = "<br>".join(html.escape(remark) for remark in self._remarks())
+        return f"<p>{html.escape(repr(self))}</p><table>{line(COLUMNS, 'th')}{body}</table><p>{remarks}</p>"
+
+    def plot(self) -> Any:
+        """Return a matplotlib figure: contacts in plan, to scale, and T on every ball as an arrow."""
+        from linear_bem.plotting import plan_of_balls  # noqa: PLC0415  (matplotlib, only where something is drawn)
+
+        return plan_of_balls(self.balls)

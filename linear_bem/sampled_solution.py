@@ -6,13 +6,11 @@ exert on each other, so the largest ratio of the two on the sample, doubled, giv
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from linear_bem.arrays import Array
-from linear_bem.error_estimate import least_error, pulls, reference_force
+from linear_bem.error_estimate import errors_of_one, least_error, pulls, reference_force
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Touched, smooth_state
@@ -23,6 +21,7 @@ from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.initial_guess import Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost
+from linear_bem.solution import Estimated
 
 ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
@@ -38,27 +37,17 @@ BYTES = 150e3
 """Memory per ball."""
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """Contacts, error of T [N] per ball, notes, and how the accuracy was judged."""
-
-    contacts: SmoothContacts
-    error: Array
-    notes: tuple[str, ...]
-    accuracy: Mapping[str, object]
-
-
 def require_memory(problem: Problem) -> None:
     """Raise `TooLarge` where the balls are too many for the free memory."""
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
-def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Sampled:
+def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Estimated:
     """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
 
     Raises `NotConverged` where none does.
     """
-    best: Sampled | None = None
+    best: Estimated | None = None
     start = _rough(problem, kernel, guess, wanted, report)
     for degree in DEGREES:
         try:
@@ -114,7 +103,7 @@ def _without(start: Start, lost: Lost) -> Start:
     return Start([start.touching[k] for k in lost.kept], lost.zones, start.approaches)
 
 
-def _judged(contacts: SmoothContacts, wanted: float) -> Sampled:
+def _judged(contacts: SmoothContacts, wanted: float) -> Estimated:
     """Return the contacts with the error of T that the sample shows."""
     sample, scale = sample_error(contacts), pulls(contacts)
     balls = [contacts.touching[k] for k in sample.places]
@@ -135,4 +124,4 @@ def _judged(contacts: SmoothContacts, wanted: float) -> Sampled:
             f"T was requested to {wanted:.0e} of its largest size and is estimated to {reached:.0e}: "
             f"{len(balls)} balls solved exactly differ by up to {accuracy['sample_error']:.0e}",
         )
-    return Sampled(contacts, error, notes, accuracy)
+    return Estimated(contacts, error, errors_of_one(contacts), notes, accuracy)

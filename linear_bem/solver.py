@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from math import tan
 
 import numpy as np
-import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.error_estimate import (
+    Errors,
     change,
     error_of_one,
+    errors_by_change,
+    errors_of_one,
     large_strain_note,
     least_error,
     missed_pulls,
@@ -23,25 +25,24 @@ from linear_bem.error_estimate import (
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
-from linear_bem.indenter import Sphere
+from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
 from linear_bem.report import Report, silent
-from linear_bem.result import BallResult, Result, Solved
+from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
+from linear_bem.solution import CERTIFIED, Estimated, Solution
 
-CERTIFIED = 1e-3
-"""Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
 WORTH_KEEPING = 5.0
 """Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
 ROUTES_SUFFICE = 1e-3
 """Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
-STEEP, WIDE, GRID_FIRST = 0.75, 0.7, 16
-"""Contact radius over the sphere's, contact radius over the layer's thickness, number of balls. Up to that number,
-balls with a contact above one of the two radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
+"""Contact radius over the sphere's, over a cone's tan(slope) R, over the layer's thickness; number of balls. Up to that
+number, balls with a contact above one of the radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
 """Largest number of balls that go to grids where polynomials do not converge."""
 CHANCE = 1e-2
@@ -50,105 +51,74 @@ DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, one after the other."""
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
+def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> Result:
+    """Return the small-strain result with T to a relative accuracy.
 
-    ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
-    difference between the mutual formula and the slope integral, whose errors are independent.
+    Parameters
+    ----------
+    problem
+        Layer, substrate, balls and load; SI units.
+    accuracy
+        Wanted error of T (0 to 1), relative to the largest T in the problem, or to 1e-4 of the force that a half-space
+        of the layer's material would transmit if that is more (T may pass through zero). Forces and approaches are
+        asked to the same accuracy, not below 1e-4 nor above 1e-3.
+    report
+        Gets a line of text at every step of the solver, and may raise to end it.
+
+    Returns
+    -------
+    Result
+        Per ball approach [m], normal force [N], tangential force [N] on the ball, peak pressure [Pa] and contact area
+        [m^2], each with its error. Where the accuracy cannot be reached, or T is known less accurately relative to
+        itself, ``result.solved.notes`` states the accuracy reached.
+
+    Raises
+    ------
+    InvalidProblem
+        Accuracy out of its range, a profile that is not convex or not 0 at its apex, no response of a surface.
+    UnsupportedProblem
+        An effect that this model lacks, or contacts that need more cells than fit.
+    TooLarge
+        More balls than fit into the free memory.
+    NotConverged
+        No certified solution is found.
+
+    Examples
+    --------
+    >>> from linear_bem import Ball, Layer, Load, Problem, solve
+    >>> pair = (Ball((-8e-3, 0.0), 8e-3), Ball((8e-3, 0.0), 8e-3))
+    >>> result = solve(Problem(Layer(1e6, 0.48, 10e-3), pair, Load("approach", (1e-3, 1e-3))), accuracy=1e-3)
+    >>> ball = result.balls[0]
+    >>> print(f"Q = {ball.normal_force:.3f} N, T = {ball.tangential_force[0]:.4f} N")
+    Q = 7.107 N, T = -0.0105 N
+
     """
-
-    problem: Problem
-    contacts: Contacts
-    tangential_force_error: Array
-    seconds: float
-    notes: tuple[str, ...] = ()
-    accuracy: Mapping[str, object] = field(default_factory=dict)
-
-    def pressure(self, x: Array, y: Array) -> Array:
-        """Return the contact pressure [Pa] at surface points [m]."""
-        return self.contacts.pressure(x, y)
-
-    def displacement(self, x: Array, y: Array) -> Array:
-        """Return the surface displacement [m], positive into the layer, at surface points [m]."""
-        return self.contacts.displacement(x, y)
-
-    def outline(self, ball: int) -> tuple[Array, Array]:
-        """Return points x, y [m] on the edge of one ball's contact."""
-        return self.contacts.outline(ball)
-
-    def result(self) -> Result:
-        """Return the numbers in the format that all models share."""
-        c = self.contacts
-        balls = tuple(
-            BallResult(
-                position=(float(ball.position[0]), float(ball.position[1])),
-                radius=float(ball.radius),
-                approach=float(c.approaches[i]),
-                normal_force=float(c.normal_forces[i]),
-                tangential_force=_pair(c.mutual_force[i]),
-                tangential_force_error=float(self.tangential_force_error[i]),
-                peak_pressure=float(c.peak_pressures[i]),
-                contact_area=float(c.contact_areas[i]),
-                tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
-            )
-            for i, ball in enumerate(self.problem.balls)
-        )
-        solved = Solved(
-            converged=True,
-            iterations=c.iterations,
-            unknowns=c.unknowns,
-            seconds=self.seconds,
-            versions={"numpy": np.__version__, "scipy": scipy.__version__},
-            notes=self.notes,
-            certificate=c.certificate,
-            tolerances=dict.fromkeys(c.certificate, CERTIFIED),
-            accuracy=self.accuracy,
-        )
-        return Result(model="linear_bem", balls=balls, solved=solved)
+    return solve_contact(problem, accuracy, report).result()
 
 
-def _pair(v: Array) -> tuple[float, float]:
-    return float(v[0]), float(v[1])
-
-
-def solve(problem: Problem, tangential_force: float = 1e-4, report: Report = silent) -> Result:
-    """Return the small-strain result with T to the relative accuracy ``tangential_force``.
-
-    The accuracy is relative to the largest T in the problem, or to 1e-4 of the force that a half-space of the layer's
-    material would transmit if that is more (T may pass through zero). Where it cannot be reached, or T is known less
-    accurately relative to itself, ``result.solved.notes`` states the accuracy reached. ``report`` gets a line of text
-    at every step of the solver, and may raise to end it. Raises `InvalidProblem`, `UnsupportedProblem`, `TooLarge`, and
-    `NotConverged` where no certified solution is found.
-    """
-    return solve_contact(problem, tangential_force, report).result()
-
-
-def solve_contact(problem: Problem, tangential_force: float = 1e-4, report: Report = silent) -> Solution:
-    """Return the solution with its fields; see `solve`."""
+def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> Solution:
+    """Return the solution with its fields; parameters and errors as for `solve`."""
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
         )
-    if not 0.0 < tangential_force < 1.0:
-        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    if not 0.0 < accuracy < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
     begun = time.perf_counter()
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require_memory(problem)
-    contacts, error, notes, accuracy = _refined(problem, kernel, tangential_force, report)
-    notes = (*(notes or small_force_note(contacts, error, tangential_force)), *large_strain_note(contacts))
+    answer = _refined(problem, kernel, accuracy, report)
+    contacts = answer.contacts
+    notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *large_strain_note(contacts))
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
-    return Solution(problem, contacts, error, time.perf_counter() - begun, notes, accuracy)
+    seconds = time.perf_counter() - begun
+    return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 
 
-Answer = tuple[Contacts, Array, tuple[str, ...], Mapping[str, object]]
-"""Contacts, error of T [N] per ball, notes, and how the accuracy was judged if not by refinement."""
-
-
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report) -> Answer:
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report) -> Estimated:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
     guess = first_guess(problem, kernel)
@@ -159,7 +129,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             if problem.size > GRIDDED:
                 raise
         else:
-            return found.contacts, found.error, found.notes, found.accuracy
+            return found
     if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not (_steep(problem, guess) or _wide(kernel, guess)):
         answer = _by_polynomials(problem, kernel, wanted, guess, report)
         if answer is not None:
@@ -174,10 +144,11 @@ def _enough(wanted: float) -> float:
 
 @dataclass(frozen=True)
 class _Refined:
-    """Contacts, error of T [N] per ball, that error over `reference_force`, and the relative change of the rest."""
+    """Contacts, error of T [N] per ball and of the rest, that of T over `reference_force`, and the rest's change."""
 
     contacts: Contacts
     error: Array
+    errors: Errors
     reached: float
     settled: float
 
@@ -194,7 +165,7 @@ class _Refined:
 
 def _by_polynomials(
     problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report
-) -> Answer | None:
+) -> Estimated | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if it is nearly sufficient, else None."""
     best: _Refined | None = None
     before: SmoothContacts | None = None
@@ -216,26 +187,28 @@ def _by_polynomials(
             error = error_of_one(after)
             reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)
             if certified and wanted >= ROUTES_SUFFICE and reached <= wanted:
-                return after, error, (), {}
+                return Estimated(after, error, errors_of_one(after))
         else:
             error, settled = change(before, after)
             error = np.maximum(error, route_difference(after))
             if after.smooth.residual > (precision if many else 0.0):
                 error = error + 3.0 * after.smooth.residual * pulls(after)
-            found = _Refined(after, error, float(np.max(error)) / reference_force(after), settled)
+            errors = errors_by_change(before, after)
+            found = _Refined(after, error, errors, float(np.max(error)) / reference_force(after), settled)
             if certified and (best is None or found.excess(wanted) < best.excess(wanted)):
                 best = found
             if certified and found.excess(wanted) <= 1.0:
-                return after, error, (), {}
+                return Estimated(after, error, errors)
         before = after
     if best is None:
         return None
     if best.excess(wanted) <= WORTH_KEEPING or (best.reached <= 1e-3 and best.settled <= _enough(wanted)):
-        return best.contacts, best.error, (best.note("highest usable degree", wanted),), {}
+        note = best.note("highest usable degree", wanted)
+        return Estimated(best.contacts, best.error, best.errors, (note,))
     return None
 
 
-def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Answer:
+def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Estimated:
     """Return contacts on the coarsest sufficient grid, or on the finest that fits."""
     last: _Refined | None = None
     levels, fits = grid_levels(problem, kernel, guess), "fits"
@@ -249,13 +222,15 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         if contacts is None:
             break
         if last is None:
-            last = _Refined(contacts, np.full(problem.size, np.inf), np.inf, np.inf)
+            last = _Refined(contacts, np.full(problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
             continue
         error, settled = change(last.contacts, contacts)
         error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
-        last = _Refined(contacts, error, float(np.max(error)) / reference_force(contacts), settled)
+        known = last.errors if np.isfinite(last.reached) else None
+        errors = errors_by_change(last.contacts, contacts, known)
+        last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
-            return rested(contacts), error + missed_pulls(contacts), (), {}
+            return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     error, note = last.error, last.note(f"finest grid that {fits}", wanted)
@@ -263,13 +238,21 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
         note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
-    return rested(last.contacts), error + missed_pulls(last.contacts), (note,), {}
+    return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, (note,))
 
 
 def _steep(problem: Problem, guess: Start) -> bool:
-    """Return whether a contact comes close to the equator of its sphere, where the profile is singular."""
-    spheres = ((problem.balls[i], zone) for i, zone in zip(guess.touching, guess.zones, strict=True))
-    return any(isinstance(b.indenter, Sphere) and z.radius > STEEP * b.radius for b, z in spheres)
+    """Return whether a contact comes close to the equator of its sphere, or is wide against the tip of its cone.
+
+    The profiles are singular at r = R, and at r = i tan(slope) R: polynomials then converge slowly.
+    """
+    for i, zone in zip(guess.touching, guess.zones, strict=True):
+        ball = problem.balls[i]
+        if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
+            return True
+        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * tan(ball.indenter.slope) * ball.radius:
+            return True
+    return False
 
 
 def _wide(kernel: LayeredKernel, guess: Start) -> bool:

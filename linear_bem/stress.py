@@ -1,11 +1,13 @@
-r"""The vertical stress sigma_z inside the layer, computed from a solution.
+r"""Stresses and displacements inside layer and substrate, computed from a solution.
 
-Under p cos(k x) the layer's stress is -p cos(k x) S(k h, z/h). S follows from Love's strain function
-with its four exponentials in the layer and two in the substrate, fixed by the six conditions of the boundary-value
-problem (pressure and no shear at the surface; continuity, or no displacement, at the bond). In real space
-Boussinesq's kernel 3 z^3/(2 pi (r^2 + z^2)^(5/2)) is the singular part. The part due to the bond, S minus
-(1 + k z) exp(-k z), decays like exp(-k (2 h - z)) and is transformed by `linear_bem.layer.kernel.hankel`.
-Fields from Love's function: [Timoshenko and Goodier 1970, Theory of Elasticity, section 133].
+A unit force on the surface makes six fields of r and z, transforms of the states of `linear_bem.layer.interior`:
+
+    u_r = 1/(4 pi mu) int U' J1(k r) dk,   u_z = 1/(4 pi mu) int W' J0(k r) dk   (U', W' = 2 mu k U, 2 mu k W),
+    sigma_z, tau_rz, sigma_r + sigma_theta, sigma_r - sigma_theta = 1/(2 pi) int (S J0, T J1, M J0, -N J2) k dk,
+
+M and N sum and difference of the stresses along and across the wave. In the layer Boussinesq's closed forms [Johnson
+1985, eqs. 3.18, 3.19] are the singular part; the bond's part decays like exp(-k (2 h - z)) and is tabulated, as is the
+whole field in the substrate. Point loads that resolve the pressure on the scale of the depth are summed.
 """
 
 from __future__ import annotations
@@ -17,100 +19,153 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
 from linear_bem.arrays import Array
-from linear_bem.errors import InvalidProblem
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
+from linear_bem.layer.interior import half_space_state, in_plane_stress, interior_state
 from linear_bem.layer.kernel import even_spline, hankel
-from linear_bem.problem import Elastic
-from linear_bem.solver import Solution
+from linear_bem.problem import Elastic, SurfaceResponse
+from linear_bem.solution import Solution
+
+FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference": 2}
+"""Fields of a unit force by their names, and the orders of their Bessel functions; z points down."""
+PLANAR, VERTICAL = ("u_r", "u_z"), ("sigma_z",)
+STRESSES = ("sigma_z", "tau_rz", "sum", "difference")
+SHALLOWEST = 0.02
+"""Least depth over the contact radius: nearer to the surface the quadrature does not resolve the singular part."""
 
 
-def _fields(solid: Elastic, sign: float, power: int, z: Array) -> Array:
-    """Return sigma_z, tau, w and u of Love's function z^power e^(sign z) at wave number 1, shape (4, *z.shape)."""
-    nu = solid.poisson
-    e = np.exp(sign * z)
-    d = [z**power * e] + [e * (sign**k * z**power + k * power * sign ** (k - 1)) for k in (1, 2, 3)]
-    return np.array(
-        [
-            (1.0 - nu) * d[3] - (2.0 - nu) * d[1],
-            nu * d[2] + (1.0 - nu) * d[0],
-            ((1.0 - 2.0 * nu) * d[2] - 2.0 * (1.0 - nu) * d[0]) / (2.0 * solid.shear_modulus),
-            d[1] / (2.0 * solid.shear_modulus),
-        ]
-    )
+def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[str, Array]:
+    """Return what the Hankel transforms of the fields are taken of, at t = k h."""
+    total, difference = in_plane_stress(solid, shear, state)
+    return {
+        "u_r": state[0], "u_z": state[1], "sigma_z": t * state[2], "tau_rz": t * state[3],
+        "sum": t * total, "difference": -t * difference,
+    }  # fmt: skip
 
 
-def stress_response(layer: Elastic, substrate: Elastic | None, t: Array, depth: float) -> Array:
-    """Return S(t, depth): -sigma_z at depth z = depth h per unit pressure, for 0 <= depth <= 1, t = k h > 0."""
-    t = np.atleast_1d(np.asarray(t, dtype=float))
-    kinds = [(-1.0, 0), (-1.0, 1), (1.0, 0), (1.0, 1)]
-    count = 6 if substrate is not None else 4
-    # scaled to order 1: displacements by the layer's modulus, growing exponentials by their value at the bond
-    unit = np.array([1.0, 1.0, layer.shear_modulus, layer.shear_modulus])[:, None]
-    matrix = np.zeros((len(t), count, count))
-    inside = np.zeros((len(t), count))
-    for c, (sign, power) in enumerate(kinds):
-        damp = np.exp(-t) if sign > 0.0 else 1.0
-        top = _fields(layer, sign, power, np.zeros_like(t)) * unit * damp
-        bond = _fields(layer, sign, power, t) * unit * damp
-        matrix[:, :2, c] = top[:2].T
-        matrix[:, 2:, c] = (bond if count == 6 else bond[2:]).T
-        inside[:, c] = (_fields(layer, sign, power, depth * t) * damp)[0]
-    if substrate is not None:
-        for c, (sign, power) in enumerate(kinds[:2], start=4):
-            matrix[:, 2:, c] = -(_fields(substrate, sign, power, np.zeros_like(t)) * unit).T
-    right = np.zeros((len(t), count, 1))
-    right[:, 0] = -1.0
-    size = np.max(np.abs(matrix), axis=1, keepdims=True)
-    answer = np.linalg.solve(matrix / size, right)[:, :, 0] / size[:, 0]
-    return np.asarray(-np.sum(inside * answer, axis=1))
+@lru_cache(maxsize=32)
+def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -> tuple[BSpline, float]:
+    """Return a field's tabulated part times 1 + rho^2 (stresses) or its root, as a spline over asinh(r/h), and its end.
 
-
-@lru_cache(maxsize=16)
-def _bond_kernel(layer: Elastic, substrate: Elastic | None, depth: float) -> tuple[BSpline, float]:
-    """Return the bond's part of h^2 times the stress kernel as a spline over asinh(r/h), and its range."""
+    At h = 1: in the layer the bond's part, in the substrate the whole field.
+    """
     log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
     t = np.exp(log_t)
-    boussinesq = (1.0 + depth * t) * np.exp(-depth * t)
-    added = make_interp_spline(log_t, stress_response(layer, substrate, t, depth) - boussinesq, k=5)
+    values = _transformed(*_medium(layer, substrate, depth), interior_state(layer, substrate, t, depth), t)[name]
+    if depth <= 1.0:
+        values = values - _transformed(layer, layer.shear_modulus, half_space_state(layer, depth * t), t)[name]
+    spline = make_interp_spline(log_t, values, k=5)
 
-    def extra(t: Array) -> Array:
-        return np.where(t < 60.0, added(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
+    def tabulated(t: Array) -> Array:
+        return np.where(t < 60.0, spline(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
 
-    y = np.arange(0.0, np.arcsinh(300.0), 0.03)
-    values = hankel(lambda t: extra(t) * t, np.sinh(y)) / (2.0 * np.pi)
-    return even_spline(y, values, 10), float(y[-1])
+    y = np.arange(0.0, np.arcsinh(3e3), 0.03)
+    found = hankel(tabulated, np.sinh(y), FIELDS[name]) * np.cosh(y) ** (1 if name in PLANAR else 2)
+    return even_spline(y, found, 10, odd=FIELDS[name] == 1), float(y[-1])
+
+
+def _medium(layer: Elastic, substrate: Elastic | None, depth: float) -> tuple[Elastic, float]:
+    return (substrate if depth > 1.0 and substrate is not None else layer), layer.shear_modulus
+
+
+def _boussinesq(nu: float, r: Array, z: float, name: str) -> Array:
+    """Return a field of a unit force on a half-space: displacements times 4 pi mu, stresses times 2 pi; z down."""
+    big = np.hypot(r, z)
+    flat = (1.0 - 2.0 * nu) / (big * (big + z))
+    if name == "u_r":
+        return np.asarray(r * z / big**3 - r * flat)
+    if name == "u_z":
+        return np.asarray(z**2 / big**3 + 2.0 * (1.0 - nu) / big)
+    if name == "sigma_z":
+        return np.asarray(-3.0 * z**3 / big**5)
+    if name == "tau_rz":
+        return np.asarray(-3.0 * r * z**2 / big**5)
+    radial, hoop = flat - 3.0 * z * r**2 / big**5, (1.0 - 2.0 * nu) * z / big**3 - flat
+    return np.asarray(radial + hoop if name == "sum" else radial - hoop)
+
+
+def _of_unit_force(solution: Solution, r: Array, depth: float, name: str) -> Array:
+    """Return one of `FIELDS` at distances r [m] from a unit force: displacements [m/N], stresses [1/m^2]."""
+    layer, substrate = solution.problem.layer, solution.problem.substrate
+    h, elastic = layer.thickness, Elastic(layer.young, layer.poisson)
+    total = _boussinesq(layer.poisson, r, depth, name) if depth <= h else np.zeros(r.shape)
+    if np.isfinite(h):
+        spline, end = _table(elastic, substrate, depth / h, name)
+        power = 1 if name in PLANAR else 2
+        y = np.arcsinh(r / h)
+        total = total + spline(np.minimum(y, end)) / (1.0 + (r / h) ** 2) ** (0.5 * power) / h**power
+    return total / (4.0 * np.pi * elastic.shear_modulus) if name in PLANAR else total / (2.0 * np.pi)
+
+
+def _check_depth(solution: Solution, depth: float, what: str) -> None:
+    problem = solution.problem
+    if isinstance(problem.layer, SurfaceResponse):
+        raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
+    least = SHALLOWEST * float(
+        np.sqrt(np.min(solution.contacts.contact_areas[solution.contacts.normal_forces > 0.0]) / np.pi)
+    )
+    least = max(least, solution.contacts.resolution)
+    if not depth >= least:
+        raise InvalidProblem(
+            f"{what}: depth must be at least {least:.3g} m, {SHALLOWEST:g} of the least contact radius or one cell of "
+            f"the pressure, got {depth:g} m; go deeper, or solve again with a smaller accuracy for smaller cells"
+        )
+    if depth > problem.layer.thickness and problem.substrate is None:
+        raise InvalidProblem(
+            f"{what}: depth must be at most {problem.layer.thickness:g} m, the base is rigid, got {depth:g} m"
+        )
+
+
+def _summed(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float, names: tuple[str, ...]) -> Array:
+    """Return sums over all point loads: per name one row (order 0) or two (x, y; of order 2: xx - yy, 2 xy)."""
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    px, py, load = solution.contacts.point_loads(depth)
+    out = np.zeros((sum(min(FIELDS[name], 1) + 1 for name in names), x.size))
+    for part in np.array_split(np.arange(x.size), x.size * px.size // 1_000_000 + 1):
+        dx, dy = x.ravel()[part, None] - px, y.ravel()[part, None] - py
+        r = np.hypot(dx, dy)
+        safe = np.maximum(r, 1e-300)
+        turn = {0: (np.ones_like(r),), 1: (dx / safe, dy / safe), 2: ((dx**2 - dy**2) / safe**2, 2 * dx * dy / safe**2)}
+        row = 0
+        for name in names:
+            kernel = _of_unit_force(solution, r, depth, name)
+            for factor in turn[FIELDS[name]]:
+                out[row, part] = (kernel * factor) @ load
+                row += 1
+    return out.reshape(len(out), *x.shape)
+
+
+def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
+    """Return the stress tensor [Pa] at points x, y [m] of the plane ``depth`` [m] below the surface.
+
+    Shape (3, 3, *points), axes x, y, z with z up, tension positive; in the layer and in the substrate (at the bond: of
+    the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on grids, where
+    cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem` for depths too small for
+    that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is known.
+    """
+    _check_depth(solution, depth, "stress")
+    sigma, tau_x, tau_y, total, difference, shear = _summed(solution, x, y, depth, STRESSES)
+    out = np.empty((3, 3, *sigma.shape))
+    out[0, 0], out[1, 1], out[2, 2] = 0.5 * (total + difference), 0.5 * (total - difference), sigma
+    out[0, 1] = out[1, 0] = 0.5 * shear
+    out[0, 2] = out[2, 0] = -tau_x  # z points up here
+    out[1, 2] = out[2, 1] = -tau_y
+    return out
+
+
+def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
+    """Return the displacement [m] at points x, y [m] of the plane ``depth`` [m] below the surface.
+
+    Shape (3, *points), along x, y and z with z up: a pressed surface has a negative third component, minus what
+    `Solution.displacement` returns. Errors and limits as for `stress`.
+    """
+    _check_depth(solution, depth, "interior_displacement")
+    along_x, along_y, down = _summed(solution, x, y, depth, PLANAR)
+    return np.array([along_x, along_y, -down])
 
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
-    """Return sigma_z [Pa] (compression negative) at points x, y [m] of the plane ``depth`` [m] below the surface.
-
-    0 <= depth <= layer thickness; at depth 0 it is minus the contact pressure. Points nearer to the surface than a
-    tenth of the contact radius take proportionally more quadrature nodes. Error below 1e-6 of the peak pressure for
-    depth > 0.03 contact radii. On grids the pressure is constant per cell: the error is 1 to 3 % of the peak pressure
-    at a depth of one cell, and smaller depths except 0 raise `InvalidProblem`.
-    """
-    layer, substrate = solution.problem.layer, solution.problem.substrate
-    if not 0.0 <= depth <= layer.thickness:
-        raise InvalidProblem(f"vertical_stress: depth must lie between 0 and {layer.thickness:g} m, got {depth:g} m")
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    """Return sigma_z [Pa] alone, as `stress` does; at depth 0 it is minus the contact pressure."""
     if depth == 0.0:
-        return -solution.pressure(x, y)
-    coarsest = solution.contacts.resolution
-    if depth < coarsest:
-        raise InvalidProblem(
-            f"vertical_stress: depth must be 0 or at least one cell of the pressure, {coarsest:g} m,"
-            f" got {depth:g} m; go deeper, or solve again with a smaller tangential_force, which makes smaller cells"
-        )
-    px, py, load = solution.contacts.point_loads(depth)
-    bond = None
-    if np.isfinite(layer.thickness):
-        elastic = Elastic(layer.young, layer.poisson)
-        bond, end = _bond_kernel(elastic, substrate, depth / layer.thickness)
-    total = np.zeros(x.size)
-    for part in np.array_split(np.arange(x.size), x.size * px.size // 2_000_000 + 1):
-        r2 = (x.ravel()[part, None] - px) ** 2 + (y.ravel()[part, None] - py) ** 2
-        kernel = 1.5 * depth**3 / np.pi / (r2 + depth**2) ** 2.5
-        if bond is not None:
-            far = np.arcsinh(np.sqrt(r2) / layer.thickness)
-            kernel += np.where(far < end, bond(np.minimum(far, end)), 0.0) / layer.thickness**2
-        total[part] = -kernel @ load
-    return total.reshape(x.shape)
+        return -solution.pressure(*np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)))
+    _check_depth(solution, depth, "vertical_stress")
+    return _summed(solution, x, y, depth, VERTICAL)[0]

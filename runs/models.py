@@ -79,7 +79,8 @@ def _point_load(problem: Problem, run: Run) -> Result:
 def _linear_bem(problem: Problem, run: Run) -> Result:
     from linear_bem import solve  # noqa: PLC0415
 
-    return solve(problem, **_accuracy(run.tangential_force), report=run.report)
+    accuracy = {} if run.tangential_force is None else {"accuracy": run.tangential_force}
+    return solve(problem, **accuracy, report=run.report)
 
 
 def load_path(problem: Problem) -> Sequence[float]:

@@ -18,7 +18,7 @@ from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
-from linear_bem.problem import Problem
+from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
@@ -183,6 +183,10 @@ def _check_supported(problem: Problem, model: str) -> None:
     if not 0.0 < problem.layer.thickness < math.inf:
         rule = f"layer.thickness: {model} meshes the layer and needs a finite one"
         faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
+    if isinstance(problem.layer, SurfaceResponse):
+        faults.append(f"layer: {model} needs a material, got the response of its surface; use linear_bem")
+    if any(ball.asperity for ball in problem.balls):
+        faults.append(f"balls: {model} needs whole bodies, some are asperities; use linear_bem")
     faults += form_faults(problem, model)
     faults += prescribed(problem).faults(model)
     if faults:

@@ -20,10 +20,10 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
-from scipy.special import erfc, j0
+from scipy.special import erfc, j0, jv
 
 from linear_bem.arrays import Array
-from linear_bem.layer.response import LayerResponse
+from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_of, scaled_media
 from linear_bem.problem import Elastic, Layer, Problem
 
 _SPACING = 0.02
@@ -45,15 +45,15 @@ def panels(edges: Array, order: int) -> tuple[Array, Array]:
     return (edges[:-1, None] + half * (1.0 + x)).ravel(), (half * w).ravel()
 
 
-@lru_cache(maxsize=1)
-def far_rule() -> tuple[Array, Array]:
-    """Return u_j and weights that contain J0(u_j) and the cut-off: int f(u) J0(u) du for f smooth in log u.
+@lru_cache(maxsize=3)
+def far_rule(order: int = 0) -> tuple[Array, Array]:
+    """Return u_j and weights that contain Jn(u_j) and the cut-off: int f(u) Jn(u) du for f smooth in log u.
 
-    Exact for constants (int J0 = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.
+    Exact for constants (int Jn = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.
     """
     edges = np.concatenate([2.0 ** np.arange(-44.0, 2.0), np.arange(4.0, 141.0, 4.0)])
     u, w = panels(edges, 12)
-    w = w * j0(u) * 0.5 * erfc((u - 80.0) / 9.0)
+    w = w * jv(order, u) * 0.5 * erfc((u - 80.0) / 9.0)
     return u, w / np.sum(w)
 
 
@@ -64,34 +64,35 @@ def near_rule() -> tuple[Array, Array]:
     return panels(edges, 12)
 
 
-def hankel(f: Callable[[Array], Array], rho: Array) -> Array:
-    """Return int_0^inf f(t) J0(rho t) dt for f smooth in log t that is negligible beyond t = 48."""
+def hankel(f: Callable[[Array], Array], rho: Array, order: int = 0) -> Array:
+    """Return int_0^inf f(t) Jn(rho t) dt, n = ``order``, for f smooth in log t that is negligible beyond t = 48."""
     rho = np.atleast_1d(np.asarray(rho, dtype=float))
     out = np.empty(rho.shape)
     near = rho <= _NEAR
     t, w = near_rule()
-    out[near] = j0(np.outer(rho[near], t)) @ (w * f(t))
-    u, omega = far_rule()
+    arguments = np.outer(rho[near], t)
+    out[near] = (j0(arguments) if order == 0 else jv(order, arguments)) @ (w * f(t))
+    u, omega = far_rule(order)
     for block in np.array_split(np.flatnonzero(~near), max(1, int(np.sum(~near)) // 256)):
         out[block] = (f(u / rho[block, None]) @ omega) / rho[block]
     return out
 
 
-def smooth_kernel(response: LayerResponse, rho: Array) -> Array:
+def smooth_kernel(response: LayerResponse | MeasuredResponse, rho: Array) -> Array:
     """Return s(rho) by quadrature (no table); absolute error about 1e-13 (1 + G(0)/rho)."""
     return hankel(lambda t: response(t) - 1.0, rho)
 
 
-def even_spline(y: Array, values: Array, mirrored: int) -> BSpline:
-    """Return the quintic spline through values at y = 0, ..., continued evenly by some points at y < 0."""
-    both = np.concatenate([values[mirrored:0:-1], values])
+def even_spline(y: Array, values: Array, mirrored: int, *, odd: bool = False) -> BSpline:
+    """Return the quintic spline through values at y = 0, ..., continued evenly (or oddly) by some points at y < 0."""
+    both = np.concatenate([(-1.0 if odd else 1.0) * values[mirrored:0:-1], values])
     return make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
 
 
 class _Table:
     """s(rho) sqrt(1 + rho^2) as a quintic spline in y = asinh(rho), even in y; its limit G(0) - 1 beyond the table."""
 
-    def __init__(self, response: LayerResponse) -> None:
+    def __init__(self, response: LayerResponse | MeasuredResponse) -> None:
         self.far = response.at_zero - 1.0
         y_end = float(np.arcsinh(1e4 / response.smallest_scale))
         y = _SPACING * np.arange(int(np.ceil(y_end / _SPACING)) + 1)
@@ -137,16 +138,16 @@ def _power_series(coefficients: Array, z: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _table(poisson: float, ratio: float | None, substrate_poisson: float) -> _Table:
-    substrate = None if ratio is None else Elastic(1.0 / ratio, substrate_poisson)
-    return _Table(LayerResponse(Elastic(1.0, poisson), substrate))
+def _table(layer: Layer, substrate: Elastic | None) -> _Table:
+    return _Table(response_of(layer, substrate))
 
 
 class LayeredKernel:
     """Surface displacement K(r) [m/N] under a unit normal point load, and its slope.
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
-    (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0).
+    (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
+    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds.
     """
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
@@ -154,10 +155,11 @@ class LayeredKernel:
         self.singular = (1.0 - layer.poisson**2) / (np.pi * layer.young)
         self.homogeneous = not np.isfinite(layer.thickness) or substrate == Elastic(layer.young, layer.poisson)
         self._table = None
-        self._response = LayerResponse(layer, substrate)
+        self._response = response_of(layer, substrate)
+        if isinstance(self._response, MeasuredResponse):
+            self.thickness, self.homogeneous = self._response.thickness, self._response.homogeneous
         if not self.homogeneous:
-            ratio = None if substrate is None else layer.young / substrate.young
-            self._table = _table(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
+            self._table = _table(*scaled_media(layer, substrate))
 
     @classmethod
     def of(cls, problem: Problem) -> LayeredKernel:

@@ -17,10 +17,19 @@ doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics,
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+from scipy.interpolate import PPoly, make_interp_spline
 
 from linear_bem.arrays import Array
-from linear_bem.problem import Elastic
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Elastic, Layer, SurfaceResponse
+
+UNITY, SPAN = 1e-10, 15.0
+"""|G - 1| that counts as none, and the t from which a layer's G is that close to 1."""
+FIRST, LAST = 1e-6, 2.0**14
+"""Arguments between which a user's response is measured."""
 
 
 class LayerResponse:
@@ -60,3 +69,87 @@ class LayerResponse:
         """A t below which G changes by no more than about its own size, which limits tables."""
         contrast = min(self._one_less_lam, self._one_less_kap) / max(abs(self._kap), 1e-300)
         return float(min(1.0, max(contrast, 1e-9), max(self.at_zero, 1e-9)))
+
+
+class MeasuredResponse:
+    """G of a user's `SurfaceResponse`, measured once: a quintic spline in log t, with its limits at both ends.
+
+    Arguments are k times ``thickness`` [m], a length chosen so that G = 1 from `SPAN` on as for a homogeneous layer: it
+    is the scale on which the kernel's smooth part varies. Raises `InvalidProblem` where G cannot be that of a surface.
+    """
+
+    def __init__(self, medium: SurfaceResponse) -> None:
+        self._medium = medium
+        end = 4.0
+        while np.max(np.abs(self._asked(np.linspace(0.5, 1.0, 5) * end) - 1.0)) > UNITY:
+            end *= 2.0
+            if end > LAST:
+                raise InvalidProblem(
+                    f"layer.response: must tend to 1 exponentially, differs from 1 by more than {UNITY:g} at {LAST:g}; "
+                    "young and poisson must be those at the surface; give a medium that is graded up to its surface a "
+                    "thin homogeneous skin"
+                )
+        log_t = np.linspace(np.log(FIRST), np.log(end), 200 * int(np.ceil(np.log(end / FIRST))))
+        values = self._asked(np.exp(log_t))
+        varies = np.flatnonzero(np.abs(values - 1.0) > UNITY)
+        self.homogeneous = varies.size == 0
+        last = float(np.exp(log_t[varies[-1]])) if varies.size else 1.0
+        self._unit = last / SPAN
+        self.thickness = medium.thickness / self._unit
+        self._end = np.log(last)
+        self._spline = PPoly.from_spline(make_interp_spline(log_t, values, k=5))
+        self._first, second = (float(v) for v in self._asked(np.array([FIRST, 2.0 * FIRST])))
+        self._power = float(np.log2(second / self._first))
+        self.at_zero = self._far_ratio(second)
+        away = np.abs(values - self.at_zero) > 0.5 * self.at_zero
+        scale = float(np.exp(log_t[np.argmax(away)])) if np.any(away) else 1.0
+        self.smallest_scale = min(1.0, max(scale / self._unit, self.at_zero if np.any(away) else 1.0, 1e-9))
+        if self.at_zero == 0.0:
+            self.smallest_scale = 1e-9
+
+    def _asked(self, t: Array) -> Array:
+        """Return the user's G; raises `InvalidProblem` where it is not a positive number."""
+        values = np.asarray(self._medium.response(t), dtype=float)
+        if values.shape != t.shape or not np.all(np.isfinite(values)) or not np.all(values > 0.0):
+            bad = values[~(np.isfinite(values) & (values > 0.0))] if values.shape == t.shape else values.shape
+            raise InvalidProblem(
+                f"layer.response: must return a positive number for each argument between {t[0]:.3g} and {t[-1]:.3g}, "
+                f"an array of shape {t.shape}; got {np.array2string(np.asarray(bad), threshold=4)}"
+            )
+        return values
+
+    def _far_ratio(self, second: float) -> float:
+        """Return G(0): as stated, or measured; 0 where G falls like a power of its argument."""
+        stated = self._medium.far_ratio
+        measured = 0.0 if self._power > 0.5 else 2.0 * self._first - second
+        if stated is None:
+            return max(measured, 0.0)
+        if abs(self._power) < 1e-2 and abs(stated - measured) > 0.01 * measured:
+            raise InvalidProblem(
+                f"layer.far_ratio: must be the limit of the response at 0, which is {measured:.6g} at {FIRST:g}, got "
+                f"{stated:g}; leave it out to have it measured"
+            )
+        return stated
+
+    def __call__(self, t: Array | float) -> Array:
+        """Return G at t = k times `thickness` >= 0."""
+        asked = np.maximum(np.asarray(t, dtype=float) * self._unit, 1e-300)
+        log_t = np.log(asked)
+        inside = self._spline(np.clip(log_t, np.log(FIRST), self._end))
+        power = self._power if self.at_zero == 0.0 else 1.0
+        below = self.at_zero + (self._first - self.at_zero) * np.minimum(asked / FIRST, 1.0) ** power
+        return np.asarray(np.where(log_t > self._end, 1.0, np.where(asked < FIRST, below, inside)))
+
+
+@lru_cache(maxsize=64)
+def response_of(layer: Layer, substrate: Elastic | None) -> LayerResponse | MeasuredResponse:
+    """Return G of a layer on its base, or of a medium whose response is given."""
+    return MeasuredResponse(layer) if isinstance(layer, SurfaceResponse) else LayerResponse(layer, substrate)
+
+
+def scaled_media(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
+    """Return media of the same response with E1 = 1 and h = 1: one table serves all that differ in these only."""
+    if isinstance(layer, SurfaceResponse):
+        return layer, None
+    base = None if substrate is None else Elastic(substrate.young / layer.young, substrate.poisson)
+    return Layer(1.0, layer.poisson, 1.0), base

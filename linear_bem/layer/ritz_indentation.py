@@ -22,7 +22,7 @@ from scipy.special import gamma, jv
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.layer.kernel import panels
-from linear_bem.layer.response import LayerResponse
+from linear_bem.layer.response import MeasuredResponse, response_of, scaled_media
 from linear_bem.problem import Elastic, Layer
 
 _POWERS = (0.5, 0.7, 1.0, 1.4, 2.0)
@@ -47,10 +47,9 @@ def _rule(power: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=32)
-def _curve(poisson: float, ratio: float | None, substrate_poisson: float) -> tuple[Array, Array, Array]:
-    """Return the logarithms of a/h, D R/h^2 and Q R/(E* h^3) for a/h from 1e-6 to 1e7."""
-    substrate = None if ratio is None else Elastic(1.0 / ratio, substrate_poisson)
-    response = LayerResponse(Elastic(1.0, poisson), substrate)
+def _curve(layer: Layer, substrate: Elastic | None) -> tuple[Array, Array, Array]:
+    """Return the logarithms of a/h, D R/h^2 and Q R/(E* h^3) for a/h from 1e-6 to 1e7; h as `LayeredKernel` has it."""
+    response = response_of(layer, substrate)
     log_a = np.linspace(np.log(1e-6), np.log(1e7), 520)
     a = np.exp(log_a)
     found = []
@@ -105,11 +104,11 @@ def estimates(
     ``kind`` names the quantity in ``values``: "approach", "normal_force" or "contact_radius".
     """
     modulus = layer.contact_modulus
-    ratio = None if substrate is None else layer.young / substrate.young
-    log_a, log_d, log_q = _curve(layer.poisson, ratio, 0.0 if substrate is None else substrate.poisson)
+    log_a, log_d, log_q = _curve(*scaled_media(layer, substrate))
     pressed = values > 0.0
     v = np.where(pressed, values, 1.0)
-    h = np.full(radii.shape, layer.thickness)
+    response = response_of(layer, substrate)
+    h = np.full(radii.shape, response.thickness if isinstance(response, MeasuredResponse) else layer.thickness)
     if not np.isfinite(layer.thickness):
         h = 1e3 * np.maximum(radii, np.sqrt(v / modulus) if kind == "normal_force" else v)
     units = {"contact_radius": h, "approach": h**2 / radii, "normal_force": modulus * h**3 / radii}

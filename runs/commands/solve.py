@@ -36,8 +36,11 @@ def _compute(session: Session) -> Document | None:
 
 def _rows(result: Result) -> list[dict[str, Any]]:
     """Return one flat row per step and ball."""
+    nested = ("tangential_force_routes", "errors")
     return [
-        {"step": i, "ball": j, **{k: v for k, v in ball.to_dict().items() if k != "tangential_force_routes"}}
+        {"step": i, "ball": j}
+        | {k: v for k, v in ball.to_dict().items() if k not in nested}
+        | {f"{k}_error": v for k, v in ball.errors.items()}
         for i, step in enumerate(result.steps or (Step(result.balls),), start=1)
         for j, ball in enumerate(step.balls)
     ]
@@ -53,4 +56,6 @@ def _show(session: Session, document: Document) -> None:
         out.print(tables.path_table(steps, leading, session.scale, f"load path of ball {leading}"))
     if len(balls) > 1:
         tables.say(out, LEGEND)
-    tables.say(out, *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"]))
+    tables.say(
+        out, *tables.error_lines(balls), *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"])
+    )

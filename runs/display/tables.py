@@ -113,6 +113,21 @@ def _cell(value: Any, digits: int, compact: bool) -> str:
     return short_number(value) if compact or digits == SHORT else number(value, digits)
 
 
+def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the largest relative error of Q, D, peak pressure and area, where the model estimates them."""
+    names = {"normal_force": "Q", "approach": "D", "peak_pressure": "peak pressure", "contact_area": "contact area"}
+    shares = {
+        words: max((ball["errors"][key] / abs(ball[key]) for ball in balls if ball[key]), default=0.0)
+        for key, words in names.items()
+        if all(key in ball.get("errors", {}) for ball in balls)
+    }
+    if not shares:
+        return []
+    # below 1e-7 % an estimate is roundoff: such a quantity is prescribed
+    known = ", ".join(f"{words} {100.0 * share:.2g} %" for words, share in shares.items() if share > 1e-9)
+    return [f"estimated errors: {known}"] if known else []
+
+
 def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     """Return the error of T at full load, its terms, and the meshes used."""
     accuracy = solved.get("accuracy") or {}

@@ -116,7 +116,7 @@ def direct_check(
     for name, moment in (("start", moments[0]), ("end", moments[-1])):
         state = forces(moment.positions)
         try:
-            full = solve(at(problem, moment.positions), tangential_force=accuracy)
+            full = solve(at(problem, moment.positions), accuracy=accuracy)
         except NotConverged as error:
             rows.append({"at": name, "share": math.nan, "reason": str(error)})
             balls = []

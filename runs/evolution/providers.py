@@ -124,7 +124,7 @@ def _point_loads(problem: Problem) -> PairForces:
             alone = replace(ball, position=(0.0, 0.0))
             depths = [deepest * d for d in DEPTHS]
             forces = [
-                solve(replace(problem, balls=(alone,), load=Load("approach", (d,))), tangential_force=PAIR_ACCURACY)
+                solve(replace(problem, balls=(alone,), load=Load("approach", (d,))), accuracy=PAIR_ACCURACY)
                 .balls[0]
                 .normal_force
                 for d in depths

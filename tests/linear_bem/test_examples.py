@@ -2,18 +2,25 @@ import doctest
 import re
 from pathlib import Path
 
+import pytest
+
 import linear_bem
+import linear_bem.solver
+
+README = (Path(linear_bem.__file__).parent / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_example_in_the_package_docstring_runs_as_printed():
-    failed, tried = doctest.testmod(linear_bem)
+@pytest.mark.parametrize("module", [linear_bem, linear_bem.solver], ids=["package", "solver"])
+def test_the_examples_in_docstrings_run_as_printed(module):
+    failed, tried = doctest.testmod(module)
     assert tried > 0
     assert failed == 0
 
 
-def test_the_example_in_the_readme_runs_as_printed(capsys):
-    text = (Path(linear_bem.__file__).parent / "README.md").read_text(encoding="utf-8")
-    code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
+@pytest.mark.parametrize("code", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
+def test_the_examples_in_the_readme_run_and_print_what_their_comments_say(code, capsys):
     exec(compile(code, "README.md", "exec"), {})
-    assert capsys.readouterr().out.strip() == "-1.1613e-07"
-    assert "# -1.1613e-07" in code
+    printed = capsys.readouterr().out.strip()
+    assert printed
+    for shown in re.findall(r"print\(.*\)  # (\S+?)(?::|$)", code, re.MULTILINE):
+        assert printed == shown

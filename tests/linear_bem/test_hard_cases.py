@@ -251,7 +251,7 @@ def test_unsupported_and_invalid_problems_are_refused():
     with pytest.raises(UnsupportedProblem, match="finite_strain"):
         solve(Problem(problem.layer, problem.balls, problem.load, None, FiniteStrain()))
     with pytest.raises(InvalidProblem, match="between 0 and 1"):
-        solve(problem, tangential_force=0.0)
+        solve(problem, accuracy=0.0)
     saddle = Ball((0.0, 0.0), 1.0, lambda x, y: x**2 - y**2)
     with pytest.raises(InvalidProblem, match="convex"):
         solve(Problem(problem.layer, (saddle,), Load("approach", (0.1,))))

@@ -1,8 +1,11 @@
 """Problems made in Python: values that are not numbers, or too small, are refused at construction."""
 
+import math
+
+import numpy as np
 import pytest
 
-from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve
+from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve, solve_height_field
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -29,3 +32,29 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
     for approach, noted in ((2.0, False), (15.0, True)):
         notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes
         assert any("of the layer's thickness" in note for note in notes) == noted
+
+
+def test_asperities_may_stand_closer_than_their_radii_and_whole_balls_may_not():
+    """Caps of R = 10 at a spacing of 5: apart they are any two contacts, merged they are the lower of both surfaces."""
+    xy, layer = ((-2.5, 0.0), (2.5, 0.0)), Layer(1.0, 0.3, math.inf)
+    with pytest.raises(InvalidProblem, match=r"overlap: .* 5 m apart, .* need at least 20 m; caps .* asperity=True"):
+        Problem(layer, tuple(Ball(p, 10.0) for p in xy), Load("approach", (0.1, 0.1)))
+    caps = tuple(Ball(p, 10.0, "paraboloid", asperity=True) for p in xy)
+    apart = solve(Problem(layer, caps, Load("approach", (0.1, 0.1))))
+    scaled = tuple(Ball((0.4 * x, y), 4.0, "paraboloid", asperity=True) for x, y in xy)
+    same = solve(Problem(layer, scaled, Load("approach", (0.04, 0.04)))).balls[0]
+    assert 0.4**2 * apart.balls[0].normal_force == pytest.approx(same.normal_force, rel=1e-6)
+    assert apart.balls[0].tangential_force[0] > 0.0
+
+    merged = solve(Problem(layer, caps, Load("approach", (1.0, 1.0))), 1e-3)
+    cell = 13.0 / 256
+    x = cell * (np.arange(256) - 127.5)
+    lower = np.minimum((x - 2.5) ** 2, (x + 2.5) ** 2)[:, None] / 20.0 + x**2 / 20.0
+    field = solve_height_field(layer, None, lower, cell, approach=1.0)
+    assert sum(ball.normal_force for ball in merged.balls) == pytest.approx(field.normal_force, rel=1e-3)
+
+
+def test_asperities_are_refused_at_finite_strain():
+    caps = (Ball((0.0, 0.0), 10.0, asperity=True),)
+    with pytest.raises(InvalidProblem, match="finite_strain: bodies must be whole"):
+        Problem(LAYER, caps, LOAD, finite_strain=FiniteStrain())

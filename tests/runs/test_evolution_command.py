@@ -217,7 +217,7 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
         path = []
         for share in (0.1, 0.2, 0.4, 0.7, 1.0) if problem.size == 1 else (1.0,):
             load = Load("approach", tuple(share * v for v in problem.load.values))
-            path.append(Step(solve(replace(problem, finite_strain=None, load=load), tangential_force=1e-2).balls))
+            path.append(Step(solve(replace(problem, finite_strain=None, load=load), accuracy=1e-2).balls))
         return Result("finite_strain", path[-1].balls, Solved(True, 1, 1, 0.0), tuple(path))
 
     monkeypatch.setitem(MODELS, "finite_strain", replace(MODELS["finite_strain"], solve=stand_in))

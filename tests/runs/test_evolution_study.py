@@ -107,7 +107,7 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
         for share in (0.1, 0.2, 0.4, 0.7, 1.0) if problem.size == 1 else (1.0,):
             values = tuple(share * v for v in problem.load.values)
             linear = dataclasses.replace(problem, finite_strain=None, load=Load("approach", values))
-            balls = solve(linear, tangential_force=1e-2).balls
+            balls = solve(linear, accuracy=1e-2).balls
             strong = [
                 dataclasses.replace(b, tangential_force=(1.25 * b.tangential_force[0], 1.25 * b.tangential_force[1]))
                 for b in balls
@@ -131,7 +131,7 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
     given = provider(model, problem, written.tangential_force, "pairs", tmp_path)
     assert len(asked) == 3 + len(pair_table.FEW)
     x = np.array([ball.position for ball in problem.balls])
-    linear = solve(dataclasses.replace(problem, finite_strain=None), tangential_force=1e-3).balls[0]
+    linear = solve(dataclasses.replace(problem, finite_strain=None), accuracy=1e-3).balls[0]
     state = given.forces(x)
     assert state.tangential[0, 0] == pytest.approx(1.25 * linear.tangential_force[0], rel=1e-3)
     # side by side: four fifths of the elements' T, the same Q, and no change of sign in either
@@ -153,4 +153,4 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
 
 def spread(problem: Any, x: Any) -> float:
     linear = dataclasses.replace(at(problem, x), finite_strain=None)
-    return solve(linear, tangential_force=1e-3).balls[0].tangential_force[0]
+    return solve(linear, accuracy=1e-3).balls[0].tangential_force[0]

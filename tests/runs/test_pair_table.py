@@ -30,7 +30,7 @@ def test_pairs_of_the_table_are_the_models_own_and_more_balls_are_close(
     assert given.table is not None
     for distance in (0.02, 0.0237, 0.041):
         pair = scene([(0.0, 0.0), (0.0, distance)])
-        true = solve(pair, tangential_force=1e-4).balls[0]
+        true = solve(pair, accuracy=1e-4).balls[0]
         state = spread(given, pair)(np.array([[0.0, 0.0], [0.0, distance]]))
         # the table's accuracy, and interpolation between ten distances
         assert state.tangential[0] == pytest.approx([0.0, true.tangential_force[1]], rel=2e-3, abs=1e-9)
@@ -57,7 +57,7 @@ def test_point_loads_are_the_models_own(foam: Provider) -> None:
     assert isinstance(pair, PairForces)
     for depth in (0.0095, 0.0115):
         alone = Problem(FOAM, (Ball((0.0, 0.0), RADIUS, "sphere"),), Load("approach", (depth,)))
-        true = solve(alone, tangential_force=1e-3).balls[0].normal_force
+        true = solve(alone, accuracy=1e-3).balls[0].normal_force
         assert pair.singles[0].force(np.array([depth])) == pytest.approx(true, rel=5e-4)
 
 

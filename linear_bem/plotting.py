@@ -1,0 +1,60 @@
+"""Figures of results and solutions in plan; matplotlib is imported where something is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from linear_bem.arrays import Array
+
+CELLS = 200
+"""Points across the map of the pressure."""
+
+
+class Pressed(Protocol):
+    """What is drawn of a ball; see `linear_bem.result.BallResult`."""
+
+    @property
+    def position(self) -> tuple[float, float]: ...  # noqa: D102
+
+    @property
+    def tangential_force(self) -> tuple[float, float]: ...  # noqa: D102
+
+    @property
+    def contact_area(self) -> float: ...  # noqa: D102
+
+
+def plan_of_balls(balls: Sequence[Pressed], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
+    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size), lengths in m.
+
+    With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
+    x, y = (np.array([ball.position[k] for ball in balls]) for k in (0, 1))
+    radii = np.sqrt(np.array([ball.contact_area for ball in balls]) / np.pi)
+    force = np.array([ball.tangential_force for ball in balls])
+    size = np.hypot(*force.T)
+    margin = 2.5 * float(np.max(radii))
+    left, right, low, high = np.min(x) - margin, np.max(x) + margin, np.min(y) - margin, np.max(y) + margin
+    figure = Figure(figsize=(6.4, float(np.clip(6.4 * (high - low) / (right - left), 2.4, 8.0))), layout="constrained")
+    axes = figure.subplots()
+    if pressure is not None:
+        u, v = np.meshgrid(np.linspace(left, right, CELLS), np.linspace(low, high, CELLS))
+        drawn = axes.imshow(pressure(u, v), extent=(left, right, low, high), origin="lower", cmap="Blues")
+        figure.colorbar(drawn, ax=axes, label="contact pressure [Pa]")
+    for centre, radius in zip(zip(x, y, strict=True), radii, strict=True):
+        axes.add_patch(Circle(centre, radius, fill=False, color="0.3", lw=0.8))
+    largest = float(np.max(size))
+    if largest > 0.0:
+        length = 2.0 * float(np.max(radii)) / largest
+        axes.quiver(
+            x, y, length * force[:, 0], length * force[:, 1], angles="xy", scale_units="xy", scale=1.0,
+            color="tab:red", width=0.006, zorder=3,
+        )  # fmt: skip
+        axes.set_title(f"tangential forces, the longest arrow {largest:.3g} N", fontsize="medium")
+    axes.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    return figure

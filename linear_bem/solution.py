@@ -1,0 +1,114 @@
+"""A certified solution: fields, numbers, and how well they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy
+
+from linear_bem.arrays import Array
+from linear_bem.error_estimate import Errors
+from linear_bem.lifted_balls import Contacts
+from linear_bem.problem import Problem
+from linear_bem.result import BallResult, Result, Solved
+from linear_bem.smooth.contacts import SmoothContacts
+
+CERTIFIED = 1e-3
+"""Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """Contacts, error of T [N] per ball, errors of the rest, notes, and how the accuracy was judged on a sample."""
+
+    contacts: Contacts
+    error: Array
+    errors: Errors
+    notes: tuple[str, ...] = ()
+    accuracy: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, repr=False)
+class Solution:
+    """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
+
+    ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
+    difference between the mutual formula and the slope integral, whose errors are independent. ``errors`` are those of
+    forces, approaches, peak pressures and areas.
+    """
+
+    problem: Problem
+    contacts: Contacts
+    tangential_force_error: Array
+    errors: Errors
+    seconds: float
+    notes: tuple[str, ...] = ()
+    accuracy: Mapping[str, object] = field(default_factory=dict)
+
+    def pressure(self, x: Array, y: Array) -> Array:
+        """Return the contact pressure [Pa] at surface points [m]."""
+        return self.contacts.pressure(x, y)
+
+    def displacement(self, x: Array, y: Array) -> Array:
+        """Return the surface displacement [m], positive into the layer, at surface points [m]."""
+        return self.contacts.displacement(x, y)
+
+    def outline(self, ball: int) -> tuple[Array, Array]:
+        """Return points x, y [m] on the edge of one ball's contact."""
+        return self.contacts.outline(ball)
+
+    def __repr__(self) -> str:
+        """Return one short line: kind and size of the discretisation, and what `Result` shows."""
+        kind = "polynomials" if isinstance(self.contacts, SmoothContacts) else "grids"
+        return f"Solution({kind}, {self.contacts.unknowns} unknowns: {self.result()!r})"
+
+    def summary(self) -> str:
+        """Return the summary of `result`."""
+        return self.result().summary()
+
+    def _repr_html_(self) -> str:
+        return self.result()._repr_html_()
+
+    def plot(self) -> Any:
+        """Return a matplotlib figure: a map of the contact pressure, contacts, and T on every ball as an arrow."""
+        from linear_bem.plotting import plan_of_balls  # noqa: PLC0415  (matplotlib, only where something is drawn)
+
+        return plan_of_balls(self.result().balls, self.pressure)
+
+    def result(self) -> Result:
+        """Return the numbers in the format that all models share."""
+        c = self.contacts
+        balls = tuple(
+            BallResult(
+                position=(float(ball.position[0]), float(ball.position[1])),
+                radius=float(ball.radius),
+                approach=float(c.approaches[i]),
+                normal_force=float(c.normal_forces[i]),
+                tangential_force=_pair(c.mutual_force[i]),
+                tangential_force_error=float(self.tangential_force_error[i]),
+                peak_pressure=float(c.peak_pressures[i]),
+                contact_area=float(c.contact_areas[i]),
+                tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
+                errors={name: float(error[i]) for name, error in self.errors.items()},
+            )
+            for i, ball in enumerate(self.problem.balls)
+        )
+        solved = Solved(
+            converged=True,
+            iterations=c.iterations,
+            unknowns=c.unknowns,
+            seconds=self.seconds,
+            versions={"numpy": np.__version__, "scipy": scipy.__version__},
+            notes=self.notes,
+            certificate=c.certificate,
+            tolerances=dict.fromkeys(c.certificate, CERTIFIED),
+            accuracy=self.accuracy,
+        )
+        return Result(model="linear_bem", balls=balls, solved=solved)
+
+
+def _pair(v: Array) -> tuple[float, float]:
+    return float(v[0]), float(v[1])

@@ -1,0 +1,104 @@
+"""The error estimates of forces, approaches, peak pressures and contact areas cover the errors."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.special import gamma
+
+from linear_bem import Ball, Cone, Elastic, Ellipsoid, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
+from linear_bem.closed_forms import sneddon_sphere
+from linear_bem.error_estimate import errors_by_change, errors_of_one, quantities
+from linear_bem.grid.contacts import GridContacts, grid_levels
+from linear_bem.smooth.initial_guess import first_guess
+
+NAMES = ("normal_force", "approach", "peak_pressure", "contact_area")
+HALF_SPACE, BASE = Layer(1.0, 0.3, np.inf), Elastic(1e3, 0.3)
+
+
+def pair(layer, load, shape="paraboloid", substrate=None):
+    size = (1.0,) if isinstance(shape, str) else ()
+    balls = tuple(Ball((x, 0.0), *size, shape=shape) for x in (-1.0, 1.0))
+    return Problem(layer, balls, load, substrate)
+
+
+SMOOTH = {
+    "paper": pair(Layer(1.0, 0.48, 1.16), Load("force", (2.66666e-3,) * 2), substrate=BASE),
+    "deep": pair(HALF_SPACE, Load("approach", (0.3, 0.3))),
+    "one holder": pair(Layer(1.0, 0.48, 1.16), Load("total_force", (0.02,))),
+    "thin": pair(Layer(1.0, 0.5, 0.3), Load("approach", (0.03, 0.02))),
+    "spheres": pair(HALF_SPACE, Load("approach", (0.3, 0.1)), "sphere"),
+    "ellipsoids": pair(Layer(1.0, 0.3, 2.0), Load("approach", (0.1, 0.1)), Ellipsoid((1.0, 0.5, 1.0))),
+    "stiff film": pair(Layer(30.0, 0.3, 0.4), Load("approach", (0.05, 0.05)), substrate=Elastic(1.0, 0.3)),
+    "alone": Problem(Layer(1.0, 0.48, 0.4), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.05,)), BASE),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_the_errors_of_polynomials_are_covered_at_every_accuracy(name):
+    exact = solve(SMOOTH[name], 1e-8)
+    for accuracy in (2e-2, 1e-3, 1e-4):
+        for ball, known in zip(solve(SMOOTH[name], accuracy).balls, exact.balls, strict=True):
+            for what in NAMES:
+                off = abs(getattr(ball, what) - getattr(known, what))
+                # the reference has errors of its own
+                assert off <= ball.errors[what] + known.errors[what], what
+            # an estimate must say something: forces to better than 2 %, pressures to better than 20 %
+            assert ball.errors["normal_force"] < 0.02 * known.normal_force
+            assert ball.errors["peak_pressure"] < 0.2 * known.peak_pressure
+
+
+GRIDS = {
+    "half-space": pair(HALF_SPACE, Load("approach", (0.05, 0.05))),
+    "thin": pair(Layer(1.0, 0.5, 0.3), Load("approach", (0.03, 0.02))),
+    "deep spheres": pair(HALF_SPACE, Load("approach", (0.5, 0.5)), "sphere"),
+    "one holder": pair(Layer(1.0, 0.48, 1.16), Load("total_force", (0.05,))),
+    "stiff film": pair(Layer(30.0, 0.3, 0.4), Load("approach", (0.05, 0.05)), substrate=Elastic(1.0, 0.3)),
+}
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_the_errors_of_grids_are_covered_on_every_grid(name):
+    problem = GRIDS[name]
+    kernel = LayeredKernel.of(problem)
+    exact = quantities(solve_contact(problem, 1e-6).contacts)
+    before = errors = previous = None
+    for contacts in itertools.islice(grid_levels(problem, kernel, first_guess(problem, kernel)), 4):
+        errors = errors_of_one(contacts) if before is None else errors_by_change(before, contacts, previous)
+        previous = None if before is None else errors
+        for what, found in quantities(contacts).items():
+            off = np.abs(found - exact[what])
+            assert np.all(off <= errors[what] + 1e-5 * np.abs(exact[what])), (what, contacts.coarseness)
+        before = contacts
+    assert np.all(errors["contact_area"] < 0.015 * exact["contact_area"])
+    assert np.all(errors["peak_pressure"] < 0.01 * exact["peak_pressure"])
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-4])
+def test_grids_of_sharp_bodies_cover_closed_forms(accuracy):
+    """A deep sphere [Sneddon 1965], f = r^8, and the peak of a cone's and of a punch's pressure on a finer grid."""
+    radius = 0.8
+    depth, force = sneddon_sphere(radius, 1.0, HALF_SPACE.contact_modulus)
+    found = solve(Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0),), Load("approach", (depth,))), accuracy).balls[0]
+    assert abs(found.normal_force - force) <= found.errors["normal_force"] < 0.01 * force
+    assert abs(found.contact_area - np.pi * radius**2) <= found.errors["contact_area"] < 0.05 * np.pi * radius**2
+
+    flat = Ball((0.0, 0.0), 1.0, lambda x, y: (x**2 + y**2) ** 4)
+    found = solve(Problem(HALF_SPACE, (flat,), Load("approach", (0.05,))), accuracy).balls[0]
+    radius = (0.05 * gamma(4.5) / gamma(5.0) / np.sqrt(np.pi)) ** 0.125
+    assert abs(found.normal_force - 2.0 / 0.91 * 0.05 * radius * 8.0 / 9.0) <= found.errors["normal_force"]
+    assert abs(found.contact_area - np.pi * radius**2) <= found.errors["contact_area"]
+
+    for body, at in ((Cone(0.35, 0.05), 0.2), (Punch(1.0, 0.1), 0.1)):
+        problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=body),), Load("approach", (at,)))
+        ball, known = solve(problem, accuracy).balls[0], solve(problem, 1e-4).balls[0]
+        assert abs(ball.peak_pressure - known.peak_pressure) <= ball.errors["peak_pressure"]
+
+
+def test_a_cone_wide_against_its_tip_goes_to_a_grid():
+    """Polynomials take all degrees in vain."""
+    problem = pair(Layer(1.0, 0.48, 1.16), Load("approach", (0.2, 0.2)), Cone(np.radians(30.0), 0.3))
+    quick, fine = solve_contact(problem, 1e-2), solve_contact(problem, 1e-3)
+    assert isinstance(quick.contacts, GridContacts)
+    off = np.abs(quick.contacts.mutual_force - fine.contacts.mutual_force)
+    assert np.all(np.max(off, axis=1) <= quick.tangential_force_error + fine.tangential_force_error)

@@ -1,0 +1,68 @@
+"""What a user does with a result: short in a terminal, a table in a notebook, JSON and back, a figure."""
+
+import math
+
+import pytest
+
+from linear_bem import Ball, Layer, Load, Problem, Result, solve_contact
+
+PAIR = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.25), 1.0))
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return solve_contact(Problem(Layer(1.0, 0.45, 2.0), PAIR, Load("approach", (0.1, 0.2))), 1e-3)
+
+
+def test_the_short_forms_name_model_balls_and_the_largest_force(solution):
+    result = solution.result()
+    largest = max(math.hypot(*ball.tangential_force) for ball in result.balls)
+    assert repr(result).startswith(f"Result(linear_bem: 2 balls, largest T {largest:.4g} ± ")
+    assert len(repr(result)) < 100
+    assert repr(result) in repr(solution)
+    assert len(repr(solution)) < 160
+
+
+def test_the_summary_shows_every_number_of_few_balls_and_the_notes(solution):
+    text = solution.summary()
+    for ball in solution.result().balls:
+        for value in (ball.approach, ball.normal_force, *ball.tangential_force):
+            assert f"{value:.6g}" in text
+    deep = solve_contact(Problem(Layer(1.0, 0.45, 0.2), PAIR, Load("approach", (0.15, 0.15))), 1e-2)
+    assert "note: the largest approach is" in deep.summary()
+
+
+def test_many_balls_are_summarised_by_those_with_the_largest_force(solution):
+    result = solution.result()
+    many = Result(result.model, (result.balls[0],) * 29 + (result.balls[1],), result.solved)
+    assert len(many.summary().splitlines()) < 26
+    assert "10 more balls" in many.summary()
+    assert many._repr_html_().count("<tr>") == 21
+
+
+def test_a_notebook_shows_a_table(solution):
+    shown = solution._repr_html_()
+    assert shown.count("<tr>") == 3
+    assert f"{solution.result().balls[1].normal_force:.6g}" in shown
+    assert shown == solution.result()._repr_html_()
+
+
+def test_json_gives_back_every_bit(solution):
+    result = solution.result()
+    again = Result.from_json(result.to_json(scene={"title": "µ"}))
+    assert again == result
+    assert again.balls[0].errors == result.balls[0].errors
+    assert again.to_json() == result.to_json()
+
+
+def test_figures_show_contacts_and_forces(solution):
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
+    for figure, maps in ((solution.plot(), 1), (solution.result().plot(), 0)):
+        axes = figure.axes[0]
+        circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
+        areas = [math.pi * circle.radius**2 for circle in circles]
+        assert areas == pytest.approx([ball.contact_area for ball in solution.result().balls])
+        assert len(axes.images) == maps
+        largest = max(math.hypot(*ball.tangential_force) for ball in solution.result().balls)
+        assert f"{largest:.3g} N" in axes.get_title()

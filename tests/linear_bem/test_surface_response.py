@@ -1,0 +1,153 @@
+"""A medium given by the response of its surface: layers known otherwise, a multilayer by transfer matrices, nu < 0."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from linear_bem import (
+    Ball,
+    Elastic,
+    FiniteStrain,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    SurfaceResponse,
+    solve,
+    solve_point_load,
+)
+from linear_bem.closed_forms import hertz_force
+from linear_bem.layer.response import LayerResponse
+
+PAIR = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
+LOAD = Load("force", (2.66666e-3, 2.66666e-3))
+
+
+def propagator(solid, x, shear):
+    """exp(A x) of the state (2 G k u, 2 G k w, sigma_z, tau) over a depth x/k; z down, u ~ sin kx, w ~ cos kx.
+
+    Equilibrium and Hooke's law in the plane of the wave make A; its eigenvalues are +1 and -1, twice each.
+    """
+    nu, s = solid.poisson, shear / solid.shear_modulus
+    n, c = nu / (1.0 - nu), (1.0 - 2.0 * nu) / (1.0 - nu)
+    a = np.array([[0, 1, 0, 2 * s], [-n, 0, c * s, 0], [0, 0, 0, -1], [1 / (1 - nu) / s, 0, n, 0]])
+    x = x[:, None, None]
+    up, down = 0.5 * np.exp(0.0 * x), 0.5 * np.exp(-2.0 * x)  # both times exp(-x)
+    cosh, sinh = up + down, up - down
+    return (
+        (cosh - 0.5 * x * sinh) * np.eye(4) + 0.5 * (3.0 * sinh - x * cosh) * a
+        + 0.5 * x * sinh * (a @ a) + 0.5 * (x * cosh - sinh) * (a @ a @ a)
+    )  # fmt: skip
+
+
+def transfer(stack, base, thickness):
+    """Return G(t), t = k ``thickness``, of layers (solid, depth) from the top down on a base (None: rigid)."""
+    shear = stack[0][0].shear_modulus
+
+    def response(t):
+        k = np.atleast_1d(np.asarray(t, dtype=float)) / thickness
+        z = np.zeros((len(k), 2, 2))
+        if base is not None:
+            m = propagator(base, np.array([60.0]), shear)[0]  # only growing states are left: they must vanish
+            z[:] = -np.linalg.lstsq(m[:, :2], m[:, 2:], rcond=None)[0]
+        for solid, depth in reversed(stack):
+            e = propagator(solid, k * depth, shear)
+            z = np.linalg.solve(e[:, :2, :2] - z @ e[:, 2:, :2], z @ e[:, 2:, 2:] - e[:, :2, 2:])
+        return -z[:, 1, 0] / (2.0 * (1.0 - stack[0][0].poisson))
+
+    return response
+
+
+@pytest.mark.parametrize("nu", [0.48, 0.0, -0.6])
+@pytest.mark.parametrize("base", [None, Elastic(30.0, 0.3)])
+def test_transfer_matrices_of_one_layer_give_its_closed_form(nu, base):
+    solid, t = Elastic(1.0, nu), np.geomspace(1e-2, 20.0, 40)
+    assert transfer([(solid, 0.5)], base, 0.5)(t) == pytest.approx(LayerResponse(solid, base)(t), rel=1e-9)
+
+
+@pytest.mark.parametrize(("nu", "base"), [(0.48, Elastic(1e3, 0.3)), (0.5, None), (0.3, Elastic(1e-2, 0.2))])
+@pytest.mark.parametrize("unit", [0.3, 1.16, 20.0])
+def test_a_layer_given_as_a_function_is_the_layer(nu, base, unit):
+    """Whatever unit its argument is counted in."""
+    layer = Layer(1.0, nu, 1.16)
+    known = LayerResponse(layer, base)
+    own = SurfaceResponse(1.0, nu, unit, lambda t: known(t / unit * 1.16))
+    r = np.geomspace(0.01, 100.0, 60)
+    ours, kernel = LayeredKernel(own), LayeredKernel(layer, base)
+    assert ours.far_ratio == pytest.approx(kernel.far_ratio, abs=1e-5, rel=1e-4)
+    assert ours.displacement(r) == pytest.approx(
+        kernel.displacement(r), abs=1e-8 * abs(float(kernel.displacement(1.0)))
+    )
+    a, b = solve(Problem(layer, PAIR, LOAD, base)).balls[0], solve(Problem(own, PAIR, LOAD)).balls[0]
+    error = a.tangential_force_error + b.tangential_force_error
+    assert b.tangential_force[0] == pytest.approx(a.tangential_force[0], rel=1e-6, abs=error)
+    assert b.approach == pytest.approx(a.approach, rel=1e-7)
+
+
+def test_a_response_of_one_is_the_half_space_and_may_have_a_negative_poisson_ratio():
+    ball = (Ball((0.0, 0.0), 1.0, "paraboloid"),)
+    own = SurfaceResponse(2.0, -0.7, 1.0, np.ones_like)
+    found = solve(Problem(own, ball, Load("approach", (0.05,)))).balls[0]
+    assert found.normal_force == pytest.approx(hertz_force(0.05, 1.0, own.contact_modulus), rel=1e-6)
+
+
+def test_two_layers_by_transfer_matrices():
+    """Of one material they are one layer; a skin as thick as the contact is wide stiffens, and differs from both."""
+    soft, stiff, base = Elastic(1.0, 0.45), Elastic(8.0, 0.3), Elastic(50.0, 0.3)
+    same = SurfaceResponse(1.0, 0.45, 0.4, transfer([(soft, 0.4), (soft, 0.8)], base, 0.4))
+    found = solve(Problem(same, PAIR, LOAD)).balls[0]
+    known = solve(Problem(Layer(1.0, 0.45, 1.2), PAIR, LOAD, base)).balls[0]
+    assert found.tangential_force[0] == pytest.approx(known.tangential_force[0], rel=1e-6)
+
+    skin = SurfaceResponse(8.0, 0.3, 0.1, transfer([(stiff, 0.1), (soft, 1.1)], base, 0.1))
+    ball = solve(Problem(skin, PAIR, LOAD)).balls[0]
+    below = solve(Problem(Layer(1.0, 0.45, 1.2), PAIR, LOAD, base)).balls[0]
+    above = solve(Problem(Layer(8.0, 0.3, np.inf), PAIR, LOAD)).balls[0]
+    assert above.approach < ball.approach < below.approach
+    # far away all act as point loads on the same base
+    assert LayeredKernel(skin).displacement(400.0) == pytest.approx(
+        (1.0 - base.poisson**2) / (np.pi * base.young * 400.0), rel=1e-3
+    )
+    law = solve_point_load(Problem(skin, PAIR, LOAD)).balls[0]
+    assert law.tangential_force[0] == pytest.approx(ball.tangential_force[0], abs=2.0 * law.tangential_force_error)
+
+
+def test_an_auxetic_layer_on_a_rigid_base_has_the_thin_limit():
+    """Winkler's stiffness (1 - nu) E/((1 + nu)(1 - 2 nu) h): Q = pi k R D^2 [Johnson 1985, section 5.8]."""
+    nu, h, depth = -0.5, 1e-3, 1e-3
+    own = SurfaceResponse(1.0, nu, h, transfer([(Elastic(1.0, nu), h)], None, h), far_ratio=0.0)
+    found = solve(Problem(own, (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (depth,))), 1e-3).balls[0]
+    stiffness = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu)) / h
+    # the edge's correction is of order h/a = 0.02
+    assert found.normal_force == pytest.approx(np.pi * stiffness * depth**2, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("response", "words"),
+    [
+        (lambda t: 1.0 + 1.0 / (1.0 + t), "must tend to 1 exponentially"),
+        (lambda t: 2.0 + 0.0 * t, "young and poisson must be those at the surface"),
+        (lambda t: 1.0 - 2.0 * np.exp(-t), "must return a positive number"),
+        (lambda t: 1.0, r"an array of shape"),
+    ],
+)
+def test_what_is_no_response_of_a_surface_is_refused(response, words):
+    with pytest.raises(InvalidProblem, match=words):
+        LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, response))
+
+
+def test_contradictions_and_other_models_are_refused():
+    own = SurfaceResponse(1.0, 0.3, 1.0, np.ones_like)
+    with pytest.raises(InvalidProblem, match=r"finite_strain: needs a layer of a material"):
+        Problem(own, PAIR, LOAD, finite_strain=FiniteStrain())
+    with pytest.raises(InvalidProblem, match=r"substrate: is part of the response"):
+        Problem(own, PAIR, LOAD, Elastic(1.0, 0.3))
+    with pytest.raises(InvalidProblem, match=r"layer\.poisson: must lie between -1 and 0\.5, got -1\.2"):
+        Problem(dataclasses.replace(own, poisson=-1.2), PAIR, LOAD)
+    with pytest.raises(InvalidProblem, match=r"layer\.poisson: must lie between 0 and 0\.5, got -0\.2"):
+        Problem(Layer(1.0, -0.2, 1.0), PAIR, LOAD)
+    known = LayerResponse(Elastic(1.0, 0.3), Elastic(10.0, 0.3))
+    with pytest.raises(InvalidProblem, match=r"layer\.far_ratio: must be the limit of the response at 0"):
+        LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, known, far_ratio=0.5))
