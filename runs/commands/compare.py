@@ -63,14 +63,14 @@ def _show(session: Session, document: Document) -> None:
     out = tables.console()
     balls = document["finite"]["balls"]
     tables.say(out, session.scene.title)
-    compact = out.width < tables.WIDE
     rows, leading = document["comparison"], leading_ball(balls)
-    out.print(tables.comparison_table(rows, balls, leading, session.scale, compact=compact))
+    tables.show_comparison(out, rows, balls, leading, session.scale)
     if len(balls) > 1:
-        mark = "digits in parentheses" if compact else "\u00b1"
+        mark = "digits in parentheses" if tables.is_narrow(out) else "\u00b1"
         tables.say(
             out,
-            f"{LEGEND}; T and Q over E R\u00b2 (E: Young's modulus of the layer)",
+            f"{LEGEND}",
+            session.scale.legend(),
             "S_Q, S_D: T finite over T linear at the same normal force and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )

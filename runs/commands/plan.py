@@ -44,11 +44,12 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
+    scale = Scale.of(problem, scene.data)
     advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
-        "bodies": bodies(problem),
+        "bodies": bodies(problem, scale),
         "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
         "models": plans,
@@ -59,7 +60,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(to_json(document))
     else:
-        _show(document, Scale.of(problem), scene)
+        _show(document, scale, scene)
 
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
@@ -84,10 +85,11 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
     say(document["title"], "bold")
     load = scene.problem.load
-    unit = "m" if load.kind == "approach" else "N"
-    values = ", ".join(number(value) for value in dict.fromkeys(load.values))
-    say(f"{scene.problem.size} ball(s), prescribed: {load.kind} {values} {unit}")
+    unit = scale.units.length if load.kind == "approach" else scale.units.force
+    values = ", ".join(unit(value) for value in dict.fromkeys(load.values))
+    say(f"{scene.problem.size} ball(s), prescribed: {load.kind.replace('_', ' ')} {values}")
     say(f"shape: {document['bodies']}")
+    say(scale.legend())
     say("simulated:")
     for name in document["effects_present"]:
         say(f"  [{name}] {EFFECTS[name].words}")
@@ -113,9 +115,8 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
     say("expected by the linear model:", "bold")
     say(
-        f"  D = {number(ball['approach'] / scale.radius)} R, "
-        f"Q = {number(ball['normal_force'] / scale.force)} E R\u00b2, "
-        f"contact radius {number(radius / scale.radius, 3)} R, |T| / Q = {number(ratio, 3)}"
+        f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
+        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}"
     )
 
 

@@ -50,7 +50,7 @@ class Session:
         evolves = command == "evolve"
         self.model, self.problem, notes = choose(standing(scene) if evolves else scene, asked)
         self.notes = (*notes, *_without_effect(scene, self.model))
-        self.scale = Scale.of(self.problem)
+        self.scale = Scale.of(self.problem, scene.data)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
         self.plan: Document = {}
         if self.model.plan is not None and not evolves:  # raises early what the model does not support
