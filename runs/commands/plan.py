@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linear_bem.result import Result
-from runs.advice import USUAL, Adviser
+from runs.advice import PATIENCE, USUAL, Adviser
+from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
 from runs.models import MODELS, Model, Run, choose, load_path, standing, without
@@ -46,6 +47,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
     scale = Scale.of(problem, scene.data)
     advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
+    quick = ahead.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
@@ -55,6 +57,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "advice": [dataclasses.asdict(item) for item in advice],
+        "sensitivity": sensitivity.record(problem) if quick and problem.size > 1 else None,
         "notes": list(notes),
     }
     if as_json:
@@ -107,6 +110,10 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
+    found = document["sensitivity"]
+    if found is not None:
+        tables.show_words(out, sensitivity.TITLE, sensitivity.rows(found, scene.problem, scale))
+        say(sensitivity.check(found))
 
 
 def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:

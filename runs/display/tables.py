@@ -98,6 +98,16 @@ def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, in
     out.print(table)
 
 
+def show_words(out: Console, title: str, rows: Sequence[Mapping[str, str]]) -> None:
+    """Print rows of words under their headings."""
+    table = Table(title=Text(title, style="bold"), box=SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for column in rows[0]:
+        table.add_column(Text(column))
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row.values()))
+    out.print(table)
+
+
 def _digits(column: str, digits: Mapping[str, int]) -> int:
     return digits.get(column, digits.get(re.split(r" \[| / ", column)[0], 4))
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from runs.comparison import sensitivity
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
 from runs.display.rows import LEGEND, ball_rows, comparison_rows, path_rows
 from runs.display.tables import mesh_words
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
+from runs.scene.scene_file import Tables
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
 """Parts of a document that have sections of their own, or belong to the figures."""
@@ -76,10 +79,20 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
         _notes(list(notes)),
         section("Finite against small strain", table(shown, f"Ball {ball}; {LEGEND}; S: finite over linear T")),
         paragraph(scale.legend()),
+        _sensitivity(folder, document, balls[ball], scale),
         _balls(balls, scale),
         _accuracy(finite["solved"]),
         _versions(finite["solved"]),
     ]
+
+
+def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str, Any], scale: Scale) -> str:
+    found, size = document.get("sensitivity"), math.hypot(*ball["tangential_force"])
+    if found is None or size == 0.0:
+        return ""
+    problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
+    rows = sensitivity.rows(found, problem, scale, ball["tangential_force_error"] / size)
+    return section("What the inputs do to T", table(rows, sensitivity.check(found)))
 
 
 def _anything(document: Mapping[str, Any]) -> list[str]:
