@@ -185,9 +185,9 @@ class Problem:
             touch = _touching_distance(a, b)
             if gap < touch * (1.0 - 1e-9):
                 faults.append(
-                    f"balls.positions: balls {i} and {j} overlap: their axes are {gap:g} m apart, "
-                    f"radii {a.radius:g} m and {b.radius:g} m need at least {touch:g} m; caps of a rough surface may "
-                    "stand closer: Ball(..., asperity=True)"
+                    f"balls.positions: balls {i} and {j} overlap by {touch - gap:.3g} m: their axes are {gap:.9g} m "
+                    f"apart, radii {a.radius:g} m and {b.radius:g} m need at least {touch:.9g} m; caps of a rough "
+                    "surface may stand closer: Ball(..., asperity=True)"
                 )
         return faults
 

@@ -189,6 +189,15 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     return model, without(scene.problem, dropped), notes
 
 
+def planned_seconds(
+    model: Model, problems: Sequence[Problem], accuracy: float | None, budget: Mapping[str, float]
+) -> float | None:
+    """Return the planned time [s] of runs to full load, None without a plan; raises what the plan raises."""
+    if model.plan is None:
+        return None
+    return sum(float(model.plan(problem, accuracy, budget, (1.0,))["seconds"]) for problem in problems)
+
+
 def standing(scene: Scene) -> Scene:
     """Return ``scene`` with fixed balls: the problem at one instant of an evolution."""
     effects = tuple(effect for effect in scene.effects if effect != "reciprocation")

@@ -28,7 +28,7 @@ echo "quickstart: the same by hand (what is finished is shown again; --fresh sta
 echo "  cd $(printf %q "$checkout")"
 if [[ $(readlink -f "$(command -v mpirun)") == $(readlink -f "$mpirun") ]]; then mpirun=mpirun; fi
 options=(-n 2 --bind-to none)
-if (($(lscpu -p=CORE,SOCKET | grep -vc '^#' || true) < 2)); then options+=(--oversubscribe); fi
+if (($(lscpu -p=CORE,SOCKET 2>/dev/null | grep -vc '^#' || true) < 2)); then options+=(--oversubscribe); fi
 printf '  %s' "${by_hand[*]} ${mpirun##*/} ${options[*]}"
 printf ' %q' "${job[@]}"
 printf '\n'

@@ -15,8 +15,9 @@ from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
+from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
-from finite_strain.planning.refinement import PATH_FINDER, Budget, answering
+from finite_strain.planning.refinement import HIGHEST, PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
@@ -28,8 +29,8 @@ LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
-_PATH_STEP, _FIRST_GOAL = 0.8, 1.2
-"""Cost of a path finder's step, and extra cost of a first answered step, in answered steps of the same size."""
+RANKS = 2
+"""Processes that a plan's time and memory are for, unless said."""
 
 
 @dataclass(frozen=True)
@@ -100,15 +101,26 @@ class RunPlan:
         """The path finder and the first discretisation that answers."""
         return PATH_FINDER, answering(self.accuracy, self.budget, self.unknowns)
 
-    def describe(self) -> dict[str, Any]:
-        """Return the plan in words and numbers: SI units, seconds for two ranks."""
+    def describe(self, ranks: int = RANKS) -> dict[str, Any]:
+        """Return the plan in words and numbers: SI units; seconds and memory up to the first answer.
+
+        ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are path finder's and first answer's.
+        """
         unknowns = [self.unknowns(level) for level in self.first]
         most = self.budget.most_unknowns
         box = self.box(PATH_FINDER)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
-        first, later = (_step_seconds(n, solver.direct) for n, solver in zip(unknowns, solvers, strict=True))
         path, goals = len(self.path), len(self.goals)
+        finder, first = (
+            Mesh(n, level.order, count, goals * self.is_paired, solver.direct, searches=level == PATH_FINDER)
+            for n, level, count, solver in zip(unknowns, self.first, (path, goals), solvers, strict=True)
+        )
+        speed = ranks ** math.log2(SPEEDUP)
+        largest = Mesh(
+            most, HIGHEST, goals, goals * self.is_paired, choose(most, "mixed" in forms.values(), given).direct
+        )
+        seconds = [START_SECONDS + finder.seconds, first.seconds]
         return {
             "forms": forms,
             "linear_solver": solvers[-1].describe(),
@@ -116,23 +128,15 @@ class RunPlan:
             "unknowns": round(unknowns[-1]),
             "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(self.first, unknowns, strict=True)]
             + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
-            "memory_bytes": _bytes(unknowns[-1], solvers[-1].direct),
-            "memory_bytes_at_most": _bytes(most, choose(most, "mixed" in forms.values(), given).direct),
-            "seconds": 5.0 + (_PATH_STEP * path + _FIRST_GOAL * goals) * first + goals * later,
+            "memory_bytes": first.memory_bytes(ranks),
+            "memory_bytes_at_most": largest.memory_bytes(ranks),
+            "seconds": sum(seconds) / speed,
+            "processor_seconds": sum(seconds),
+            "seconds_of_meshes": [value / speed for value in seconds],
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "load_steps": len(self.goals),
             "accuracy": {"asked": self.accuracy, "unknowns_at_most": most, "seconds_at_most": self.budget.seconds},
         }
-
-
-def _step_seconds(unknowns: float, direct: bool) -> float:
-    """Return the time of an answered step and its pair, measured on two ranks: factors (MUMPS) or multigrid."""
-    return 3.0 * (unknowns / 18.7e3) ** 1.6 if direct else 2.5e-4 * unknowns
-
-
-def _bytes(unknowns: float, direct: bool) -> float:
-    """Return the memory of two ranks: matrix and factors, or matrix, multigrid and Krylov vectors, as measured."""
-    return 4e8 + (0.77e9 * (unknowns / 51.5e3) ** 1.35 if direct else 7.5e3 * unknowns)
 
 
 def plan_run(

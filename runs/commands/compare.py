@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Result
-from runs.comparison import interpolant
+from runs.comparison import interpolant, sensitivity
 from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import answer, compare_steps
 from runs.display import figures, tables
@@ -53,6 +55,8 @@ def _compute(session: Session) -> Document | None:
     between = interpolant.table(document["comparison"], leading_ball(balls))
     if between:
         write_csv(session.out / "strengthening.csv", between)
+    document["sensitivity"] = sensitivity.record(session.problem)
+    session.save(document, document["comparison"])
     figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)
     figures.draw_surface(session.out, session.problem, balls, session.scale)
     session.finish(document["finite"]["solved"], document["answer"])
@@ -63,17 +67,24 @@ def _show(session: Session, document: Document) -> None:
     out = tables.console()
     balls = document["finite"]["balls"]
     tables.say(out, session.scene.title)
-    compact = out.width < tables.WIDE
     rows, leading = document["comparison"], leading_ball(balls)
-    out.print(tables.comparison_table(rows, balls, leading, session.scale, compact=compact))
+    tables.show_comparison(out, rows, balls, leading, session.scale)
     if len(balls) > 1:
-        mark = "digits in parentheses" if compact else "\u00b1"
+        mark = "digits in parentheses" if tables.is_narrow(out) else "\u00b1"
         tables.say(
             out,
-            f"{LEGEND}; T and Q over E R\u00b2 (E: Young's modulus of the layer)",
+            f"{LEGEND}",
+            session.scale.legend(),
             "S_Q, S_D: T finite over T linear at the same normal force and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )
     finite, linear = document["finite"]["solved"], document["linear"]["solved"]
     tables.say(out, *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")
     tables.say(out, document["answer"], style="bold")
+    found = document.get("sensitivity")
+    if found is not None:
+        ball = balls[leading]
+        known = ball["tangential_force_error"] / math.hypot(*ball["tangential_force"])
+        rows = sensitivity.rows(found, session.problem, session.scale, known)
+        tables.show_words(out, sensitivity.TITLE, rows)
+        tables.say(out, sensitivity.check(found))

@@ -8,22 +8,28 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import Problem
 from linear_bem.result import Result
-from runs.advice import USUAL, Adviser
+from runs.advice import PATIENCE, USUAL, Adviser
+from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
-from runs.models import MODELS, Model, Run, choose, load_path, standing, without
+from runs.models import MODELS, Model, Run, choose, load_path, planned_seconds, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
+from runs.process.machine import memory_bytes
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
+from runs.session.terminal import waiting
 
 NAMES = {
     "forms": "form of the elements",
     "linear_solver": "linear solver of the finest mesh planned",
     "memory_bytes": "memory",
     "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
-    "seconds": "time",
+    "seconds": "time on two idle cores",
+    "processor_seconds": "time on one",
     "symmetries": "symmetries used",
     "domain": "domain [m]",
     "meshes": "meshes",
@@ -38,28 +44,38 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
         return
-    ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
+    with waiting(f"the linear model on {problem.size} ball(s), for this plan"):
+        ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
     plans = [_model_plan(model, scene, problem, ahead)]
     if asked is None and model.plan is not None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
-    advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
+    scale = Scale.of(problem, scene.data)
+    quick = ahead.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
+    with waiting("the linear model with and without each effect, for this plan's advice"):
+        advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
+        inputs = sensitivity.record(problem) if quick and problem.size > 1 else None
+    evolution = None
+    if scene.reciprocation is not None and scene.reciprocation.forces == "pairs":
+        evolution = _table_of_pairs(model, scene, problem)
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
-        "bodies": bodies(problem),
+        "bodies": bodies(problem, scale),
         "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
         "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "advice": [dataclasses.asdict(item) for item in advice],
+        "sensitivity": inputs,
         "notes": list(notes),
+        "evolution": evolution,
     }
     if as_json:
         sys.stdout.write(to_json(document))
     else:
-        _show(document, Scale.of(problem), scene)
+        _show(document, scale, scene)
 
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
@@ -76,6 +92,21 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
     return {"model": model.name, "summary": model.summary, **plain(details)}
 
 
+def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:
+    """Return how many runs ``evolve`` needs for its table of pairs and their time; None where it takes no table."""
+    from runs.evolution.evolving import TABLES  # noqa: PLC0415  (only for a scene whose balls drift)
+    from runs.evolution.providers import table_of  # noqa: PLC0415
+
+    try:
+        missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
+    except UnsupportedProblem:
+        return None
+    return {
+        "runs": len(missing),
+        "seconds": planned_seconds(model, missing, scene.tangential_force, scene.budget),
+    }
+
+
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     out = tables.console()
 
@@ -84,10 +115,11 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
     say(document["title"], "bold")
     load = scene.problem.load
-    unit = "m" if load.kind == "approach" else "N"
-    values = ", ".join(number(value) for value in dict.fromkeys(load.values))
-    say(f"{scene.problem.size} ball(s), prescribed: {load.kind} {values} {unit}")
+    unit = scale.units.length if load.kind == "approach" else scale.units.force
+    values = ", ".join(unit(value) for value in dict.fromkeys(load.values))
+    say(f"{scene.problem.size} ball(s), prescribed: {load.kind.replace('_', ' ')} {values}")
     say(f"shape: {document['bodies']}")
+    say(scale.legend())
     say("simulated:")
     for name in document["effects_present"]:
         say(f"  [{name}] {EFFECTS[name].words}")
@@ -101,10 +133,18 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     for model in document["models"]:
         say(f"{model['model']}: {model['summary']}", "bold")
         for key, value in model.items():
-            if key not in ("model", "summary"):
+            if key not in ("model", "summary", "seconds_of_meshes"):
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
+    table = document["evolution"]
+    if table is not None:
+        time = "" if table["seconds"] is None else f", about {duration(table['seconds'])} on two idle cores"
+        say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{time}")
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
+    found = document["sensitivity"]
+    if found is not None:
+        tables.show_words(out, sensitivity.TITLE, sensitivity.rows(found, scene.problem, scale))
+        say(sensitivity.check(found))
 
 
 def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
@@ -113,9 +153,8 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
     say("expected by the linear model:", "bold")
     say(
-        f"  D = {number(ball['approach'] / scale.radius)} R, "
-        f"Q = {number(ball['normal_force'] / scale.force)} E R\u00b2, "
-        f"contact radius {number(radius / scale.radius, 3)} R, |T| / Q = {number(ratio, 3)}"
+        f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
+        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}"
     )
 
 
@@ -136,11 +175,19 @@ def _goal(accuracy: Mapping[str, Any]) -> str:
     return f"{known}; at most {accuracy['unknowns_at_most']:.0f} unknowns; {limit}"
 
 
+def _memory(value: float) -> str:
+    if value <= 5e7:
+        return f"about {max(value / 1e6, 1.0):.0f} MB"
+    here = memory_bytes()
+    said = f"about {value / 1e9:.2g} GB" if value < 1e11 else f"about {value / 1e9:.0f} GB"
+    return said if value < here else f"{said}, more than the {here / 1e9:.0f} GB of this machine"
+
+
 def _word(key: str, value: Any) -> str:
-    if key == "seconds":
+    if key in ("seconds", "processor_seconds"):
         return f"about {duration(float(value))}"
     if key.startswith("memory_bytes"):
-        return f"about {float(value) / 1e9:.2g} GB" if value > 5e7 else f"about {max(float(value) / 1e6, 1.0):.0f} MB"
+        return _memory(float(value))
     if key == "accuracy":
         return _goal(value)
     if isinstance(value, Mapping):

@@ -21,8 +21,8 @@ from runs.pictures.coloring import COLORINGS
 from runs.pictures.drawing import VIEWS, Camera, Window, draw
 from runs.pictures.written_step import WrittenStep, read_step, step_files
 from runs.process import ranks
-from runs.session.progress import tell
 from runs.session.run_folder import PICTURES
+from runs.session.terminal import tell
 
 INSTALL = f"{INSTALL_PICTURES} (in an environment of your own: pip install 'thirdbody[render]')"
 SIZE = (1600, 1000)

@@ -49,11 +49,10 @@ def _rows(result: Result) -> list[dict[str, Any]]:
 def _show(session: Session, document: Document) -> None:
     balls, steps = document["balls"], document["steps"]
     out = tables.console()
-    out.print(tables.ball_table(balls, session.scale, f"{session.scene.title}: {document['model']}"))
-    tables.say(out, f"shape: {bodies(session.problem)}")
+    tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}")
+    tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
-        leading = leading_ball(balls)
-        out.print(tables.path_table(steps, leading, session.scale, f"load path of ball {leading}"))
+        tables.show_path(out, steps, leading_ball(balls), session.scale)
     if len(balls) > 1:
         tables.say(out, LEGEND)
     tables.say(

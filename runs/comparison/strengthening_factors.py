@@ -106,8 +106,9 @@ def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]
         return "The linear tangential force is below its own error on every ball: there is nothing to compare."
     leading = leading_ball(balls)  # the one that tables and figures show
     row = next((r for r in last if r["ball"] == leading), last[0])
-    depth, load = number(row["approach"] / scale.radius, 3), number(row["normal_force"] / scale.force, 3)
-    state = f"At D = {depth} R (Q = {load} E R\u00b2)"
+    depth, load = row["approach"], scale.units.force(row["normal_force"], 3)
+    over = "" if scale.dimensionless else f"{number(depth / scale.radius, 3)} R, "
+    state = f"At D = {scale.units.length(depth, 3)} ({over}Q = {load})"
     ratio, error = row["strengthening_at_force"], row["strengthening_at_force_error"]
     kind = _kind(balls, row["ball"], row["tangential_linear"])
     of_ball = "" if len(balls) == 2 else f" on ball {row['ball']}"

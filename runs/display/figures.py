@@ -33,15 +33,17 @@ def draw_comparison(
     path = [row for row in rows if row["ball"] == ball]
     figure = blank(9.6, 4.0)
     forces, factors = figure.subplots(1, 2)
-    load = np.array([row["normal_force"] for row in path]) / scale.force
+    unit = scale.units.force.size
+    load = np.array([row["normal_force"] for row in path]) / unit
     for model, label, color, marker in (
         ("linear", "linear (small strain)", LINEAR, "s"), ("finite", "finite strain", FINITE, "o"),
     ):  # fmt: skip
-        force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / scale.force for row in path]
-        error = [_float(row[f"tangential_{model}_error"]) / scale.force for row in path]
+        force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / unit for row in path]
+        error = [_float(row[f"tangential_{model}_error"]) / unit for row in path]
         forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
-    _label_forces(forces)
-    depth = np.array([row["approach"] for row in path]) / scale.radius
+    _label_forces(forces, scale)
+    length = scale.units.length
+    depth = np.array([row["approach"] for row in path]) / length.size
     beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
@@ -53,10 +55,10 @@ def draw_comparison(
             continue  # one ball, or no tangential force above its error
         at, line = depth + (beside if key == "approach" else 0.0), "none" if between else "-"
         factors.errorbar(at, ratio, error, color=color, marker=marker, ls=line, label=label, **BARS)
-        x = [row["approach"] / scale.radius for row in between]
+        x = [row["approach"] / length.size for row in between]
         factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
-    factors.set_xlabel("approach $D / R$")
+    factors.set_xlabel(length.heading("approach $D$"))
     factors.set_ylabel("T finite / T linear")
     factors.set_xlim(left=0.0)
     factors.set_title("Strengthening by finite strain", loc="left", fontsize=10)
@@ -73,11 +75,12 @@ def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, mo
     states = [step["balls"][ball] for step in steps]
     figure = blank(4.8, 4.0)
     forces = figure.subplots()
-    force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / scale.force for state in states]
-    error = [_float(state["tangential_force_error"]) / scale.force for state in states]
-    load = [state["normal_force"] / scale.force for state in states]
+    unit = scale.units.force.size
+    force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / unit for state in states]
+    error = [_float(state["tangential_force_error"]) / unit for state in states]
+    load = [state["normal_force"] / unit for state in states]
     forces.errorbar(load, force, error, color=FINITE, marker="o", label=NAMES.get(model, model), **BARS)
-    _label_forces(forces)
+    _label_forces(forces, scale)
     save_figure(figure, folder, "tangential_force")
 
 
@@ -151,10 +154,10 @@ def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[flo
     return sides[0], sides[1]
 
 
-def _label_forces(axes: Any) -> None:
+def _label_forces(axes: Any, scale: Scale) -> None:
     axes.axhline(0.0, color="0.5", lw=0.8, zorder=0)
-    axes.set_xlabel("normal force $Q / E_1 R^2$")
-    axes.set_ylabel("tangential force $T / E_1 R^2$")
+    axes.set_xlabel(scale.units.force.heading("normal force $Q$"))
+    axes.set_ylabel(scale.units.force.heading("tangential force $T$"))
     axes.set_xlim(left=0.0)
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes.set_title("T > 0: attraction, T < 0: separation", loc="right", fontsize=10)

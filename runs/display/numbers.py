@@ -1,4 +1,4 @@
-"""Scaled numbers for people: lengths over R, forces over E1 R^2, values with their error."""
+"""Numbers for people: in the units of the scene, over R and E R^2, and with their errors."""
 
 from __future__ import annotations
 
@@ -10,26 +10,54 @@ from typing import Any
 
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
+from runs.scene.units import DIMENSIONLESS, Units
 
 Vector = Sequence[float]
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Radius [m] of the first ball and Young's modulus [Pa] of the layer."""
+    """What numbers are shown in: R [m], E [Pa], and the scene's units; ``unlike``: R is the radius of ball 0 alone."""
 
     radius: float
     young: float
+    units: Units = DIMENSIONLESS
+    unlike: bool = False
 
     @classmethod
-    def of(cls, problem: Problem) -> Scale:
-        """Return the scale of ``problem``."""
-        return cls(problem.balls[0].radius, problem.layer.young)
+    def of(cls, problem: Problem, scene: Mapping[str, Any] | None = None) -> Scale:
+        """Return the scale of ``problem``; ``scene`` holds the tables that it was written as."""
+        radii = [ball.radius for ball in problem.balls]
+        return cls.from_numbers(radii, problem.layer.young, scene)
+
+    @classmethod
+    def from_numbers(cls, radii: Sequence[float], young: float, scene: Mapping[str, Any] | None = None) -> Scale:
+        """Return the scale of balls of these radii [m] on a layer of a Young's modulus [Pa]."""
+        units = Units.written(scene or {}) or (DIMENSIONLESS if radii[0] == young == 1.0 else Units())
+        return cls(float(radii[0]), float(young), units, len(set(radii)) > 1)
 
     @property
     def force(self) -> float:
-        """E1 R^2 [N]."""
+        """E R^2 [N]."""
         return self.young * self.radius**2
+
+    @property
+    def dimensionless(self) -> bool:
+        """Whether the scene's numbers are those over R and E already."""
+        return self.units == DIMENSIONLESS
+
+    def both(self, approach: float) -> str:
+        """Return an approach [m] in the scene's unit and over R: "1.5 mm (0.1875 R)"."""
+        own = self.units.length(approach)
+        return own if self.dimensionless else f"{own} ({number(approach / self.radius)} R)"
+
+    def legend(self) -> str:
+        """Return what R and E are."""
+        whose = "ball 0" if self.unlike else "the balls"
+        if self.dimensionless and not self.unlike:
+            return "R: radius of the balls, E: Young's modulus of the layer; both are 1 in this scene"
+        size, modulus = self.units.length(self.radius), self.units.pressure(self.young)
+        return f"R = {size}: radius of {whose}; E = {modulus}: Young's modulus of the layer"
 
 
 def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:
@@ -38,21 +66,24 @@ def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_forc
     return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
 
 
-def bodies(problem: Problem) -> str:
-    """Return shapes and sizes of the balls: "sphere, radius 0.008 m"."""
-    found = list(dict.fromkeys(_body(ball) for ball in problem.balls))
+def bodies(problem: Problem, scale: Scale) -> str:
+    """Return shapes and sizes of the balls: "sphere, radius 8 mm"."""
+    found = list(dict.fromkeys(_body(ball, scale) for ball in problem.balls))
     return "; ".join(found[:3]) + (f"; {len(found) - 3} other(s)" if len(found) > 3 else "")
 
 
-def _body(ball: Ball) -> str:
-    body = ball.indenter
+def _body(ball: Ball, scale: Scale) -> str:
+    body, length = ball.indenter, scale.units.length
     if not isinstance(body, Indenter):
-        return f"profile f(x, y), radius {number(ball.radius)} m"
+        return f"profile f(x, y), radius {length(ball.radius)}"
     sizes = []
     for field in dataclasses.fields(body):
-        value = getattr(body, field.name)
-        said = " x ".join(map(number, value)) if isinstance(value, tuple) else number(value)
-        sizes.append(f"{field.name.replace('_', ' ')} {said} {'rad' if field.name == 'slope' else 'm'}")
+        values = value if isinstance(value := getattr(body, field.name), tuple) else (value,)
+        if field.name == "slope":
+            sizes.append(f"slope {number(math.degrees(value))} degrees")
+        else:
+            said = " x ".join(number(each / length.size) for each in values)
+            sizes.append(f"{field.name.replace('_', ' ')} {said} {length.name}")
     return f"{type(body).__name__.lower()}, {', '.join(sizes)}"
 
 

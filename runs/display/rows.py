@@ -1,4 +1,4 @@
-"""Rows of result tables, for terminal and page: scaled numbers; a value with its error is a pair."""
+"""Rows of result tables, for terminal and page: numbers in the scene's units; a value with its error is a pair."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ Row = dict[str, Any]
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 ROUNDOFF = 1e-9
 """A component below this fraction of its force is roundoff."""
+OVER_R, OVER_E = "D / R", "Q / E R²"
+"""Headings of what is shown beside a scene's own units, where there is room."""
 
 
 def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
     """Return the state of every ball; forces are those on the ball."""
-    rows = []
+    units, rows = scale.units, []
     for index, ball in enumerate(balls):
         force, load = ball["tangential_force"], ball["normal_force"]
         tx, ty = (component if abs(component) > ROUNDOFF * math.hypot(*force) else 0.0 for component in force)
-        rows.append(
-            {
-                "ball": index,
-                "x / R": ball["position"][0] / scale.radius,
-                "y / R": ball["position"][1] / scale.radius,
-                "D / R": ball["approach"] / scale.radius,
-                "Q [N]": load,
-                "Q / E R²": load / scale.force,
-                "Tx [N]": tx,
-                "Ty [N]": ty,
-                "± [N]": ball["tangential_force_error"],
-                "T / Q": attraction(balls, index, (tx, ty)) / load if load > 0.0 else None,
-                "peak pressure / E": _over(ball.get("peak_pressure"), scale.young),
-            }
-        )
+        lengths = {"R": ball["radius"]} if scale.unlike else {}
+        lengths |= {"x": ball["position"][0], "y": ball["position"][1]}
+        row: Row = {"ball": index}
+        row |= {units.length.heading(symbol): value / units.length.size for symbol, value in lengths.items()}
+        row |= _load(ball["approach"], load, scale)
+        row |= {
+            units.force.heading("Tx"): tx / units.force.size,
+            units.force.heading("Ty"): ty / units.force.size,
+            units.force.heading("±"): ball["tangential_force_error"] / units.force.size,
+            "T / Q": attraction(balls, index, (tx, ty)) / load if load > 0.0 else None,
+        }
+        if ball.get("peak_pressure") is not None:
+            row[units.pressure.heading("peak p")] = ball["peak_pressure"] / units.pressure.size
+        rows.append(row)
     return rows
 
 
 def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> list[Row]:
     """Return the load path of one ball."""
-    rows = []
+    rows, unit = [], scale.units.force
     for index, step in enumerate(steps, start=1):
         state, record = step["balls"][ball], step.get("record", {})
         load, force = state["normal_force"], attraction(step["balls"], ball, state["tangential_force"])
         rows.append(
             {
                 "step": index,
-                "D / R": state["approach"] / scale.radius,
-                "Q / E R²": load / scale.force,
-                "T / E R²": (force / scale.force, state["tangential_force_error"] / scale.force),
+                **_load(state["approach"], load, scale),
+                unit.heading("T"): (force / unit.size, state["tangential_force_error"] / unit.size),
                 "T / Q": force / load if load > 0.0 else None,
                 "iterations": record.get("iterations"),
                 "cut-backs": record.get("cuts"),
@@ -63,19 +63,22 @@ def comparison_rows(
     compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
 ) -> list[Row]:
     """Return the load path of one ball in both models, and how much finite strain strengthens T."""
+    unit = scale.units.force
 
     def along(force: Sequence[float | None] | None) -> float | None:
         if force is None or any(component is None or math.isnan(component) for component in force):
             return None
-        return attraction(balls, ball, [float(component or 0.0) for component in force]) / scale.force
+        return attraction(balls, ball, [float(component or 0.0) for component in force]) / unit.size
 
     return [
         {
             "step": row["step"],
-            "D / R": row["approach"] / scale.radius,
-            "Q / E R²": row["normal_force"] / scale.force,
-            "T linear / E R²": along(row["tangential_linear"]),
-            "T finite / E R²": (along(row["tangential_finite"]), _over(row["tangential_finite_error"], scale.force)),
+            **_load(row["approach"], row["normal_force"], scale, both=False),
+            unit.heading("T linear"): along(row["tangential_linear"]),
+            unit.heading("T finite"): (
+                along(row["tangential_finite"]),
+                _over(row["tangential_finite_error"], unit.size),
+            ),
             "T / Q": row["tangential_ratio"],
             "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
             "S_D": (row["strengthening_at_approach"], row["strengthening_at_approach_error"]),
@@ -83,6 +86,14 @@ def comparison_rows(
         for row in compared
         if row["ball"] == ball
     ]
+
+
+def _load(approach: float, load: float, scale: Scale, *, both: bool = True) -> Row:
+    """Return approach and force in the scene's units, the approach over R and, ``both``, the force over E R^2."""
+    length, force = scale.units.length, scale.units.force
+    row = {length.heading("D"): approach / length.size, OVER_R: approach / scale.radius}
+    row[force.heading("Q")] = load / force.size
+    return row | {OVER_E: load / scale.force} if both else row
 
 
 def _over(value: float | None, unit: float) -> float | None:

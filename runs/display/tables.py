@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from runs.display.numbers import (
     Scale,
@@ -19,25 +21,18 @@ from runs.display.numbers import (
     with_error,
     with_error_in_parentheses,
 )
-from runs.display.rows import Row, ball_rows, comparison_rows, path_rows
+from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
 
-WIDE = 100
+WIDE = 116
 """Width in characters of the widest table with its errors written out."""
 SHORT = 0
 """Instead of a number of significant digits: format by `runs.display.numbers.short_number`."""
-BALL = {
-    "ball": 4, "x / R": 4, "y / R": 4, "D / R": 4, "Q [N]": 4, "Q / E R²": 4, "Tx [N]": 5, "Ty [N]": 5, "± [N]": 2,
-    "T / Q": 3,
-}  # fmt: skip
-PATH = {"step": 4, "D / R": 4, "Q / E R²": 4, "T / E R²": 4, "T / Q": 3}
-COMPARISON = {
-    "step": 4, "D / R": 4, "Q / E R²": 4, "T linear / E R²": 4, "T finite / E R²": 4, "T / Q": SHORT, "S_Q": 4,
-    "S_D": 4,
-}  # fmt: skip
-"""Columns of each table and their significant digits."""
-NARROW = {"Q / E R²": "Q/E R²", "T linear / E R²": "T linear", "T finite / E R²": "T finite"}
-"""Headings of the widest table that differ from the names of the columns."""
+DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "peak p": 3}
+"""Significant digits of a column by the symbol that its heading begins with; 4 of any other."""
+COMPARED = DIGITS | {"T / Q": SHORT}
+ON_PAGES = ("iterations", "cut-backs")
+"""Columns for the page alone."""
 
 
 def console() -> Console:
@@ -64,45 +59,57 @@ def notes(*accounts: Mapping[str, Any]) -> list[str]:
     return [f"note: {note}" for note in dict.fromkeys(note for solved in accounts for note in solved["notes"])]
 
 
-def ball_table(balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> Table:
-    """Return the state of every ball."""
-    return _table(title, ball_rows(balls, scale), BALL)
+def is_narrow(out: Console) -> bool:
+    """Whether a console takes short tables: the errors in parentheses, and no numbers over R and E R^2."""
+    return out.width < WIDE
 
 
-def path_table(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, title: str) -> Table:
-    """Return the load path of one ball."""
-    return _table(title, path_rows(steps, ball, scale), PATH)
+def show_balls(out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> None:
+    """Print the state of every ball."""
+    _show(out, title, ball_rows(balls, scale), DIGITS, scale)
 
 
-def comparison_table(
-    compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale, *, compact: bool
-) -> Table:
-    """Return the load path of one ball in both models, and how much finite strain strengthens T.
+def show_path(out: Console, steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> None:
+    """Print the load path of one ball."""
+    _show(out, f"load path of ball {ball}", path_rows(steps, ball, scale), DIGITS, scale)
 
-    ``compact``: errors in parentheses, in units of the last digit.
-    """
+
+def show_comparison(
+    out: Console, compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
+) -> None:
+    """Print the load path of one ball in both models, and how much finite strain strengthens T."""
     rows = comparison_rows(compared, balls, ball, scale)
-    title = f"ball {ball}: finite against small strain"
-    return _table(title, rows, COMPARISON, NARROW, compact=compact)
+    _show(out, f"ball {ball}: finite against small strain", rows, COMPARED, scale)
 
 
-def _table(
-    title: str,
-    rows: Sequence[Row],
-    columns: Mapping[str, int],
-    headings: Mapping[str, str] | None = None,
-    *,
-    compact: bool = False,
-) -> Table:
-    headings = headings or {}
+def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, int], scale: Scale) -> None:
+    compact = is_narrow(out)
+    if compact and not scale.dimensionless:
+        rows = [{key: value for key, value in row.items() if key not in (OVER_R, OVER_E)} for row in rows]
     table = Table(
-        title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", collapse_padding=True, pad_edge=False
+        title=Text(title, style="bold"), box=SIMPLE_HEAD, title_justify="left", collapse_padding=True, pad_edge=False
     )
-    for column in columns:
-        table.add_column(headings.get(column, column), justify="right", overflow="fold")
+    shown = [column for column in rows[0] if column not in ON_PAGES] if rows else []
+    for column in shown:
+        heading = Text(column.replace(" / ", "/") if compact else column)  # no markup: [mm] is a unit
+        table.add_column(heading, justify="right", overflow="fold")
     for row in rows:
-        table.add_row(*(_cell(row[column], digits, compact) for column, digits in columns.items()))
-    return table
+        table.add_row(*(_cell(row[column], _digits(column, digits), compact) for column in shown))
+    out.print(table)
+
+
+def show_words(out: Console, title: str, rows: Sequence[Mapping[str, str]]) -> None:
+    """Print rows of words under their headings."""
+    table = Table(title=Text(title, style="bold"), box=SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for column in rows[0]:
+        table.add_column(Text(column))
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row.values()))
+    out.print(table)
+
+
+def _digits(column: str, digits: Mapping[str, int]) -> int:
+    return digits.get(column, digits.get(re.split(r" \[| / ", column)[0], 4))
 
 
 def _cell(value: Any, digits: int, compact: bool) -> str:

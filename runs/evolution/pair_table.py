@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
+from runs.display.numbers import duration
 from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
 from runs.process import ranks
 from runs.process.files import write_text
@@ -170,7 +171,8 @@ class PairTable:
             if ranks.is_root():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(self.path, to_json(self.data))
-                tell(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}")
+                left = f", about {duration(seconds * self.missing)} left" if self.missing else ""
+                tell(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}{left}")
 
         if states.single is None:
             states.single = self._single()

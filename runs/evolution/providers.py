@@ -10,11 +10,12 @@ from typing import Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
+from runs.display.numbers import duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable, runs_left
-from runs.models import Model, Run
+from runs.models import Model, Run, planned_seconds
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
@@ -72,11 +73,11 @@ def provider(
             difference=DIRECT_DIFFERENCE,
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
-    if model.plan is not None:
-        for one in table.missing_problems():  # report what the model cannot solve before the first run
-            model.plan(one, accuracy, budget or {}, (1.0,))
+    # also reports what the model cannot solve, before the first run
+    seconds = planned_seconds(model, table.missing_problems(), accuracy, budget or {})
     if ranks.is_root() and table.missing:
-        tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}")
+        time = "" if seconds is None else f", about {duration(seconds)} on two idle cores"
+        tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}{time}")
     table.complete(tell)
     worst = table.worst()
     note = (

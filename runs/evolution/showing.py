@@ -32,7 +32,7 @@ def show(session: Session, document: Document) -> None:
     out = tables.console()
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
-    out.print(tables.ball_table(document["balls"], session.scale, title))
+    tables.show_balls(out, document["balls"], session.scale, title)
     tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document))
     tables.say(out, *tables.notes(document["solved"]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import signal
 import sys
@@ -24,8 +26,12 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     """
     signals.listen()
     words = ""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal or pipe whose encoding lacks "±" gets a "?"
     try:
         code = task() or 0
+        sys.stdout.flush()
     except BaseException as error:
         code, words = _verdict(error)
     if words and ranks.is_root():
@@ -35,7 +41,6 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     if not ranks.joined() and not ranks.is_root():
         _linger(3.0 if code else 0.5)
         code = 0
-    sys.stdout.flush()
     if signals.received():
         os._exit(code)  # interrupted libraries may hang in their own clean-up
     sys.exit(code)
@@ -60,6 +65,9 @@ def _verdict(error: BaseException) -> tuple[int, str]:
         return (error.code if isinstance(error.code, int) else 1), ""
     if isinstance(error, ThirdBodyError):
         return (2 if isinstance(error, BAD_INPUT) else 1), f"thirdbody: error: {error}"
+    if isinstance(error, OSError) and error.filename is None and error.errno in (errno.ENOSPC, errno.EPIPE, errno.EIO):
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (what is buffered cannot be written at exit)
+        return 2, f"thirdbody: error: standard output: cannot be written: {error.strerror}; write it elsewhere"
     trace = "".join(traceback.format_exception(error))
     rank = ranks.rank_and_size()[0]
     return 1, f"{trace}thirdbody: unexpected failure on rank {rank}, please report it with the lines above"

@@ -40,6 +40,14 @@ def _told() -> tuple[int, int] | None:
     return None
 
 
+def hosts() -> int:
+    """Return how many machines the ranks run on, where the launcher says how many share one."""
+    for name in ("OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS_PER_NODE"):
+        if os.environ.get(name, "").isdigit():
+            return -(-rank_and_size()[1] // int(os.environ[name]))
+    return 1
+
+
 def is_root() -> bool:
     """Return whether this process is the one that prints and writes."""
     return rank_and_size()[0] == 0

@@ -13,7 +13,7 @@ from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import code, folded, paragraph, section, tag
 from runs.reporting.pictures import figure, pictures_of
-from runs.session.progress import tell
+from runs.session.terminal import tell
 
 NAME = "report.html"
 STYLE = Path(__file__).with_name("report.css")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from runs.comparison import sensitivity
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
 from runs.display.rows import LEGEND, ball_rows, comparison_rows, path_rows
 from runs.display.tables import mesh_words
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
+from runs.scene.scene_file import Tables
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
 """Parts of a document that have sections of their own, or belong to the figures."""
@@ -19,9 +22,10 @@ STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approa
 
 
 def scale_of(folder: Folder) -> Scale:
-    """Return the radius of the first ball and the layer's modulus, from the run's identity."""
+    """Return the scale of a run, from its identity and its scene."""
     problem = folder.identity["problem"]
-    return Scale(float(problem["balls"][0]["radius"]), float(problem["layer"]["young"]))
+    radii = [float(ball["radius"]) for ball in problem["balls"]]
+    return Scale.from_numbers(radii, float(problem["layer"]["young"]), folder.document.get("scene"))
 
 
 def content(folder: Folder) -> list[str]:
@@ -39,15 +43,20 @@ def content(folder: Folder) -> list[str]:
 def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     scale, balls = scale_of(folder), document["balls"]
     leading = leading_ball(balls)
-    parts = [facts(_state(balls, leading, scale) | _account(document["solved"]))]
+    parts = [facts(_state(balls, leading, scale, document["solved"]) | _account(document["solved"]))]
     parts += [_notes(document["solved"]["notes"])]
     parts.append(_balls(balls, scale))
     if len(document["steps"]) > 1:
         path = path_rows(document["steps"], leading, scale)
-        parts.append(section("Load path", table(path, f"Ball {leading}; {LEGEND}")))
+        parts.append(section("Load path", table(path, f"Ball {leading}; {LEGEND}; {scale.legend()}")))
     routes = balls[leading].get("tangential_force_routes") or {}
     if routes:
-        rows = [{"route": name.replace("_", " "), "Tx [N]": v[0], "Ty [N]": v[1]} for name, v in routes.items()]
+        unit = scale.units.force
+        heads = unit.heading("Tx"), unit.heading("Ty")
+        rows = [
+            {"route": name.replace("_", " "), **{h: v / unit.size for h, v in zip(heads, route, strict=True)}}
+            for name, route in routes.items()
+        ]
         parts.append(section("T by several formulas", table(rows, "The same force by other routes")))
     parts += [_accuracy(document["solved"]), _versions(document["solved"])]
     return parts
@@ -57,7 +66,7 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     scale, finite = scale_of(folder), document["finite"]
     balls = finite["balls"]
     ball = leading_ball(balls)
-    state = _state(balls, ball, scale)
+    state = _state(balls, ball, scale, finite["solved"])
     rows = [row for row in document["comparison"] if row["ball"] == ball]
     if rows:
         for name, key in STRENGTHS:
@@ -69,10 +78,21 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
         facts(state | _account(finite["solved"])),
         _notes(list(notes)),
         section("Finite against small strain", table(shown, f"Ball {ball}; {LEGEND}; S: finite over linear T")),
+        paragraph(scale.legend()),
+        _sensitivity(folder, document, balls[ball], scale),
         _balls(balls, scale),
         _accuracy(finite["solved"]),
         _versions(finite["solved"]),
     ]
+
+
+def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str, Any], scale: Scale) -> str:
+    found, size = document.get("sensitivity"), math.hypot(*ball["tangential_force"])
+    if found is None or size == 0.0:
+        return ""
+    problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
+    rows = sensitivity.rows(found, problem, scale, ball["tangential_force_error"] / size)
+    return section("What the inputs do to T", table(rows, sensitivity.check(found)))
 
 
 def _anything(document: Mapping[str, Any]) -> list[str]:
@@ -116,23 +136,30 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale) -> dict[str, str]:
-    ball = balls[index]
+def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any]) -> dict[str, str]:
+    ball, units = balls[index], scale.units
     load, force = ball["normal_force"], attraction(balls, index, ball["tangential_force"])
-    error = ball["tangential_force_error"]
+    error, unit = ball["tangential_force_error"], units.force
     shown = {
-        "approach D": f"{number(ball['approach'] / scale.radius)} R",
-        "normal force Q": f"{number(load / scale.force)} E R²",
+        "ball": f"{index} (the largest T)" if len(balls) > 2 else str(index),
+        "approach D": scale.both(ball["approach"]),
+        "normal force Q": unit(load),
     }
+    if scale.unlike:
+        shown["its radius"] = units.length(ball["radius"])
     if ball["contact_area"] is not None:  # models without pressures do not compute it
-        shown["contact radius"] = f"{number(math.sqrt(ball['contact_area'] / math.pi) / scale.radius, 3)} R"
+        shown["contact radius"] = units.length(math.sqrt(ball["contact_area"] / math.pi), 3)
     if len(balls) > 1:
         kind = "attraction" if force > 0.0 else "separation"
         shown |= {
-            f"tangential force T ({kind})": f"{with_error(force / scale.force, error / scale.force)} E R²",
+            f"tangential force T ({kind})": f"{with_error(force / unit.size, error / unit.size)} {unit.name}",
             "T / Q": number(force / load, 3) if load > 0.0 else "-",
-            "T known to": f"{100.0 * error / abs(force):.2g} %" if force else "-",
         }
+        known = (solved.get("accuracy") or {}).get("reached")
+        if known is not None:  # of all balls, as the accuracy asked for
+            shown["T known to"] = f"{100.0 * known:.2g} %"
+        else:
+            shown["T known to"] = f"{100.0 * error / abs(force):.2g} %" if force else "-"
     return shown
 
 
@@ -154,7 +181,8 @@ def _notes(notes: Sequence[str]) -> str:
 
 
 def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
-    return section("Balls", table(ball_rows(balls, scale), "State at full load; forces are those on the ball"))
+    words = f"State at full load; forces are those on the ball; {scale.legend()}"
+    return section("Balls", table(ball_rows(balls, scale), words))
 
 
 def _accuracy(solved: Mapping[str, Any]) -> str:

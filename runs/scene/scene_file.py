@@ -183,7 +183,8 @@ def read_scene(path: Path) -> Scene:
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
     effects = {effect.name: table for effect, table in tables.effects()}
-    title, accuracy = tables.title or path.stem, tables.accuracy.tangential_force
+    title = "".join(c if c.isprintable() else " " for c in tables.title or path.stem)  # escapes command a terminal
+    accuracy = tables.accuracy.tangential_force
     return Scene(
         path, text, data, title, problem, tuple(effects), accuracy, effects.get("reciprocation"), tables.output,
         tables.accuracy.budget, tables.load.fractions(),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Annotated, Any
 
@@ -87,6 +88,58 @@ def quantity(value: object, unit: str) -> float:
     if not matches:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     return float((plain * given).to(unit).magnitude)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit in which numbers are shown: its name, and its size in SI. A scene without units has R, E R² and E."""
+
+    name: str
+    size: float
+
+    def __call__(self, value: float, digits: int = 4) -> str:
+        """Return ``value`` [SI] in this unit: "1.5 mm"."""
+        return f"{value / self.size:.{digits}g} {self.name}"
+
+    def heading(self, symbol: str) -> str:
+        """Return the heading of a column of numbers in this unit: "D [mm]", "D / R"."""
+        return f"{symbol} / {self.name}" if self.name in ("R", "E R²", "E") else f"{symbol} [{self.name}]"
+
+
+@dataclass(frozen=True)
+class Units:
+    """The units in which a scene states lengths, forces and pressures; SI where it states none."""
+
+    length: Unit = Unit("m", 1.0)
+    force: Unit = Unit("N", 1.0)
+    pressure: Unit = Unit("Pa", 1.0)
+
+    @classmethod
+    def written(cls, data: Mapping[str, Any]) -> Units | None:
+        """Return the first unit of each kind in the tables of a valid scene; None where it has no units."""
+        found: dict[str, Unit] = {}
+        for text in _strings([data.get(table, {}) for table in ("layer", "balls", "load", "substrate")]):
+            match = NUMBER_AND_UNIT.fullmatch(text)
+            if match is None or match["unit"] is None or UNIT.fullmatch(name := match["unit"].strip()) is None:
+                continue
+            unit = _units().parse_units(name)
+            for kind, si in (("length", "m"), ("force", "N"), ("pressure", "Pa")):
+                if unit.is_compatible_with(si):
+                    found.setdefault(kind, Unit(name, float((1.0 * unit).to(si).magnitude)))
+        return cls(**found) if found else None
+
+
+DIMENSIONLESS = Units(Unit("R", 1.0), Unit("E R²", 1.0), Unit("E", 1.0))
+"""Units of a scene in which R and E are 1 by their numbers."""
+
+
+def _strings(value: Any) -> Iterator[str]:
+    """Yield the strings in nested tables and lists; the name of a shape is none with a unit."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping | list):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from _strings(item)
 
 
 def _dimension(unit: Any) -> str:

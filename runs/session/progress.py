@@ -1,25 +1,23 @@
-"""Progress of a run: one line per load step on standard error; every finished step is passed on."""
+"""Progress of a run: one line per load step on standard error, and a bar on a terminal; every step is passed on."""
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, number
 from runs.process import signals
+from runs.session.clock import Clock
+from runs.session.terminal import Bar, on_terminal, tell
 
+LAST_OF_SEARCH = 0.9
+"""Share of the path finder's work at the beginning of its last step."""
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
 EVERY = 2.0
 """Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")
-
-
-def tell(text: str) -> None:
-    """Write a line to standard error."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def _setting(info: Mapping[str, Any]) -> str:
@@ -32,7 +30,8 @@ def _setting(info: Mapping[str, Any]) -> str:
 class Progress:
     """Observer of a load path: all ranks call it; ``root`` prints and passes steps to ``take``.
 
-    ``draw`` gets the surface after every step; where there is none, the surface is not gathered.
+    ``expected``: planned seconds of the first two meshes. ``draw`` gets the surface after every step; where there is
+    none, the surface is not gathered. As a context on a terminal it shows a bar with the time passed and left.
     """
 
     def __init__(
@@ -44,23 +43,36 @@ class Progress:
         take: Callable[[Step], None],
         log: Callable[[str], None] = lambda text: None,
         draw: Callable[[Any], None] | None = None,
+        expected: Sequence[float] = (),
     ) -> None:
         self.scale, self.goal, self.root = scale, goal, root
         self.take, self.log, self.draw = take, log, draw
-        self._began = self._step_began = time.monotonic()
-        self._noted = self._began
-        self._cuts = 0
+        self.clock = Clock(expected)
+        self._bar = Bar(self.clock) if root and expected and on_terminal() else None
+        self._step_began = self._noted = time.monotonic()
+        self._cuts = self._steps = self._steps_done = 0
+
+    def __enter__(self) -> Progress:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
 
     def started(self, info: Mapping[str, Any]) -> None:
         """Print size and setting of the run."""
         signals.check()
+        self._steps, self._steps_done = info["load_steps"], info["resumed_steps"]
+        self.clock.next_mesh(float(info["unknowns"]), self._steps_done / self._steps)
         if self.root:
             words = _setting(info)
             self.log(f"started: {words}")
             for key, value in info.items():
                 if isinstance(value, Mapping):
                     self.log(f"{key}: " + ", ".join(f"{k} {_word(v)}" for k, v in value.items()))
-            tell(words)
+            self._tell(words, f"{info.get('mesh', 'main')} mesh")
 
     def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
         """Note that a load step begins."""
@@ -69,10 +81,13 @@ class Progress:
         if self.root:
             self.log(f"attempt: mesh {mesh}, fraction {_word(fraction)}, cuts {cuts}")
             before, self._cuts = self._cuts, cuts
+            where = f"{mesh} mesh: {100.0 * fraction:.0f} % of the load"
             if cuts > before:
-                tell(f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load")
+                self._tell(f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load", where)
             elif mesh != "main":
-                tell(f"{mesh} mesh: {100.0 * fraction:.0f} % of the load")
+                self._tell(f"{where}   {self._times()}", where)
+        if not self._steps:  # the path finder: the step that begins now ends there
+            self.clock.reached(min(fraction, LAST_OF_SEARCH))
 
     def newton(self, iteration: int, residual: float) -> None:
         """Check for an interruption at every iteration."""
@@ -84,7 +99,7 @@ class Progress:
         now = time.monotonic()
         if self.root and now - self._noted > EVERY:
             self._noted = now
-            words = f"{text}   {duration(now - self._began)} in all"
+            words = f"{text}   {self._times()}"
             tell(words)
             self.log(words)
 
@@ -95,25 +110,39 @@ class Progress:
         """
         now = time.monotonic()
         top = surface() if self.draw is not None else None
+        self._steps_done += 1
+        self.clock.reached(self._steps_done / max(self._steps, 1))
         if self.root:
-            text = self._line(step) + f"   {duration(now - self._step_began)}, {duration(now - self._began)} in all"
+            text = f"{self._line(step)}   {duration(now - self._step_began)}, {self._times()}"
             self.take(step)
             if self.draw is not None:
                 self.draw(top)
-            tell(text)
+            self._tell(text, f"{self._steps_done} of {self._steps} load steps")
             self.log(text)
             self._step_began = time.monotonic()
         signals.check()
+
+    def _tell(self, text: str, state: str) -> None:
+        if self._bar is not None:
+            self._bar.show(state)
+        tell(text)
+
+    def _times(self) -> str:
+        """Return the time passed and left: "12 s in all, about 40 s left"."""
+        left = self.clock.left
+        return f"{duration(self.clock.elapsed)} in all" + (f", about {duration(left)} left" if left else "")
 
     def _line(self, step: Step) -> str:
         balls = [ball.to_dict() for ball in step.balls]
         leading = max(range(len(balls)), key=lambda i: balls[i]["normal_force"])
         ball = balls[leading]
-        approach = ball["approach"] / self.scale.radius
         share = f" ({100.0 * ball['approach'] / self.goal:.0f} %)" if self.goal else ""
         number_of = step.record.get("step", "")
-        words = [f"step {number_of}".strip(), f"D = {number(approach)} R{share}"]
-        words.append(f"Q = {number(ball['normal_force'] / self.scale.force)} E R^2")
+        words = [f"step {number_of}".strip(), *([f"ball {leading}"] if self.scale.unlike else [])]
+        words += [
+            f"D = {self.scale.both(ball['approach'])}{share}",
+            f"Q = {self.scale.units.force(ball['normal_force'])}",
+        ]
         if len(balls) > 1:
             ratio = attraction(balls, leading, ball["tangential_force"]) / ball["normal_force"]
             words.append(f"T/Q = {number(ratio, 3)}")

@@ -12,16 +12,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from linear_bem.errors import MissingDependency
+from linear_bem.errors import MissingDependency, UnsupportedProblem
 from linear_bem.result import Result, Solved, Step
 from runs.display import surface
 from runs.display.numbers import Scale, duration
 from runs.models import Model, Run, choose, standing
 from runs.process import ranks
 from runs.process.json_values import Document, to_json
+from runs.process.machine import memory_bytes
 from runs.scene.scene_file import Scene
-from runs.session.progress import Progress, tell
+from runs.session.progress import Progress
 from runs.session.run_folder import RunFolder
+from runs.session.terminal import tell, waiting
 
 PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py")
 
@@ -50,11 +52,12 @@ class Session:
         evolves = command == "evolve"
         self.model, self.problem, notes = choose(standing(scene) if evolves else scene, asked)
         self.notes = (*notes, *_without_effect(scene, self.model))
-        self.scale = Scale.of(self.problem)
+        self.scale = Scale.of(self.problem, scene.data)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
         self.plan: Document = {}
         if self.model.plan is not None and not evolves:  # raises early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
+            _check_memory(scene, self.plan)
         self.folder: RunFolder | None = None
         self.saved: Document = {}
         self.complete = False
@@ -127,7 +130,10 @@ class Session:
 
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
-        progress = Progress(self.scale, goal, root=self.root, take=take, log=log, draw=self._keep_surface)
+        progress = Progress(
+            self.scale, goal, root=self.root, take=take, log=log, draw=self._keep_surface,
+            expected=self.plan.get("seconds_of_meshes", ()),
+        )  # fmt: skip
         if self.root and self.plan:
             size, time = f"about {self.plan['unknowns']} unknowns", duration(self.plan["seconds"])
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
@@ -138,7 +144,9 @@ class Session:
             scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps,
             report=progress.note,
         )  # fmt: skip
-        result = self.model.solve(self.problem, run)
+        working = progress if self.plan else waiting(f"{self.model.name}, {self.problem.size} ball(s)")
+        with working:
+            result = self.model.solve(self.problem, run)
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)
 
@@ -178,6 +186,20 @@ def conduct(
             show(session, document)
         shown = "this run is complete already: its saved result is shown (--fresh computes anew); it is"
         tell(f"{shown if already else 'results are'} in {session.out}")
+
+
+def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:
+    """Raise `UnsupportedProblem` if the first answer, or the budget that the scene states, exceeds the memory."""
+    here = memory_bytes() * ranks.hosts()
+    stated = scene.budget.get("unknowns")
+    unknowns, needed = plan["unknowns"], plan["memory_bytes"]
+    if stated is not None and plan["memory_bytes_at_most"] > here:
+        unknowns, needed = stated, plan["memory_bytes_at_most"]
+    if needed > here:
+        raise UnsupportedProblem(
+            f"{scene.path}: [accuracy] unknowns: {unknowns:.3g} unknowns need about {needed / 1e9:.3g} GB of memory, "
+            f"got {here / 1e9:.3g} GB on {ranks.hosts()} machine(s); lower it, raise tangential_force, or take more"
+        )
 
 
 def _without_effect(scene: Scene, model: Model) -> list[str]:

@@ -30,6 +30,8 @@ KEYS = {
     "memory_bytes",
     "memory_bytes_at_most",
     "seconds",
+    "processor_seconds",
+    "seconds_of_meshes",
     "domain",
     "load_steps",
 }

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from linear_bem import solve
+from runs.reporting import page_of, read_folder
 from runs.scene.scene_file import read_scene
 from tests.launch import ROOT, environment, mpirun
 from tests.runs.test_command_line import strict
@@ -53,6 +54,10 @@ def test_the_document_holds_both_models_and_a_row_per_step_and_ball(compared: tu
     assert row["normal_force_linear_at_approach"] == pytest.approx(row["normal_force"], rel=1e-6)
     assert row["approach_linear_at_force"] == pytest.approx(row["approach"], rel=1e-4)
     assert "makes the separation force 1.320 ± 0.007 times" in document["answer"]
+    assert document["sensitivity"]["lengths"] == pytest.approx(2.0, abs=0.01)
+    page = page_of(read_folder(out))
+    assert "What the inputs do to T" in page
+    assert "0.48 \u2192 0.49" in page
     assert len(table(out)) == 8
     assert float(table(out)[-1]["strengthening_at_force"]) == row["strengthening_at_force"]
 
@@ -86,6 +91,7 @@ def test_a_complete_run_is_shown_again_without_solving(compared: tuple[dict[str,
     assert "step" not in done.stderr
     shown = run(1, "compare", out)
     assert document["answer"] in shown.stdout
+    assert "1 % more" in shown.stdout
     assert "1.320 ± 0.007" in shown.stdout
 
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import sys
+import time
+from typing import Any
+
 import pytest
 
 from linear_bem.result import BallResult, Step
 from runs.display.numbers import Scale
+from runs.process import ranks
+from runs.session.clock import Clock
 from runs.session.progress import Progress
+from runs.session.terminal import on_terminal, waiting
 
 STEP = Step((BallResult((0.0, 0.0), 1.0, 0.1, 0.2, (0.0, 0.0), 0.0, 1.0, 0.1),), {"step": 3, "iterations": 5})
 
@@ -17,7 +25,7 @@ def test_a_step_that_was_printed_has_been_passed_on(capsys: pytest.CaptureFixtur
         STEP, lambda: None
     )
     assert printed == [""]
-    assert "step 3   D = 0.1 R (50 %)   Q = 0.2 E R^2   5 iterations" in capsys.readouterr().err
+    assert "step 3   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   5 iterations" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("root", [True, False])
@@ -34,3 +42,103 @@ def test_a_surface_that_nobody_keeps_is_not_gathered(root: bool) -> None:
     Progress(Scale(1.0, 1.0), None, root=root, take=lambda _: None, draw=kept.append).step_done(STEP, surface)
     assert gathered == [root]
     assert kept == (["the surface"] if root else [])
+
+
+class Time:
+    """A time that the test sets."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_the_time_left_follows_the_plan_first_and_then_the_pace() -> None:
+    at = Time()
+    clock = Clock([10.0, 30.0], at)
+    assert clock.left == pytest.approx(40.0)
+    at.now += 20.0  # twice as slow as planned
+    clock.reached(0.999999)
+    assert clock.left == pytest.approx(60.0, rel=1e-4)
+    clock.next_mesh(1000.0)
+    at.now += 30.0
+    clock.reached(0.5)
+    assert clock.done == pytest.approx(25.0 / 40.0)
+    assert clock.left == pytest.approx(30.0)
+    clock.reached(1.0)
+    assert clock.left == pytest.approx(0.0)
+    clock.next_mesh(4000.0)  # finer than planned: 4^1.5 times the work
+    assert clock.left == pytest.approx(8.0 * 30.0 * 50.0 / 40.0)
+    assert Clock().left is None
+    assert Clock().done is None
+
+
+def test_what_was_saved_before_counts_for_no_pace() -> None:
+    at = Time()
+    clock = Clock([10.0, 30.0], at)
+    clock.next_mesh(1000.0, saved=0.5)
+    assert clock.left == pytest.approx(15.0)
+    at.now += 10.0
+    clock.reached(0.75)
+    assert clock.left == pytest.approx(10.0)  # 7.5 s of the plan took 10 s, and 7.5 s are left
+
+
+STARTED = {"mesh": "main", "unknowns": 1000, "ranks": 1, "load_steps": 2, "symmetry_planes": 1, "resumed_steps": 0}
+
+
+def run(expected: tuple[float, ...]) -> None:
+    progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None, expected=expected)
+    with progress:
+        progress.attempt("coarse", 0.5, 0)
+        progress.attempt("coarse", 1.0, 0)
+        progress.started(STARTED)
+        progress.step_done(STEP, lambda: None)
+
+
+def test_lines_tell_the_time_passed_and_left(capsys: pytest.CaptureFixture[str]) -> None:
+    run((10.0, 30.0))
+    coarse, later, main, step = capsys.readouterr().err.splitlines()
+    assert coarse.startswith("coarse mesh: 50 % of the load   0.0 s in all, about 40 s left")
+    assert "about" in later
+    assert main == "main mesh: 1000 unknowns, 1 rank(s), 2 load step(s), half model"
+    assert "in all, about" in step
+    run(())
+    assert "left" not in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    """A standard error that a person watches."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_has_a_bar_and_a_pipe_and_ranks_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    for launched, shown in ((False, True), (True, False)):
+        screen = Terminal()
+        monkeypatch.setattr(sys, "stderr", screen)
+        monkeypatch.setattr(ranks, "launched", lambda launched=launched: launched)
+        assert on_terminal() == shown
+        run((10.0, 30.0))
+        assert ("\x1b[" in screen.getvalue()) == shown
+        assert "step 3   D = 0.1 R" in screen.getvalue()
+        assert ("1 of 2 load steps" in screen.getvalue()) == shown
+
+
+@pytest.mark.parametrize("person", [False, True])
+def test_a_long_computation_says_that_it_goes_on(person: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    screen: Any = Terminal() if person else io.StringIO()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", screen)
+    with waiting("60 balls", first=0.01):
+        deadline = time.monotonic() + 20.0
+        while "60 balls" not in screen.getvalue() and time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert "60 balls" in screen.getvalue()
+    quick = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", quick)
+    with waiting("60 balls"):
+        pass
+    assert not quick.getvalue()

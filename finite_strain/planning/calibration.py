@@ -1,0 +1,98 @@
+"""Measures what `finite_strain.planning.cost` plans: ``python -m finite_strain.planning.calibration [CASE ...]``.
+
+Every case runs twice, each time in a process of its own: the first compiles the forms. Printed are unknowns, processor
+time and largest memory of the second, and the plan over them.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import finite_strain
+from finite_strain.planning.run_plan import plan_run
+from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+
+ROUGH = 0.3
+"""Accuracy that the first answer meets."""
+
+
+def _pair(load: Load, *, poisson: float = 0.48, thickness: float = 1.16, radius: float = 1.0) -> Problem:
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), radius))
+    return Problem(Layer(1.0, poisson, thickness), balls, load, finite_strain=FiniteStrain())
+
+
+_SHALLOW = Load("approach", (0.1, 0.1))
+_TRIANGLE = tuple(Ball(place, 1.0) for place in ((-1.2, 0.0), (1.2, 0.0), (0.0, 2.0784)))
+CASES: dict[str, tuple[Problem, float, Sequence[float] | None]] = {
+    "one": (
+        Problem(Layer(1.0, 0.3, 2.0), (Ball((0.0, 0.0), 1.0),), Load("force", (0.1,)), None, FiniteStrain()),
+        ROUGH, (1.0,),
+    ),
+    "approach": (_pair(_SHALLOW), ROUGH, (1.0,)),
+    "force": (_pair(Load("force", (0.05, 0.05))), ROUGH, (1.0,)),
+    "mixed": (_pair(_SHALLOW, poisson=0.499), ROUGH, (1.0,)),
+    "path": (_pair(Load("approach", (0.2, 0.2))), ROUGH, None),
+    "unlike": (_pair(Load("approach", (0.15, 0.15)), radius=0.6), ROUGH, (1.0,)),
+    "thick": (_pair(Load("approach", (0.2, 0.2)), thickness=6.0), ROUGH, (1.0,)),
+    "substrate": (
+        Problem(Layer(1.0, 0.48, 1.16), _pair(_SHALLOW).balls, _SHALLOW, Elastic(1e3, 0.3), FiniteStrain()),
+        ROUGH, (1.0,),
+    ),
+    "order 4": (_pair(_SHALLOW), 0.004, (1.0,)),
+    "triangle": (
+        Problem(Layer(1.0, 0.49, 1.2), _TRIANGLE, Load("force", (0.08,) * 3), None, FiniteStrain()), ROUGH, (1.0,),
+    ),
+}  # fmt: skip
+"""Problem, accuracy and load fractions of each case."""
+
+
+def measure(name: str) -> dict[str, float]:
+    """Solve a case and return its unknowns, processor time [s] and largest memory [bytes]."""
+    problem, accuracy, steps = CASES[name]
+    began = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        solved = finite_strain.solve(
+            problem, tangential_force=accuracy, steps=steps, folder=Path(folder),
+            fields=finite_strain.FieldChoice(names=()),
+        ).solved  # fmt: skip
+    meshes = solved.accuracy["meshes"]
+    assert len(meshes) == 2, f"{name}: the first answer is not the last"
+    memory = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"unknowns": meshes[-1]["unknowns"], "seconds": time.process_time() - began, "memory": memory}
+
+
+def planned(name: str) -> dict[str, float]:
+    """Return what the plan of a case says of one process."""
+    problem, accuracy, steps = CASES[name]
+    said = plan_run(problem, accuracy, "finite_strain", steps=steps).describe(ranks=1)
+    return {"unknowns": said["unknowns"], "seconds": said["processor_seconds"], "memory": said["memory_bytes"]}
+
+
+def main() -> None:
+    """Measure the cases that are named, or all."""
+    if sys.argv[1:2] == ["--measure"]:
+        print(json.dumps(measure(sys.argv[2])))
+        return
+    print("| case | unknowns | processor time [s] | memory [MB] | planned over measured: unknowns | time | memory |")
+    print("|---|---|---|---|---|---|---|")
+    for name in sys.argv[1:] or CASES:
+        command = [sys.executable, "-m", "finite_strain.planning.calibration", "--measure", name]
+        for _ in range(2):
+            output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        found, plan = json.loads(output.splitlines()[-1]), planned(name)
+        ratios = " | ".join(f"{plan[key] / found[key]:.2f}" for key in found)
+        print(
+            f"| {name} | {found['unknowns']:.0f} | {found['seconds']:.1f} | {found['memory'] / 1e6:.0f} | {ratios} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""Processor time and memory of a run before it starts, by powers of its unknowns.
+
+All constants are fitted to what ``python -m finite_strain.planning.calibration`` prints: one process, meshes of 2 to 39
+thousand unknowns, forms compiled before (that adds 5 to 10 s to the first run of its kind). A solution by factors
+costs about n^1.5 there and keeps about n^1.28: assembly and the elements' data grow as n, factors by nested dissection
+as n^2 and n^(4/3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UNIT = 1e4
+"""Unknowns that the constants refer to."""
+STEP_SECONDS, STEP_POWER = 0.88, 1.5
+"""An answered load step with order 3, which the coarser mesh's state predicts, without its pair."""
+SEARCH_SECONDS = 2.3
+"""A load step of the path finder, order 2, which finds the contact's edge by more iterations."""
+START_SECONDS, MESH_SECONDS = 0.8, 0.25
+"""Start of a run; mesh, spaces and output of each mesh, as the unknowns."""
+BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
+"""A process with its libraries; matrix, factors and elements' data of both models with order 3."""
+ALONE = 0.48
+"""Memory of one model over that of two."""
+KRYLOV_SECONDS, KRYLOV_BYTES = 2.5, 7.5e7
+"""An answered step and its pair, and the memory, by multigrid, above the range of the factors; both as the unknowns."""
+SPEEDUP = 1.6
+"""Speed of two ranks over that of one."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh of a run: unknowns, element order, number of load steps, of pairs, and whether factors solve it."""
+
+    unknowns: float
+    order: int
+    steps: int
+    pairs: int
+    direct: bool
+    searches: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """Processor time on one process."""
+        share = self.unknowns / UNIT
+        if not self.direct:
+            return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
+        each = SEARCH_SECONDS if self.searches else STEP_SECONDS * self.order / 3.0
+        return MESH_SECONDS * share + (self.steps + self.pairs) * each * share**STEP_POWER
+
+    def memory_bytes(self, ranks: int) -> float:
+        """Return the memory of all processes."""
+        share = self.unknowns / UNIT
+        own = (1.0 if self.pairs else ALONE) * PAIRED_BYTES * share**MEMORY_POWER * (self.order / 3.0) ** MEMORY_POWER
+        return ranks * BASE_BYTES + (own if self.direct else KRYLOV_BYTES * share)

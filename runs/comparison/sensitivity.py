@@ -1,0 +1,232 @@
+"""How uncertain inputs change the tangential force by the linear model: exponents of T, and a step of Poisson's ratio.
+
+The exponent of an input x is d ln T / d ln x, T along its direction on the ball that feels most: 1 % more x changes T
+by that many per cent. It is a central difference of T over `STEP` to both sides; where a scene has no such side
+(closer balls would overlap), the one-sided difference of second order. By dimensions
+
+    T = E1 R^2 f(nu, h/R, L/R, E2/E1, D/R)   or, under given forces,   f(..., Q / (E1 R^2)),
+
+so the exponents of moduli and force add up to 1, those of lengths plus twice that of the force to 2. Nothing is
+computed from these two sums: they check all exponents.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
+from linear_bem.indenter import Indenter
+from linear_bem.problem import Problem
+from runs.comparison.strengthening_factors import ROUNDOFF
+from runs.display.numbers import Scale, leading_ball, number
+from runs.models import MODELS, Run, without
+
+STEP = 0.005
+"""Logarithm of the ratio between neighbouring values of an input; the error falls with its square."""
+PRECISION = 1e-3
+"""Relative accuracy of each T. Neighbouring values share their discretisation, so that most of its error cancels."""
+SOLUTIONS = 15
+"""Solutions of the linear model that it takes at most."""
+TITLE = "what the inputs do to T"
+POISSON_STEP = 0.01
+"""Change of Poisson's ratio that is tried: that of one rubber from the next."""
+WORDS = {
+    "h": "thickness of the layer",
+    "R": "radius of the balls",
+    "L": "distance of the balls",
+    "E1": "Young's modulus of the layer",
+    "E2": "Young's modulus of the substrate",
+    "D": "approach",
+    "Q": "normal force",
+}
+MODULI = {"E1": 1.0, "E2": 1.0, "Q": 1.0}
+LENGTHS = {"h": 1.0, "R": 1.0, "L": 1.0, "D": 1.0, "Q": 2.0}
+"""Weights of the exponents in the two sums that dimensions fix at 1 and 2."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What the inputs do to T on one ball: exponents by symbol, Poisson's ratio from and to, and T's relative change.
+
+    ``moduli`` and ``lengths`` are the sums of exponents that dimensions fix at 1 and 2.
+    """
+
+    ball: int
+    exponents: dict[str, float]
+    poisson: tuple[float, float]
+    change: float
+    moduli: float
+    lengths: float
+
+
+def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
+    """Return what the inputs of ``problem`` do to T at full load; None where no T acts.
+
+    Raises what the linear model raises, and `UnsupportedProblem` for bodies whose size no number states.
+    """
+    problem = without(problem, ["finite_strain"])
+    solve = MODELS["linear_bem"].solve
+    states = solve(problem, Run(PRECISION)).balls
+    ball = leading_ball([state.to_dict() for state in states])
+    x, y = states[ball].tangential_force
+    size = math.hypot(x, y)
+    if size <= max(states[ball].tangential_force_error, ROUNDOFF * max(s.normal_force for s in states)):
+        return None
+
+    def relative(changed: Problem) -> float:
+        found = solve(changed, Run(PRECISION)).balls[ball].tangential_force
+        return (found[0] * x + found[1] * y) / size**2
+
+    exponents = {symbol: _exponent(problem, change, relative, step) for symbol, change in _inputs(problem).items()}
+    nu = problem.layer.poisson
+    other = min(nu + POISSON_STEP, 0.5) if nu < 0.5 else nu - POISSON_STEP
+    changed = relative(dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=other)))
+    moduli, lengths = (sum(weights.get(k, 0.0) * v for k, v in exponents.items()) for weights in (MODULI, LENGTHS))
+    return Sensitivity(ball, exponents, (nu, other), changed - 1.0, moduli, lengths)
+
+
+def record(problem: Problem) -> dict[str, Any] | None:
+    """Return the JSON object of `sensitivity`; None where there is none, and the reason where it cannot be computed."""
+    try:
+        found = sensitivity(problem)
+    except ThirdBodyError as error:
+        return {"failure": str(error)}
+    return None if found is None else asdict(found)
+
+
+def _exponent(
+    problem: Problem, change: Callable[[Problem, float], Problem], relative: Callable[[Problem], float], step: float
+) -> float:
+    sides = []
+    for sign in (1.0, -1.0):
+        try:
+            sides.append((sign, change(problem, math.exp(sign * step))))
+        except InvalidProblem:
+            continue
+    if not sides:
+        raise InvalidProblem("sensitivity: no value of an input beside the given one is allowed")
+    if len(sides) == 2:
+        return (relative(sides[0][1]) - relative(sides[1][1])) / (2.0 * step)
+    sign, near = sides[0]
+    far = change(problem, math.exp(2.0 * sign * step))
+    return sign * (4.0 * relative(near) - relative(far) - 3.0) / (2.0 * step)
+
+
+def _inputs(problem: Problem) -> dict[str, Callable[[Problem, float], Problem]]:
+    """Return how each input of a problem is multiplied by a factor."""
+    inputs: dict[str, Callable[[Problem, float], Problem]] = {"E1": _layer("young"), "R": _radius, "L": _distance}
+    if math.isfinite(problem.layer.thickness):
+        inputs["h"] = _layer("thickness")
+    if problem.substrate is not None:
+        inputs["E2"] = _substrate
+    inputs["D" if problem.load.kind == "approach" else "Q"] = _load
+    return {symbol: inputs[symbol] for symbol in WORDS if symbol in inputs}
+
+
+def _layer(key: str) -> Callable[[Problem, float], Problem]:
+    def change(problem: Problem, factor: float) -> Problem:
+        values: dict[str, Any] = {key: factor * getattr(problem.layer, key)}
+        return dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, **values))
+
+    return change
+
+
+def _substrate(problem: Problem, factor: float) -> Problem:
+    assert problem.substrate is not None
+    solid = dataclasses.replace(problem.substrate, young=factor * problem.substrate.young)
+    return dataclasses.replace(problem, substrate=solid)
+
+
+def _load(problem: Problem, factor: float) -> Problem:
+    return problem.with_load(problem.load.kind, [factor * value for value in problem.load.values])
+
+
+def _distance(problem: Problem, factor: float) -> Problem:
+    balls = tuple(
+        dataclasses.replace(ball, position=(factor * ball.position[0], factor * ball.position[1]))
+        for ball in problem.balls
+    )
+    return dataclasses.replace(problem, balls=balls)
+
+
+def _radius(problem: Problem, factor: float) -> Problem:
+    balls = []
+    for ball in problem.balls:
+        if isinstance(ball.shape, str):
+            balls.append(dataclasses.replace(ball, radius=factor * ball.radius))
+        elif isinstance(ball.shape, Indenter):
+            body = _scaled(ball.shape, factor)
+            balls.append(dataclasses.replace(ball, shape=body, radius=body.apex_radius))
+        else:
+            raise UnsupportedProblem("sensitivity: the size of a profile f(x, y) is no number to change")
+    return dataclasses.replace(problem, balls=tuple(balls))
+
+
+def _scaled(body: Indenter, factor: float) -> Indenter:
+    """Return a similar body: all its lengths times a factor."""
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(body):
+        value = getattr(body, field.name)
+        if field.name != "slope":
+            values[field.name] = tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
+    return dataclasses.replace(body, **values)
+
+
+def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float | None = None) -> list[dict[str, str]]:
+    """Return a row per input: its value, what a change does to T, and the change that amounts to T's own error.
+
+    ``found`` is a `record` without failure, ``known`` the relative error of T.
+    """
+    if "failure" in found:
+        return [{"input": "-", "change of T": "not known"}]
+    nu, other = found["poisson"]
+    step = f"{nu:g} \u2192 {other:g}: {_percent(found['change'])}"
+    table = [_row("nu: Poisson's ratio of the layer", number(nu), step, found["change"] / (other - nu), "", known)]
+    for symbol, exponent in found["exponents"].items():
+        step = f"1 % more: {_percent(0.01 * exponent)}"
+        table.append(
+            _row(f"{symbol}: {WORDS[symbol]}", _value(symbol, problem, scale), step, 0.01 * exponent, " %", known)
+        )
+    return table
+
+
+def _row(name: str, value: str, step: str, slope: float, unit: str, known: float | None) -> dict[str, str]:
+    row = {"input": name, "value": value, "change of T": step}
+    if known is not None:
+        row["as much as T's own error"] = f"\u00b1 {number(known / abs(slope), 2)}{unit}" if slope else "-"
+    return row
+
+
+def _percent(change: float) -> str:
+    return f"{100.0 * change:+.2g} %"
+
+
+def _value(symbol: str, problem: Problem, scale: Scale) -> str:
+    length, force, pressure = scale.units.length, scale.units.force, scale.units.pressure
+    if symbol == "L":
+        places = [ball.position for ball in problem.balls]
+        nearest = min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])
+        return length(nearest)
+    if symbol == "E2":
+        return pressure(problem.substrate.young) if problem.substrate is not None else "-"
+    if symbol in "DQ":
+        unit = length if symbol == "D" else force
+        return ", ".join(unit(value) for value in list(dict.fromkeys(problem.load.values))[:3])
+    return {
+        "h": length(problem.layer.thickness), "R": length(scale.radius), "E1": pressure(problem.layer.young),
+    }[symbol]  # fmt: skip
+
+
+def check(found: Mapping[str, Any]) -> str:
+    """Return the sentence that says how well dimensions are met, or why there is no table."""
+    if "failure" in found:
+        return f"what the inputs do to T could not be computed: {found['failure']}"
+    return (
+        f"by the linear model at full load, on ball {found['ball']}; + makes T larger. Check: by dimensions the "
+        f"exponents of moduli and force add up to 1 ({found['moduli']:.3f}), those of lengths and twice the force's "
+        f"to 2 ({found['lengths']:.3f})"
+    )

@@ -1,0 +1,95 @@
+"""Standard error: lines everywhere; on a terminal a bar and a spinner beside them, which show the time."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from runs.display.numbers import duration
+from runs.process import ranks
+from runs.session.clock import Clock
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+
+FIRST, GROWTH = 5.0, 2.0
+"""Seconds after which a long computation first says that it goes on, and the factor to the next time."""
+
+
+def tell(text: str) -> None:
+    """Write a line to standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def on_terminal() -> bool:
+    """Whether a person watches: a terminal that no launcher of ranks gave."""
+    return sys.stderr.isatty() and not ranks.launched()
+
+
+class Bar:
+    """A bar of the planned work with the time passed and left, below the lines of a run."""
+
+    def __init__(self, clock: Clock) -> None:
+        from rich.console import Console  # noqa: PLC0415  (only on a terminal)
+        from rich.progress import BarColumn, ProgressColumn, TextColumn  # noqa: PLC0415
+        from rich.progress import Progress as RichProgress  # noqa: PLC0415
+        from rich.text import Text  # noqa: PLC0415
+
+        class Times(ProgressColumn):
+            def render(self, task: Any) -> Text:
+                left = clock.left
+                return Text(duration(clock.elapsed) + (f", about {duration(left)} left" if left else ""))
+
+        words = TextColumn("{task.description}", markup=False)
+        self._bar: RichProgress = RichProgress(
+            words, BarColumn(), Times(), console=Console(stderr=True), transient=True, refresh_per_second=2
+        )
+        self._clock, self._task = clock, self._bar.add_task("starting", total=1.0)
+
+    def start(self) -> None:
+        """Show the bar."""
+        self._bar.start()
+
+    def stop(self) -> None:
+        """Remove the bar."""
+        self._bar.stop()
+
+    def show(self, state: str) -> None:
+        """Show what is being done."""
+        self._bar.update(self._task, description=state, completed=self._clock.done or 0.0)
+
+
+@contextlib.contextmanager
+def waiting(words: str, first: float = FIRST) -> Iterator[None]:
+    """Say that a computation of unknown length goes on: on a terminal a spinner with the time, else lines."""
+    began, done = time.monotonic(), threading.Event()
+
+    def passed() -> str:
+        return f"{words}: {duration(time.monotonic() - began)} so far"
+
+    def lines() -> None:
+        pause = first
+        while not done.wait(pause):
+            tell(passed())
+            pause *= GROWTH
+
+    def spin() -> None:
+        from rich.console import Console  # noqa: PLC0415  (only on a terminal)
+
+        if done.wait(min(first, 1.0)):
+            return
+        with Console(stderr=True).status(words) as status:
+            while not done.wait(0.5):
+                status.update(passed())
+
+    thread = threading.Thread(target=spin if on_terminal() else lines, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()

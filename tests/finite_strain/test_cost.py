@@ -1,0 +1,44 @@
+"""Planned time and memory against measured ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from finite_strain.planning.calibration import CASES, planned
+from finite_strain.planning.cost import Mesh
+
+MEASURED = {
+    "one": (6150, 2.62, 362e6),
+    "approach": (9750, 4.28, 481e6),
+    "force": (9750, 4.85, 481e6),
+    "mixed": (10821, 5.23, 540e6),
+    "substrate": (12675, 5.82, 582e6),
+    "path": (10920, 18.38, 521e6),
+    "unlike": (18840, 11.59, 740e6),
+    "thick": (20163, 10.26, 825e6),
+}
+"""Unknowns, processor time [s] and memory [bytes] by the command of `finite_strain.planning.calibration`."""
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_a_plan_foresees_what_was_measured(name: str) -> None:
+    said, (unknowns, seconds, memory) = planned(name), MEASURED[name]
+    assert unknowns / 1.3 < said["unknowns"] < 1.3 * unknowns
+    assert seconds / 1.5 < said["seconds"] < 1.5 * seconds
+    assert memory / 1.3 < said["memory"] < 1.3 * memory
+
+
+def test_every_case_of_the_calibration_can_be_planned() -> None:
+    assert set(MEASURED) < set(CASES)
+    assert all(planned(name)["seconds"] > 0.0 for name in CASES)
+
+
+def test_more_steps_pairs_orders_and_unknowns_cost_more() -> None:
+    mesh = Mesh(1e4, 3, 2, 2, direct=True)
+    for dearer in (
+        Mesh(2e4, 3, 2, 2, direct=True), Mesh(1e4, 4, 2, 2, direct=True), Mesh(1e4, 3, 3, 2, direct=True),
+        Mesh(1e4, 3, 2, 3, direct=True), Mesh(1e4, 3, 2, 2, direct=True, searches=True),
+    ):  # fmt: skip
+        assert dearer.seconds > mesh.seconds
+        assert dearer.memory_bytes(1) >= mesh.memory_bytes(1)
+    assert Mesh(1e4, 3, 2, 0, direct=True).memory_bytes(1) < mesh.memory_bytes(1) < mesh.memory_bytes(2)

@@ -1,0 +1,78 @@
+"""What a plan says of time and memory: evolutions with their table, budgets beyond the machine."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from linear_bem.errors import UnsupportedProblem
+from runs.commands import plan as planning
+from runs.commands.plan import plan_scene
+from runs.models import MODELS, planned_seconds
+from runs.process import machine
+from runs.scene.scene_file import Scene, read_scene
+from runs.session import session
+from runs.session.session import Options, Session
+from tests.launch import ROOT
+from tests.scenes import thin_pair
+
+DRIFTING = ROOT / "runs" / "scenes" / "experiment_pair_16mm_finite_strain.toml"
+
+
+def scene(folder: Path, accuracy: str) -> Scene:
+    path = folder / "scene.toml"
+    path.write_text(thin_pair(accuracy), encoding="utf-8")
+    return read_scene(path)
+
+
+def test_an_evolution_is_planned_with_the_runs_of_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(planning, "PATIENCE", 0.0)  # the advice is another test's
+    plan_scene(read_scene(DRIFTING), None, as_json=False)
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("evolve:"))
+    assert line.startswith("evolve: 13 runs by finite_strain for its table of pairs, about ")
+    assert line.endswith("on two idle cores")
+
+
+def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
+    problem = scene(tmp_path, "").problem
+    model = MODELS["finite_strain"]
+    one = planned_seconds(model, [problem], None, {})
+    assert one is not None
+    assert planned_seconds(model, [problem] * 3, None, {}) == pytest.approx(3.0 * one)
+    assert planned_seconds(MODELS["linear_bem"], [problem], None, {}) is None
+
+
+def test_a_budget_beyond_the_memory_is_refused_before_any_work(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedProblem, match=r"\[accuracy\] unknowns: 1e\+09 unknowns need about .* GB"):
+        Session("solve", scene(tmp_path, "unknowns = 1e9"), None, Options(out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_first_mesh_beyond_the_memory_is_refused_and_the_default_budget_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = dataclasses.replace(scene(tmp_path, ""), budget={})
+    for here, refused in ((1e8, True), (1.5e9, False)):
+        monkeypatch.setattr(session, "memory_bytes", lambda here=here: here)
+        if refused:
+            with pytest.raises(UnsupportedProblem, match=r"GB of memory, got 0\.1 GB"):
+                Session("solve", small, None, Options(out=tmp_path / "out"))
+        else:
+            with Session("solve", small, None, Options(out=tmp_path / "out")) as begun:
+                assert begun.plan["memory_bytes_at_most"] > here
+
+
+def test_memory_is_the_containers_where_that_is_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = machine.memory_bytes()
+    limit = tmp_path / "memory.max"
+    monkeypatch.setattr(machine, "LIMITS", (tmp_path / "none", limit))
+    limit.write_text("max\n", encoding="ascii")
+    assert machine.memory_bytes() >= whole
+    limit.write_text("1000000\n", encoding="ascii")
+    assert machine.memory_bytes() == 1e6
+    assert planning._memory(7.5e12).startswith("about 7500 GB, more than the")

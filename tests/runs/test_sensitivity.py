@@ -1,0 +1,99 @@
+"""What the inputs do to T: exponents that dimensions and the point-load law know."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
+from runs.comparison import sensitivity
+from runs.comparison.sensitivity import check, record, rows
+from runs.display.numbers import Scale
+
+SUBSTRATE = Elastic(50.0, 0.3)
+
+
+def pair(load: Load, *, thickness: float = 1.5, distance: float = 2.0, shape: str = "paraboloid") -> Problem:
+    balls = tuple(Ball((x * distance, 0.0), 1.0, shape) for x in (-0.5, 0.5))
+    substrate = SUBSTRATE if math.isfinite(thickness) else None
+    return Problem(Layer(1.0, 0.45, thickness), balls, load, substrate)
+
+
+@pytest.mark.parametrize(
+    "load",
+    [Load("force", (0.02, 0.02)), Load("approach", (0.1, 0.1)), Load("total_force", (0.04,))],
+    ids=lambda v: v.kind,
+)
+def test_exponents_add_up_as_dimensions_demand(load: Load) -> None:
+    found, rough = (sensitivity.sensitivity(pair(load, distance=2.5), step) for step in (0.005, 0.01))
+    assert found is not None
+    assert rough is not None
+    assert set(found.exponents) == {"h", "R", "L", "E1", "E2", "D" if load.kind == "approach" else "Q"}
+    assert found.moduli == pytest.approx(1.0, abs=1e-3)
+    assert found.lengths == pytest.approx(2.0, abs=1e-3)
+    # what is missing is the error of the differences, of order 2
+    order = math.log2((rough.lengths - 2.0) / (found.lengths - 2.0))
+    assert order == pytest.approx(2.0, abs=0.1)
+
+
+def test_touching_balls_are_only_moved_apart() -> None:
+    found = sensitivity.sensitivity(pair(Load("approach", (0.15, 0.15)), thickness=3.0))
+    assert found is not None
+    assert found.moduli == pytest.approx(1.0, abs=1e-3)
+    assert found.lengths == pytest.approx(2.0, abs=5e-3)
+
+
+def test_small_contacts_on_a_half_space_follow_the_point_load_law() -> None:
+    # T = Q^2 (1 - nu^2) / (pi E1 L^2), whatever the radius
+    found = sensitivity.sensitivity(pair(Load("force", (1e-5, 1e-5)), thickness=math.inf, distance=4.0))
+    assert found is not None
+    expected = {"R": 0.0, "L": -2.0, "E1": -1.0, "Q": 2.0}
+    assert found.exponents == pytest.approx(expected, abs=0.005)
+    assert found.poisson == (0.45, 0.46)
+    assert found.change == pytest.approx((1.0 - 0.46**2) / (1.0 - 0.45**2) - 1.0, abs=1e-4)
+
+
+def test_one_per_cent_is_what_solving_again_says() -> None:
+    scene = pair(Load("approach", (0.1, 0.1)))
+    found = sensitivity.sensitivity(scene)
+    assert found is not None
+    thicker = dataclasses.replace(scene, layer=Layer(1.0, 0.45, 1.515))
+    first, second = (solve(p, 1e-5).balls[0].tangential_force[0] for p in (scene, thicker))
+    assert second / first - 1.0 == pytest.approx(
+        0.01 * found.exponents["h"], abs=0.02 * abs(0.01 * found.exponents["h"])
+    )
+
+
+def test_other_bodies_grow_as_a_whole() -> None:
+    cone = Cone(math.radians(30.0), 0.5)
+    scene = Problem(Layer(1.0, 0.4, 2.0), (Ball((0.0, 0.0), shape=cone),), Load("approach", (0.1,)))
+    grown = sensitivity._radius(scene, 1.2).balls[0]
+    assert grown.radius == pytest.approx(0.6)
+    assert isinstance(grown.shape, Cone)
+    assert grown.shape.height(1.2, 0.6) == pytest.approx(1.2 * cone.height(1.0, 0.5))
+
+
+def test_one_ball_has_no_sensitivity_and_a_profile_says_why() -> None:
+    one = Problem(Layer(1.0, 0.45, 1.5), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)))
+    assert record(one) is None
+    balls = tuple(Ball((x, 0.0), 1.0, lambda x, y: 0.5 * (x**2 + y**2)) for x in (-1.5, 1.5))
+    said = record(Problem(Layer(1.0, 0.45, 1.5), balls, Load("approach", (0.1, 0.1))))
+    assert said is not None
+    assert "profile f(x, y)" in check(said)
+
+
+def test_the_table_holds_what_the_record_holds() -> None:
+    scene = pair(Load("force", (0.02, 0.02)))
+    found = {
+        "ball": 0, "exponents": {"h": -2.9, "Q": 0.0}, "poisson": (0.45, 0.46), "change": 0.2, "moduli": 1.0,
+        "lengths": 2.0,
+    }  # fmt: skip
+    nu, h, force = rows(found, scene, Scale.of(scene), 0.01)
+    assert nu["change of T"] == "0.45 \u2192 0.46: +20 %"
+    assert nu["as much as T's own error"] == "\u00b1 0.0005"
+    assert (h["value"], h["change of T"]) == ("1.5 R", "1 % more: -2.9 %")
+    assert h["as much as T's own error"] == "\u00b1 0.34 %"
+    assert force["as much as T's own error"] == "-"
+    assert "to 2 (2.000)" in check(found)

@@ -1,0 +1,131 @@
+"""Numbers for people are in the units of the scene, and R and the balls are identified."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from linear_bem.result import BallResult, Result, Solved
+from runs.display import tables
+from runs.display.numbers import Scale, bodies
+from runs.display.rows import ball_rows
+from runs.process import exit_codes
+from runs.process.exit_codes import run_to_end
+from runs.reporting.folder import Folder
+from runs.reporting.run_page import content
+from runs.scene.scene_file import Scene, read_scene
+from runs.scene.units import Unit, Units
+
+SCENE = """title = "unlike \\u001b[31mballs [red]"
+[layer]
+thickness = "3 mm"
+young = "57.4 kPa"
+poisson = 0.49
+[balls]
+radius = ["2.5 mm", "4 mm"]
+positions = [["-4 mm", 0], ["4 mm", 0]]
+[load]
+force = "500 mN"
+"""
+
+
+def scene(folder: Path, text: str = SCENE) -> Scene:
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_scene(path)
+
+
+def balls(read: Scene) -> list[BallResult]:
+    return [
+        BallResult(ball.position, ball.radius, 0.3e-3, 0.5, (1e-3, 0.0), 1e-6, 2e4, 1e-5) for ball in read.problem.balls
+    ]
+
+
+def test_units_are_those_of_the_scene(tmp_path: Path) -> None:
+    units = Units.written(scene(tmp_path).data)
+    assert units == Units(Unit("mm", 1e-3), Unit("mN", 1e-3), Unit("kPa", 1e3))
+    assert units.pressure(57.4e3) == "57.4 kPa"
+    assert Units.written({"title": "5 m", "layer": {"young": 2e5}}) is None
+
+
+def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:
+    assert Scale.from_numbers([1.0, 1.0], 1.0).dimensionless
+    assert Scale.from_numbers([1.0], 2.0).units == Units()
+    assert not Scale.from_numbers([1.0], 1.0, {"layer": {"thickness": "2 m"}}).dimensionless
+
+
+def test_tables_have_the_scenes_units_and_identify_the_balls(tmp_path: Path) -> None:
+    read = scene(tmp_path)
+    scale = Scale.of(read.problem, read.data)
+    second = ball_rows([ball.to_dict() for ball in balls(read)], scale)[1]
+    assert second["R [mm]"] == pytest.approx(4.0)
+    assert second["D [mm]"] == pytest.approx(0.3)
+    assert second["D / R"] == pytest.approx(0.3 / 2.5)
+    assert second["Q [mN]"] == pytest.approx(500.0)
+    assert second["peak p [kPa]"] == pytest.approx(20.0)
+    assert scale.legend() == "R = 2.5 mm: radius of ball 0; E = 57.4 kPa: Young's modulus of the layer"
+    assert bodies(read.problem, scale) == "sphere, radius 2.5 mm; sphere, radius 4 mm"
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_headings_keep_their_units_at_any_width(width: int, tmp_path: Path) -> None:
+    read, text = scene(tmp_path), io.StringIO()
+    out = Console(file=text, width=width)
+    tables.show_balls(out, [ball.to_dict() for ball in balls(read)], Scale.of(read.problem, read.data), read.title)
+    assert "[mm]" in text.getvalue()
+    assert "[red]" in text.getvalue()  # the title's, which is no markup
+    assert ("D / R" in text.getvalue()) == (width == 200)
+    assert max(map(len, text.getvalue().splitlines())) <= width
+
+
+def test_a_title_commands_no_terminal(tmp_path: Path) -> None:
+    assert scene(tmp_path).title == "unlike  [31mballs [red]"
+
+
+def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> None:
+    read = scene(tmp_path)
+    solved = Solved(True, 1, 1, 1.0, accuracy={"asked": 0.01, "reached": 0.03, "stopped": "budget", "terms": {}})
+    result = Result("finite_strain", tuple(balls(read)), solved)
+    identity = {
+        "command": "solve",
+        "problem": {"balls": [{"radius": b.radius} for b in read.problem.balls], "layer": {"young": 57.4e3}},
+    }
+    page = "".join(content(Folder(tmp_path, identity, True, result.to_dict(read.data), SCENE, "")))
+    for words in ("0.3 mm (0.12 R)", "500 mN", "its radius", "R = 2.5 mm: radius of ball 0", "Q [mN]", "peak p [kPa]"):
+        assert words in page, words
+    # one number for what is known of T, above and below: the largest error over the balls
+    assert page.count("3 %") == 2
+    assert "0.1 %" not in page  # of the ball shown alone
+
+
+class Full(io.StringIO):
+    """A standard output on a full device."""
+
+    def flush(self) -> None:
+        raise OSError(28, "No space left on device")
+
+
+def test_a_standard_output_that_cannot_be_written_is_one_message(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(exit_codes.signals, "listen", lambda: None)
+    monkeypatch.setattr(sys, "stdout", Full())
+    with pytest.raises(SystemExit) as ended:
+        run_to_end(lambda: 0)
+    sys.stdout.close()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("thirdbody: error: standard output: cannot be written: No space left")
+
+
+def test_an_encoding_without_our_characters_gets_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exit_codes.signals, "listen", lambda: None)
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
+    with pytest.raises(SystemExit) as ended:
+        run_to_end(lambda: print("1.0 \u00b1 0.1") or 0)
+    assert not ended.value.code
+    assert raw.getvalue() == b"1.0 ? 0.1\n"
