@@ -5,8 +5,8 @@ Independent variable sigma = s/f [m], sliding path over friction coefficient; ve
 doi 10.1016/0893-9659(89)90079-7].
 
 Contacts. In a step of length h no gap g may close faster than g/h, at every stage: a pair that would close within the
-step closes at its end, and nothing overlaps. For constant forces this is the exact end of the step, whenever within it the
-pair touches: both are the projection of the free motion (Moreau's catching-up algorithm, source as in
+step closes at its end, and nothing overlaps. For constant forces this is the exact end of the step, whenever within it
+the pair touches: both are the projection of the free motion (Moreau's catching-up algorithm, source as in
 `runs.evolution.motion`). Forces that change make the difference
 
     e = (h - h_1) |df| / 2,
@@ -43,8 +43,8 @@ class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
     ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
-    more. ``step`` [m]: length of the next step, ``spare`` [m]: how far it may go beyond the first new contact; a restart
-    with both reproduces the uninterrupted path exactly.
+    more. ``step`` [m]: length of the next step, ``spare`` [m]: how far beyond the first new contact it may go. With
+    both, a restart reproduces the uninterrupted path exactly.
     """
 
     sigma: float

@@ -219,7 +219,7 @@ class Evolution:
             "momentum": outcome.momentum(moments),
             "pair_table": given.table,
             "direct_check": None,
-            "cut_error": forces.cut_error(end) if isinstance(forces, PairForces) else None,
+            "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
         }
         if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
             return found

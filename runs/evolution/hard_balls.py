@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from runs.evolution.motion import Contacts, moved
+from runs.evolution.pair_list import wrapped
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.intp]
@@ -119,7 +120,7 @@ class HardBalls:
             if self.cell is not None and reach >= 0.5 * float(np.min(self.cell)):
                 which = self.all
             else:
-                inside = x if self.cell is None else np.mod(x, self.cell)
+                inside = x if self.cell is None else wrapped(x, self.cell)
                 found = cKDTree(inside, boxsize=self.cell).query_pairs(reach, output_type="ndarray")
                 which = np.sort(found.min(axis=1) * count + found.max(axis=1))
         return which[self.gaps(x, which) <= gap]

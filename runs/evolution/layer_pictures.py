@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, blank, look, panels, save_figure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
+from runs.evolution.pair_list import wrapped
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
     if balls.cell is None:
         low, high = x.min(axis=0) - 1.3 * radii.max(), x.max(axis=0) + 1.3 * radii.max()
     else:
-        x, low, high = np.mod(x, balls.cell), np.zeros(2), balls.cell
+        x, low, high = wrapped(x, balls.cell), np.zeros(2), balls.cell
         shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
         count = len(x)
         x = (x[None] + balls.cell * shifts[:, None]).reshape(-1, 2)

@@ -28,27 +28,34 @@ EXACT = 1e-13
 
 
 def effective_approaches(
-    influence: csr_matrix, relation: Callable[[Array], tuple[Array, Array]], approaches: Array
+    influence: csr_matrix,
+    relation: Callable[[Array], tuple[Array, Array]],
+    approaches: Array,
+    uniform: float = 0.0,
 ) -> Array:
     """Return d [m] of all balls; ``relation`` gives F [N] and dF/dd [N/m]. Raises `NotConverged`.
 
-    ``influence`` is symmetric, shape (balls, balls) [m/N].
+    ``influence`` is symmetric, shape (balls, balls) [m/N]; ``uniform`` [m/N] is added to all its entries.
     """
     d, scale = approaches, float(np.max(np.abs(approaches)))
-    dense = influence.toarray() if len(d) <= DENSE else None
+    dense = influence.toarray() + uniform if len(d) <= DENSE else None
+
+    def dents(force: Array) -> Array:
+        return np.asarray(influence @ force + uniform * np.sum(force))
+
     force, slope = relation(d)
-    r = d + influence @ force - approaches
+    r = d + dents(force) - approaches
     norm = np.inf
     for _ in range(100):
         norm = float(np.max(np.abs(r)))
         if norm <= EXACT * scale:
             return d
-        move = np.linalg.solve(np.eye(len(d)) + dense * slope, -r) if dense is not None else _step(influence, slope, r)
+        move = np.linalg.solve(np.eye(len(d)) + dense * slope, -r) if dense is not None else _step(dents, slope, r)
         length = 1.0
         while True:
             trial = d + length * move
             force, slope = relation(trial)
-            after = trial + influence @ force - approaches
+            after = trial + dents(force) - approaches
             if np.linalg.norm(after) < (1.0 - 1e-4 * length) * np.linalg.norm(r) or length < 1e-6:
                 break
             length *= 0.5
@@ -62,14 +69,14 @@ def effective_approaches(
     )
 
 
-def _step(influence: csr_matrix, slope: Array, r: Array) -> Array:
+def _step(dents: Callable[[Array], Array], slope: Array, r: Array) -> Array:
     """Return Newton's step by conjugate gradients; balls without contact do not act on others."""
     on = slope > 0.0
     root = np.sqrt(np.where(on, slope, 0.0))
 
     def system(z: Array) -> Array:
-        return np.asarray(z + root * (influence @ (root * z)))
+        return np.asarray(z + root * dents(root * z))
 
     # scaled by the diagonal 1/s, the system has eigenvalues about 1
-    z, _ = cg(LinearOperator(influence.shape, system, dtype=float), -root * r, tol=1e-8, atol=0.0, maxiter=500)
-    return np.asarray(-r - influence @ (root * z))
+    z, _ = cg(LinearOperator((len(r), len(r)), system, dtype=float), -root * r, tol=1e-8, atol=0.0, maxiter=500)
+    return np.asarray(-r - dents(root * z))

@@ -32,7 +32,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
 from runs.evolution.loads import effective_approaches
-from runs.evolution.pair_list import CUT, CutLaw, PairList
+from runs.evolution.pair_list import CUT, CUT_IN_CELL, CutLaw, PairList
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ class PairForces:
     """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, left out beyond its reach.
 
     ``share`` is the error of T over its largest value in a state, as measured on three and four balls; ``cell`` holds
-    the lengths [m] of a periodic cell; ``cut`` is the share of the law that is left out.
+    the lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is left out.
     """
 
     def __init__(
@@ -129,13 +129,14 @@ class PairForces:
         law: PairLaw,
         share: float = 0.0,
         cell: Array | None = None,
-        cut: float = CUT,
+        cut: float | None = None,
     ) -> None:
         self.problem, self.singles, self.law, self.share, self.cell = problem, list(singles), law, share, cell
         kinds = dict.fromkeys(self.singles)
         self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
         self._approaches = np.array(problem.load.values, dtype=float)
-        self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), cut)
+        self._cut = cut or (CUT if cell is None else CUT_IN_CELL)
+        self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), self._cut)
         self._list = PairList(self._table.reach, cell)
 
     @property
@@ -149,7 +150,8 @@ class PairForces:
         between = pairs.between(positions)
         distance = np.sqrt(between[:, 0] ** 2 + between[:, 1] ** 2)
         influence, pull = self._table(distance)
-        effective = effective_approaches(pairs.symmetric(influence), self._force_and_slope, self._approaches)
+        around = 0.0 if self.cell is None else self._table.beyond / float(np.prod(self.cell))
+        effective = effective_approaches(pairs.symmetric(influence), self._force_and_slope, self._approaches, around)
         normal = self._force_and_slope(effective)[0]
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")
@@ -160,7 +162,7 @@ class PairForces:
 
     def cut_error(self, positions: Array) -> float:
         """Return the largest change of T over the largest T at ``positions``, where a tenth as much is left out."""
-        wider = PairForces(self.problem, self.singles, self.law, self.share, self.cell, 0.1 * CUT)
+        wider = PairForces(self.problem, self.singles, self.law, self.share, self.cell, 0.1 * self._cut)
         here, there = self(positions).tangential, wider(positions).tangential
         largest = float(np.max(np.hypot(*there.T)))
         return float(np.max(np.abs(here - there))) / largest if largest > 0.0 else 0.0

@@ -61,7 +61,7 @@ def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document
     lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
     if document["cut_error"]:
         lines.append(
-            f"forces between balls far apart are left out; with ten times less left out, T changes by "
+            f"forces between balls far apart are left out; with ten times less left out, T at the start changes by "
             f"{100.0 * document['cut_error']:.1g} % of the largest"
         )
     for row in document["direct_check"] or []:

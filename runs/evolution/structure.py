@@ -15,6 +15,7 @@ from scipy.special import j0
 
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
+from runs.evolution.pair_list import wrapped
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ AROUND = 0.5
 
 def nearest_distances(x: Array, cell: Array | None) -> Array:
     """Return the distance [m] of every ball to the nearest other one."""
-    inside = x if cell is None else np.mod(x, cell)
+    inside = x if cell is None else wrapped(x, cell)
     return np.asarray(cKDTree(inside, boxsize=cell).query(inside, k=2)[0][:, 1])
 
 
@@ -53,7 +54,7 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     if cell is None and (count < 4 or np.linalg.svd(x - x.mean(axis=0), compute_uv=False)[1] < FLAT * np.ptp(x)):
         return np.zeros(count, dtype=complex)
     if cell is not None:
-        inside = np.mod(x, cell)
+        inside = wrapped(x, cell)
         shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
         images = (inside[None] + cell * shifts[:, None]).reshape(-1, 2)
         kept = np.all((images > -AROUND * cell) & (images < (1.0 + AROUND) * cell), axis=1)
