@@ -161,10 +161,11 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     model, or not this model, supports. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
     """
     wanted = frozenset(scene.effects)
-    if scene.reciprocation is not None:
+    moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
+    if moving:
         raise UnsupportedProblem(
-            f"{scene.path}: {_names(frozenset({'reciprocation'}))}: solve and compare keep the balls where they are; "
-            f"use `thirdbody evolve {scene.path}`, or remove the table"
+            f"{scene.path}: {_names(moving)}: solve and compare keep the balls where they are, alone in the plane; "
+            f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
         )
     nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
     if nowhere:
@@ -200,8 +201,8 @@ def planned_seconds(
 
 def standing(scene: Scene) -> Scene:
     """Return ``scene`` with fixed balls: the problem at one instant of an evolution."""
-    effects = tuple(effect for effect in scene.effects if effect != "reciprocation")
-    return dataclasses.replace(scene, effects=effects, reciprocation=None)
+    effects = tuple(effect for effect in scene.effects if not EFFECTS[effect].of_drift)
+    return dataclasses.replace(scene, effects=effects, drift={})
 
 
 def without(problem: Problem, effects: list[str]) -> Problem:

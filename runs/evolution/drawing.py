@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from runs.display.style import BLUE, GREY, ORANGE, blank, look, save_figure
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.record import positions_at
+from runs.evolution.record import positions_at, starting_neighbours
 from runs.process.files import replacing
 
 Array = NDArray[np.float64]
@@ -90,29 +90,27 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
 
     path = document["path"]
     cycle = np.array([m["cycle"] for m in path])
-    gaps = np.array([balls.gaps(np.array(m["positions"])) + balls.distances for m in path])
-    near = np.flatnonzero(gaps[0] <= NEIGHBOURS * np.min(gaps[0]))
+    pairs = starting_neighbours(np.array(path[0]["positions"]), balls, NEIGHBOURS)
+    distance = np.array([np.hypot(*balls.between(np.array(m["positions"]), pairs).T) for m in path])
     with look():
         figure = blank(5.6, 3.8)
         axis = figure.subplots()
-        colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(near)))
-        for k, color in zip(near, colors, strict=True):
-            i, j = balls.pairs[k]
-            axis.plot(cycle, 1e3 * gaps[:, k], color=color, label=f"{i} - {j}")
-        axis.axhline(1e3 * float(np.min(balls.distances)), color="0.55", lw=0.8, ls=":", zorder=0)
+        colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
+        for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
+            axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
+        axis.axhline(1e3 * balls.smallest, color="0.55", lw=0.8, ls=":", zorder=0)
         axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
         axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
-        top = 1e3 * float(np.max(gaps[:, near]))
-        bottom = 1e3 * float(np.min(balls.distances))
+        top, bottom = 1e3 * float(np.max(distance)), 1e3 * balls.smallest
         axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
         axis.annotate(
-            "touching", (1.0, 1e3 * float(np.min(balls.distances))), xycoords=("axes fraction", "data"),
+            "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
             xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
         )  # fmt: skip
-        if len(near) <= NAMED:
-            axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(near) > 4 else 1, loc="best")
+        if len(pairs) <= NAMED:
+            axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(pairs) > 4 else 1, loc="best")
         else:
-            axis.set_title(f"{len(near)} pairs of neighbours and next neighbours", fontsize=9)
+            axis.set_title(f"{len(pairs)} pairs of neighbours and next neighbours", fontsize=9)
         save_figure(figure, folder, "distances")
 
 

@@ -1,10 +1,21 @@
-"""The path of the balls: adaptive steps of the projected drift, with contacts that close, hold and open.
+r"""The path of the balls: adaptive steps of the drift, with contacts that close, hold and open, many in one step.
 
-Independent variable sigma = s/f [m], sliding path over friction coefficient; velocities dx/dsigma are (T + pushes)/Q.
-Bogacki and Shampine's pair of orders 3 and 2 [Appl. Math. Lett. 2 (1989) 321, doi 10.1016/0893-9659(89)90079-7].
-At every stage the velocity is the admissible one of `runs.evolution.hard_balls`. The velocity is continuous when a
-contact opens, so step-size control resolves it; if a pair would overlap at the end of a step, the step is shortened to
-the point where the contact closes, because the velocity jumps there.
+Independent variable sigma = s/f [m], sliding path over friction coefficient; velocities dx/dsigma are those of
+`runs.evolution.motion`. Bogacki and Shampine's pair of orders 3 and 2 [Appl. Math. Lett. 2 (1989) 321,
+doi 10.1016/0893-9659(89)90079-7].
+
+Contacts. In a step of length h no gap g may close faster than g/h, at every stage: a pair that would close within the
+step closes at its end, and nothing overlaps. For constant forces this is the exact end of the step, whenever within it
+the pair touches: both are the projection of the free motion (Moreau's catching-up algorithm, source as in
+`runs.evolution.motion`). Forces that change make the difference
+
+    e = (h - h_1) |df| / 2,
+
+with h_1 the first closing and df the change of the free velocity of the landing balls over the step: up to h_1 both
+paths are the same but for the speed at which the gap closes, and after it they differ by less than (h - h_1) times
+the closing velocity. A pair that is braked and then does not touch (it passes) leaves a gap, which is the error that
+the brake made. Both are kept below the tolerance, as the embedded error is; so a step contains as many new contacts as
+its tolerance allows, one where that is fine.
 """
 
 from __future__ import annotations
@@ -14,18 +25,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from linear_bem.errors import NotConverged
 from runs.evolution.forces import Forces, State
-from runs.evolution.hard_balls import HardBalls, Pairs
+from runs.evolution.hard_balls import HardBalls, Pairs, resistances
 
 Array = NDArray[np.float64]
 
 LONGEST = 0.25
 """Largest displacement in one step, over the smallest touching distance."""
-LANDED = 1e-7
-"""Gap over touching distance at which a closing pair is set in contact."""
+PUSHING = 1e-6
+"""Contact force over the largest force from which a contact counts as pushing."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +43,8 @@ class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
     ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
-    more. ``step`` [m]: length of the next step, with which a restart reproduces the uninterrupted path exactly.
+    more. ``step`` [m]: length of the next step, ``spare`` [m]: how far beyond the first new contact it may go. With
+    both, a restart reproduces the uninterrupted path exactly.
     """
 
     sigma: float
@@ -43,7 +54,29 @@ class Moment:
     pushes: Array
     speed: float
     step: float
+    spare: float
     resting: bool
+
+
+@dataclass(frozen=True)
+class _Neighbours:
+    """Pairs that may close in a step: numbers, gaps at its start [m], h of each if nothing changes (inf: opens)."""
+
+    which: Pairs
+    gaps: Array
+    open: NDArray[np.bool_]
+    first: float
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A step tried: its end, the state there, and its errors over the tolerance, smooth and by new contacts."""
+
+    after: Array
+    state: State
+    smooth: float
+    landing: float
+    landed: bool
 
 
 class Drift:
@@ -56,86 +89,100 @@ class Drift:
         self.forces, self.balls, self.tolerance, self.rest = forces, balls, tolerance, rest
         self.steps = 0
 
-    def path(self, start: Array, end: float, sigma: float = 0.0, step: float | None = None) -> Iterator[Moment]:
+    def path(
+        self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0
+    ) -> Iterator[Moment]:
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included."""
         x, state = start, self.forces(start)
         while True:
-            contacts = self.balls.touching(x)
-            velocity, pushes = self.balls.admissible(x, state.tangential, state.normal, contacts)
+            contacts = self.balls.touching(x, self.tolerance)
+            opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None
+            velocity, pushes = self.balls.admissible(x, state.tangential, state.normal, contacts, opening)
             speed = float(np.max(np.hypot(*velocity.T)))
             if step is None:
                 step = 0.02 * self._longest(speed)
-            moment = Moment(sigma, x, state, contacts, pushes, speed, step, speed <= self.rest)
+            moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, speed <= self.rest)
             yield moment
             if moment.resting or sigma >= end * (1.0 - 1e-12):
                 return
-            taken, x, state, step = self._advance(moment, velocity, end)
+            taken, x, state, step, spare = self._advance(moment, velocity, end)
             self.steps += 1
             sigma += taken
 
     def _longest(self, speed: float) -> float:
-        smallest = float(np.min(self.balls.distances, initial=1.0))
-        return LONGEST * smallest / max(speed, self.rest)
+        return LONGEST * self.balls.smallest / max(speed, self.rest)
 
-    def _advance(self, now: Moment, velocity: Array, end: float) -> tuple[float, Array, State, float]:
-        """Return the step taken, the new positions, their state, and the next step."""
+    def _advance(self, now: Moment, velocity: Array, end: float) -> tuple[float, Array, State, float, float]:
+        """Return the step taken, the new positions, their state, and the next step with its spare."""
         wish = min(now.step, self._longest(now.speed))
-        step, rejected = min(wish, end - now.sigma), False
-        least = 1e-13 * self._longest(now.speed)
+        least, spare = 1e-13 * self._longest(now.speed), now.spare
+        near = self._neighbours(now, velocity, wish)
+        limit = min(wish, end - now.sigma)
+        step = min(limit, max(near.first + spare, least))
         for _ in range(200):
-            after, error = self._step(now, velocity, step)
-            size = float(np.max(np.abs(error))) / self.tolerance
-            if size > 1.0:
-                step, rejected = step * max(0.2, 0.9 * size ** (-1.0 / 3.0)), True
-                continue
-            landing = self._first_landing(now, velocity, after, step)
-            if landing is None or step * landing <= least:
+            trial = self._tried(now, velocity, near, step)
+            if max(trial.smooth, trial.landing) <= 1.0 or step <= least:
                 break
-            step, rejected = step * landing, True
-            wish = max(wish, step)
+            if trial.landing > trial.smooth:
+                beyond = max(step - near.first, 0.0)
+                order = 1.0 if near.first > 0.5 * step else 0.5
+                spare = beyond * max(0.05, 0.8 * trial.landing**-order)
+                shorter = min(near.first, step) + spare if near.first < step else 0.3 * step
+            else:
+                shorter = step * max(0.2, 0.9 * trial.smooth ** (-1.0 / 3.0))
+            step = max(min(shorter, 0.95 * step), least)
         else:
             raise NotConverged(f"drift: no step from sigma = {now.sigma:.6g} m was accepted, last tried {step:.1e} m")
-        x = self._held(now, after)
-        grown = step * min(5.0, 0.9 * max(size, 1e-6) ** (-1.0 / 3.0))
-        following = grown if not rejected else max(grown, 0.1 * wish)
-        return step, x, self.forces(x), min(following, 5.0 * wish)
+        if trial.landed and near.first < step:
+            spare = (step - near.first) * min(3.0, 0.8 / max(trial.landing, 1e-6))
+        x = self.balls.parted(trial.after, now.state.normal, near.which)
+        state = trial.state if x is trial.after else self.forces(x)
+        grown = step * min(5.0, 0.9 * max(trial.smooth, 1e-6) ** (-1.0 / 3.0))
+        following = min(max(grown, 0.3 * wish) if step < wish else grown, 5.0 * wish)
+        return step, x, state, following, max(spare, 0.01 * self.tolerance / max(now.speed, self.rest))
 
-    def _rate(self, now: Moment, x: Array) -> Array:
-        state = self.forces(self.balls.restored(x, now.state.normal, np.zeros(0, dtype=np.intp)))
-        return self.balls.admissible(x, state.tangential, state.normal, now.contacts)[0]
+    def _neighbours(self, now: Moment, velocity: Array, wish: float) -> _Neighbours:
+        x = now.positions
+        which = self.balls.near(x, 3.0 * wish * now.speed + self.tolerance)
+        gaps = self.balls.gaps(x, which)
+        still = gaps > self.tolerance
+        rate = self.balls.jacobian(x, which) @ velocity.ravel()
+        closing = still & (rate < 0.0)
+        first = float(np.min(gaps[closing] / -rate[closing], initial=np.inf))
+        return _Neighbours(which, np.maximum(gaps, 0.0), still, first)
 
-    def _step(self, now: Moment, first: Array, step: float) -> tuple[Array, Array]:
-        second = self._rate(now, now.positions + 0.5 * step * first)
-        third = self._rate(now, now.positions + 0.75 * step * second)
-        after = now.positions + step * (2.0 * first + 3.0 * second + 4.0 * third) / 9.0
-        fourth = self._rate(now, after)
-        return after, step * (-5.0 * first + 6.0 * second + 8.0 * third - 9.0 * fourth) / 72.0
+    def _tried(self, now: Moment, velocity: Array, near: _Neighbours, step: float) -> _Trial:
+        """Return the result of a step of Bogacki and Shampine's pair under the conditions on the gaps."""
+        opening = -near.gaps / step
+        x = now.positions
+        scale = PUSHING * float(np.max(np.abs(now.state.tangential), initial=0.0))
 
-    def _first_landing(self, now: Moment, velocity: Array, after: Array, step: float) -> float | None:
-        """Return the fraction of the step at which the first open contact closes; None if none closes."""
-        free = np.setdiff1d(np.arange(len(self.balls.pairs)), now.contacts)
-        gaps = self.balls.gaps(after, free)
-        landing = free[gaps < -LANDED * self.balls.distances[free]]
-        if landing.size == 0:
-            return None
-        # quadratic through both ends with the initial velocity: repeated until the closing point is found
-        bend = after - now.positions - step * velocity
+        def rate(at: Array, state: State) -> tuple[Array, Array]:
+            return self.balls.admissible(at, state.tangential, state.normal, near.which, opening)
 
-        def gap(part: float, pair: Pairs) -> float:
-            return float(self.balls.gaps(now.positions + part * step * velocity + part**2 * bend, pair)[0])
+        one, pushed = velocity, np.zeros(len(near.which), dtype=bool)
+        if near.first < step:
+            one, pushes = rate(x, now.state)
+            pushed = pushes > scale
+        second = x + 0.5 * step * one
+        two, _ = rate(second, self.forces(second))
+        third = x + 0.75 * step * two
+        three, _ = rate(third, self.forces(third))
+        after = x + step * (2.0 * one + 3.0 * two + 4.0 * three) / 9.0
+        state = self.forces(after)
+        four, pushes = rate(after, state)
+        error = step * (-5.0 * one + 6.0 * two + 8.0 * three - 9.0 * four) / 72.0
+        pushed = (pushed | (pushes > scale)) & near.open
+        gaps = self.balls.gaps(after, near.which)
+        smooth = max(float(np.max(np.abs(error))), float(np.max(-gaps, initial=0.0)))
+        landing = 0.0
+        if np.any(pushed):
+            change = np.hypot(*(self._free(state) - self._free(now.state)).T)
+            balls = self.balls.pairs(near.which[pushed])
+            late = 0.5 * max(step - near.first, 0.0) * float(np.max(change[balls]))
+            landing = max(late, float(np.max(gaps[pushed])))
+        return _Trial(after, state, smooth / self.tolerance, landing / self.tolerance, bool(np.any(pushed)))
 
-        first = 1.0
-        for k in landing:
-            pair = np.array([k])
-            at = 0.0 if gap(0.0, pair) <= 0.0 else brentq(gap, 0.0, 1.0, args=(pair,), xtol=1e-14, rtol=1e-13)
-            first = min(first, float(at))
-        return first
-
-    def _held(self, now: Moment, after: Array) -> Array:
-        """Return the positions with zero gap at the contacts that held and at those that have closed."""
-        gaps, distances = self.balls.gaps(after), self.balls.distances
-        pushing = now.contacts[now.pushes > 0.0]
-        still = pushing[np.abs(gaps[pushing]) <= self.tolerance]
-        landed = np.flatnonzero(np.abs(gaps) <= LANDED * distances)
-        landed = np.setdiff1d(landed, now.contacts)
-        return self.balls.restored(after, now.state.normal, np.union1d(still, landed).astype(np.intp))
+    @staticmethod
+    def _free(state: State) -> Array:
+        return np.asarray(state.tangential / resistances(state.normal)[:, None])

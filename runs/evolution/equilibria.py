@@ -42,6 +42,8 @@ DIFFERENCE = 1e-5
 """Length of differences over the smallest touching distance, for forces without noise."""
 OVERLAP = 1e-9
 """Overlap over touching distance that a step may leave; it is corrected afterwards."""
+HELD = 1e-6
+"""Gap over touching distance up to which a pair at the start is in contact: the error of a path's step."""
 NEUTRAL = 1e-6
 """Growth rate over the largest of all rates below which a disturbance neither grows nor decays."""
 
@@ -67,13 +69,38 @@ def stiffness(forces: Forces, balls: HardBalls, x: Array, load: Array, held: Pai
 
     From secants between positions without overlap, up to ``step`` [m] to either side as far as other contacts allow.
     """
-    motions = null_space(balls.jacobian(x, held), rcond=1e-8) if len(held) else np.eye(x.size)
+    motions = null_space(balls.jacobian(x, held).toarray(), rcond=1e-8) if len(held) else np.eye(x.size)
     moves, changes = np.zeros((x.size, motions.shape[1])), np.zeros((x.size, motions.shape[1]))
     for k, motion in enumerate(step * motions.T):
-        ahead, behind = (balls.restored(x + side * motion.reshape(x.shape), load, held) for side in (1.0, -1.0))
+        ahead, behind = (on_contacts(balls, x + side * motion.reshape(x.shape), load, held) for side in (1.0, -1.0))
         moves[:, k] = (ahead - behind).ravel()
         changes[:, k] = (forces(ahead).tangential - forces(behind).tangential).ravel()
     return np.asarray(changes @ np.linalg.pinv(moves, rcond=1e-3))
+
+
+def on_contacts(balls: HardBalls, x: Array, load: Array, held: Pairs) -> Array:
+    """Return the nearest positions (metric Q) at which the pairs ``held`` touch and none overlaps.
+
+    Raises `NotConverged` where there are none near.
+    """
+    weight = 1.0 / np.repeat(resistances(load), 2)
+    every, scale = balls.all, 2.0 * float(np.max(balls.radii))
+    shut = set(map(int, held))
+    for _ in range(40):
+        shut |= set(every[balls.gaps(x, every) < -1e-12 * scale].tolist())
+        which = np.array(sorted(shut), dtype=np.intp)
+        gaps = balls.gaps(x, which)
+        if float(np.max(np.abs(gaps), initial=0.0)) <= 1e-12 * scale:
+            return x
+        jacobian = balls.jacobian(x, which).toarray()
+        push = np.linalg.lstsq((jacobian * weight) @ jacobian.T, -gaps, rcond=1e-10)[0]
+        # an overlap is pushed apart; only a pair that is held may be drawn together
+        x = x + (weight * (push @ jacobian)).reshape(x.shape)
+        shut = set(map(int, held)) | {k for k, p in zip(which.tolist(), push, strict=True) if p > 0.0}
+    raise NotConverged(
+        f"hard balls: {len(held)} contacts cannot all be kept without an overlap; "
+        f"gaps of {float(np.min(balls.gaps(x))):.1e} m are left"
+    )
 
 
 def rigid_motions(x: Array) -> Array:
@@ -93,13 +120,13 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
     """
     state = forces(start)
     held = _holding(balls, start, state.tangential, state.normal)
-    touch = float(np.min(balls.distances, initial=1.0))
+    touch = balls.smallest
     x, residual, length = start, np.inf, np.inf
     parted: set[int] = set()
     for _ in range(60):
-        x = balls.restored(x, state.normal, held)
+        x = on_contacts(balls, x, state.normal, held)
         state = forces(x)
-        jacobian = balls.jacobian(x, held)
+        jacobian = balls.jacobian(x, held).toarray()
         # mutual forces have no resultant and no moment: those of a model are errors, which no motion can remove
         rigid = np.linalg.qr(rigid_motions(x))[0]
         force = state.tangential.ravel() - rigid @ (rigid.T @ state.tangential.ravel())
@@ -128,7 +155,7 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         length = float(np.max(np.abs(move)))
         x, landed = _moved(balls, x, move * min(1.0, LONGEST * touch / max(length, 1e-300)), held)
         if parted.intersection(landed.tolist()):
-            i, j = balls.pairs[landed[0]]
+            i, j = balls.pairs(landed[:1])[0]
             raise NotConverged(
                 f"equilibria: none that Newton's method finds without balls inside each other; balls {i} and {j} touch "
                 "on its way, and their forces part them there"
@@ -144,13 +171,13 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
 
 def _moved(balls: HardBalls, x: Array, move: Array, held: Pairs) -> tuple[Array, Pairs]:
     """Return the positions after ``move``, or where the first pair lands on it, and that pair."""
-    free = np.setdiff1d(np.arange(len(balls.pairs)), held)
-    i, j = balls.pairs[free].T
+    free = np.setdiff1d(balls.all, held)
+    i, j = balls.pairs(free).T
     between, change = x[j] - x[i], move[j] - move[i]
     # |between + part change| = touching distance less the overlap corrected anyway: the smaller root for part
     square = np.sum(change**2, axis=1)
     closing = np.sum(between * change, axis=1)
-    room = np.sum(between**2, axis=1) - (balls.distances[free] * (1.0 - OVERLAP)) ** 2
+    room = np.sum(between**2, axis=1) - (balls.distances(free) * (1.0 - OVERLAP)) ** 2
     inside = closing**2 - square * room
     lands = (closing < 0.0) & (inside > 0.0)
     part = np.full(len(free), np.inf)
@@ -166,10 +193,10 @@ def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
 
     More contacts than motions leave the pushes undetermined; non-negative least squares then sets some to zero.
     """
-    contacts = balls.touching(x)
+    contacts = balls.touching(x, HELD * balls.smallest)
     if len(contacts) == 0:
         return contacts
-    jacobian = balls.jacobian(x, contacts)
+    jacobian = balls.jacobian(x, contacts).toarray()
     size = float(np.max(np.abs(force)))
     # largest t with all pushes at least t, in balance within a thousandth of the largest force
     columns = np.hstack([jacobian.T, np.zeros((x.size, 1))])
@@ -195,7 +222,7 @@ def _pushes(jacobian: Array, force: Array) -> Array:
 def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
     """Return sum_c N_c d2g_c/dx2 [N/m]: a push turns with its pair."""
     out = np.zeros((x.size, x.size))
-    for push, (i, j) in zip(pushes, balls.pairs[held], strict=True):
+    for push, (i, j) in zip(pushes, balls.pairs(held), strict=True):
         between = x[j] - x[i]
         distance = float(np.hypot(*between))
         across = np.eye(2) - np.outer(between, between) / distance**2
@@ -212,7 +239,7 @@ def _judged(
     balls: HardBalls, x: Array, load: Array, held: Pairs, pushes: Array, residual: float, tangent: Array
 ) -> Equilibrium:
     metric = np.repeat(resistances(load), 2)
-    fixed = np.vstack([balls.jacobian(x, held), (rigid_motions(x) * metric[:, None]).T / np.max(metric)])
+    fixed = np.vstack([balls.jacobian(x, held).toarray(), (rigid_motions(x) * metric[:, None]).T / np.max(metric)])
     basis = null_space(fixed, rcond=1e-8)
     growth: tuple[float, ...] = ()
     if basis.shape[1]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +13,24 @@ import scipy
 from numpy.typing import NDArray
 
 from linear_bem.errors import UnsupportedProblem
-from runs.evolution import outcome, showing
+from runs.evolution import outcome, showing, structure
 from runs.evolution.drift import Drift, Moment
-from runs.evolution.hard_balls import HardBalls
+from runs.evolution.hard_balls import TOUCHING, HardBalls
+from runs.evolution.layer_pictures import some
+from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import DIRECT_ACCURACY, Provider, provider
 from runs.evolution.record import Record, events, gathered_at, summary
 from runs.process import ranks, signals
+from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.progress import tell
+from runs.session.run_folder import PATH
 from runs.session.session import Options, Session, conduct
 
 Array = NDArray[np.float64]
 
-FORMAT = 1
+FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
 SAVED_EVERY = 5.0
 """Interval [s] at which an unfinished path is saved."""
@@ -47,8 +51,24 @@ def open_session(scene: Scene, asked: str | None, options: Options) -> Session:
         )
     if scene.problem.size < 2:
         raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
-    HardBalls.of(scene.problem)  # refuses levels that no flat plate imposes
+    balls = balls_of(scene)
+    overlap = balls.touching(scene.problem.positions)
+    gaps = balls.gaps(scene.problem.positions, overlap)
+    if np.any(gaps < -TOUCHING * balls.distances(overlap)):
+        i, j = balls.pairs(overlap[[int(np.argmin(gaps))]])[0]
+        raise UnsupportedProblem(
+            f"{scene.path}: [periodic] lengths: balls {i} and {j} overlap across the cell's edge by "
+            f"{-np.min(gaps):g} m; make the cell larger or move them"
+        )
     return Session("evolve", scene, asked, options, FORMAT)
+
+
+def balls_of(scene: Scene) -> HardBalls:
+    """Return the hard balls of a scene; raises `UnsupportedProblem` for levels that no flat plate imposes."""
+    cell, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
+    return HardBalls.of(
+        scene.problem, None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
+    )
 
 
 class Evolution:
@@ -58,7 +78,8 @@ class Evolution:
         assert session.scene.reciprocation is not None
         self.session, self.problem, self.tables = session, session.problem, tables or TABLES
         self.sliding = session.scene.reciprocation
-        self.balls = HardBalls.of(self.problem)
+        self.balls = balls_of(session.scene)
+        self._arrangements: list[Document] = []
         self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.end = self.sliding.cycles * self.sliding.path_per_cycle / self.sliding.friction
@@ -69,25 +90,25 @@ class Evolution:
         session = self.session
         given = provider(
             session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
-            session.comm, tell, session.scene.budget,
+            session.comm, tell, session.scene.budget, self.balls.cell,
         )  # fmt: skip
         if not session.root:
             return None
-        document = self._run(given)
+        document, record = self._run(given)
         session.save(document, rows(document))
         if pictures:
-            showing.draw(session, document)
+            showing.draw(session, document, record.moments, self.balls)
         session.finish(document["solved"])
         return document
 
-    def _run(self, given: Provider) -> Document:
-        """Return the finished document; what an earlier run has saved is not computed again."""
+    def _run(self, given: Provider) -> tuple[Document, Record]:
+        """Return the finished document and the path; what an earlier run has saved is not computed again."""
         began = time.process_time()
         earlier = self.session.saved
         before = float(earlier.get("solved", {}).get("seconds", 0.0))
         self.steps = int(earlier.get("solved", {}).get("iterations", 0))
         members: list[Document] = list(earlier.get("ensemble", []))
-        record = Record.from_dict(earlier, self.balls)
+        record = Record.from_dict(earlier, self.balls, self._folder)
 
         def document(converged: bool) -> Document:
             return self._document(record, members, given, converged, before + time.process_time() - began)
@@ -104,7 +125,21 @@ class Evolution:
             members.append(self._member(member, number))
             keep()
         found = self._end(record.moments, given)
-        return document(True) | found
+        write_csv(self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls))
+        return document(True) | found, record
+
+    @property
+    def _folder(self) -> Path:
+        return self.session.out / PATH
+
+    def _write_structure(self, moments: Sequence[Moment]) -> None:
+        """Write the arrangement at every kept moment; only new moments are looked at."""
+        known = {line["sliding_path_over_friction"]: line for line in self._arrangements}
+        self._arrangements = [
+            known.get(m.sigma) or {"cycle": self.sliding.cycles_after(m.sigma), **structure.row(m, self.balls)}
+            for m in moments
+        ]
+        write_csv(self.session.out / "structure.csv", self._arrangements)
 
     def _member(self, record: Record, number: int) -> Document:
         found = summary(record.moments, self.balls, self._nominal)
@@ -121,7 +156,7 @@ class Evolution:
         x, shift = self._nominal, self.sliding.perturbation
         if shift > 0.0:
             x = x + shift * np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
-        return self.balls.restored(x, np.ones(len(x)), np.zeros(0, dtype=np.intp))
+        return self.balls.parted(x, np.ones(len(x)))
 
     def _follow(self, record: Record, given: Provider, seed: int, keep: Callable[[], None]) -> None:
         if record.ended:
@@ -131,7 +166,7 @@ class Evolution:
         if goes_on is None:
             path = drift.path(self._start(seed), self.end)
         else:
-            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step)
+            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare)
         written = time.monotonic()
         for moment in path:
             signals.check()
@@ -144,7 +179,8 @@ class Evolution:
     def _document(
         self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float
     ) -> Document:
-        cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls)
+        cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls, self._folder)
+        self._write_structure(record.moments)
         notes = [*self.session.notes, *given.notes]
         if not converged:
             notes.append("unfinished: the path has not come to its end; the same command continues it")
@@ -177,15 +213,24 @@ class Evolution:
         begin, end = moments[0].positions, moments[-1].positions
         found: Document = {
             "rest": outcome.rest(moments[-1]),
-            "position_error": outcome.position_error(moments, forces, balls, begin, self.tolerance, self.sliding.rest),
-            "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
-            "pair_equilibria": outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None,
+            "position_error": None,
+            "equilibrium": None,
+            "pair_equilibria": None,
             "momentum": outcome.momentum(moments),
             "pair_table": given.table,
             "direct_check": None,
+            "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
         }
+        if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
+            return found
+        found["position_error"] = outcome.position_error(
+            moments, forces, balls, begin, self.tolerance, self.sliding.rest
+        )
+        if balls.cell is None and balls.rolling == 0.0:
+            found["equilibrium"] = outcome.equilibrium(forces, balls, end, given.difference)
+            found["pair_equilibria"] = outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None
         model = self.session.model.name
-        if model != "finite_strain":
+        if model != "finite_strain" and balls.cell is None:
             checks, states = outcome.direct_check(self.problem, forces, moments, DIRECT_ACCURACY)
             found["direct_check"] = checks
             if states and model == "linear_bem":
@@ -194,7 +239,9 @@ class Evolution:
 
 
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return one flat row per kept moment and ball."""
+    """Return one flat row per kept moment and ball; per moment alone where the balls are too many for one file."""
+    if document["path"] and "positions" not in document["path"][0]:
+        return [dict(moment) for moment in document["path"]]
     keys = ("tangential_force", "normal_force")
     return [
         {

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from linear_bem import ContactSequence
 from linear_bem.problem import Problem
+from runs.evolution.hard_balls import HardBalls
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ class State:
 
 
 Forces = Callable[[Array], State]
-"""Positions (balls, 2) [m], without overlap, in; state out."""
+"""Positions (balls, 2) [m] in; state out. Overlaps by the error of a step are allowed."""
 
 
 def at(problem: Problem, positions: Array) -> Problem:
@@ -44,9 +45,14 @@ class DirectForces:
 
     def __init__(self, problem: Problem, accuracy: float) -> None:
         self.problem = problem
+        self._balls = HardBalls.of(problem)
         self._sequence = ContactSequence(accuracy)
 
     def __call__(self, positions: Array) -> State:
-        """Return the state at ``positions``; raises what `linear_bem.ContactSequence` raises."""
-        found = self._sequence.solve(at(self.problem, positions))
+        """Return the state at ``positions``, those nearest to them if balls overlap, which the model refuses.
+
+        Raises what `linear_bem.ContactSequence` raises.
+        """
+        apart = self._balls.parted(positions, np.ones(len(positions)))
+        found = self._sequence.solve(at(self.problem, apart))
         return State(found.tangential_force, found.normal_forces, found.tangential_force_error)

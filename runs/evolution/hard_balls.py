@@ -1,4 +1,4 @@
-r"""Hard balls: when they touch, which velocities they allow, and the forces by which they push each other.
+r"""Hard balls: which pairs are near, when they touch, and how a contact opens with the balls' motion.
 
 Balls of different size between a plate and a layer: lowest points on one level (or tops on one level under a flat
 plate), so centres differ in height by R_i - R_j. Touching means that the centres are R_i + R_j apart in space, hence
@@ -7,46 +7,54 @@ plate), so centres differ in height by R_i - R_j. Touching means that the centre
 
 in the plane, which is R_i + R_j for equal balls only.
 
-Velocities. A contact that pushes ball i with N moves it by N/(f Q_i) per unit path, as T does. So the velocity is the
-one nearest the free drift in the metric f Q_i that opens or keeps every touching pair, and the contact
-forces N >= 0 are its multipliers:
-
-    f Q_i v_i = T_i + sum_c N_c dg_c/dx_i,     N_c >= 0,   dg_c/ds >= 0,   N_c dg_c/ds = 0.
-
-Its dual is a problem of non-negative least squares. [Moreau 1988, doi 10.1007/978-3-7091-2624-0_1]
+A pair (i, j), i < j, of n balls has the number i n + j: rising numbers are the pairs in a fixed order, and no list of
+all pairs is kept. In a periodic cell the distance is that to the nearest image.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from linear_bem.errors import NotConverged, UnsupportedProblem
+from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
+from runs.evolution.motion import Contacts, moved
+from runs.evolution.pair_list import wrapped
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.intp]
-"""Index pairs, shape (pairs, 2)."""
+"""Numbers of pairs, rising, shape (pairs,)."""
 
 TOUCHING = 1e-9
 """Gap over touching distance up to which a pair is in contact."""
+OVERLAP = 1e-12
+"""Overlap over touching distance that is roundoff."""
+FEW = 40
+"""Up to so many balls, all their pairs are quicker to look at than a tree is to build."""
+IN_ONE_FILE = 100
+"""Balls up to which a whole path is in one JSON object, and equilibria are sought by dense matrices."""
 WITHOUT_LOAD = 1e-6
 """Resistance of a ball without load, over the largest: small, so that pushes move it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HardBalls:
-    """All pairs of balls and the distances [m] of their axes at which they touch."""
+    """Balls of ``radii`` [m]; ``cell`` holds the lengths [m] of a periodic cell along x and y.
 
-    pairs: Pairs
-    distances: Array
+    ``rolling`` is the share of its load below which the force on a ball does not move it.
+    """
+
+    radii: Array
+    cell: Array | None = None
+    rolling: float = 0.0
 
     @classmethod
-    def of(cls, problem: Problem) -> HardBalls:
+    def of(cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0) -> HardBalls:
         """Return the hard balls of ``problem``; raises `UnsupportedProblem` for levels that no flat plate imposes."""
         levels = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
         bottoms, tops = levels[1], levels[1] - 2.0 * levels[0]
@@ -55,77 +63,119 @@ class HardBalls:
                 "load.approach: balls that drift under one flat plate have their lowest points on one level (equal "
                 f"approaches) or their tops (approach less diameter), got approaches {problem.load.values} m"
             )
-        pairs = np.array(np.triu_indices(problem.size, 1), dtype=np.intp).T.reshape(-1, 2)
-        radii = np.array([ball.radius for ball in problem.balls])
-        return cls(pairs, np.asarray(2.0 * np.sqrt(radii[pairs[:, 0]] * radii[pairs[:, 1]])))
+        return cls(levels[0], None if cell is None else np.array(cell), rolling)
+
+    @property
+    def smallest(self) -> float:
+        """Smallest touching distance [m]; 1 for a single ball."""
+        if len(self.radii) < 2:
+            return 1.0
+        first, second = np.partition(self.radii, 1)[:2]
+        return float(2.0 * np.sqrt(first * second))
+
+    @property
+    def many(self) -> bool:
+        """Whether there are too many balls for one JSON object, for dense matrices and for names in pictures."""
+        return len(self.radii) > IN_ONE_FILE
+
+    @property
+    def all(self) -> Pairs:
+        """Numbers of all pairs."""
+        i, j = np.triu_indices(len(self.radii), 1)
+        return np.asarray(i * len(self.radii) + j)
+
+    def pairs(self, which: Pairs) -> NDArray[np.intp]:
+        """Return the balls of the pairs numbered ``which``, shape (pairs, 2)."""
+        return np.stack(np.divmod(which, len(self.radii)), axis=1)
+
+    def number(self, i: int, j: int) -> int:
+        """Return the number of the pair of the balls i and j."""
+        return min(i, j) * len(self.radii) + max(i, j)
+
+    def distances(self, which: Pairs) -> Array:
+        """Return the touching distances [m] of the pairs numbered ``which``."""
+        i, j = np.divmod(which, len(self.radii))
+        return np.asarray(2.0 * np.sqrt(self.radii[i] * self.radii[j]))
+
+    def between(self, x: Array, which: Pairs) -> Array:
+        """Return the vectors [m] from the first ball to the (nearest image of the) second, shape (pairs, 2)."""
+        i, j = np.divmod(which, len(self.radii))
+        vectors = x[j] - x[i]
+        if self.cell is not None:
+            vectors -= self.cell * np.round(vectors / self.cell)
+        return np.asarray(vectors)
 
     def gaps(self, x: Array, which: Pairs | None = None) -> Array:
         """Return distance less touching distance [m] of all pairs, or of those numbered ``which``."""
-        pairs = self.pairs if which is None else self.pairs[which]
-        touch = self.distances if which is None else self.distances[which]
-        return np.asarray(np.hypot(*(x[pairs[:, 1]] - x[pairs[:, 0]]).T) - touch)
+        which = self.all if which is None else which
+        return np.asarray(np.hypot(*self.between(x, which).T) - self.distances(which))
 
-    def touching(self, x: Array) -> Pairs:
-        """Return the numbers of the pairs in contact."""
-        return np.flatnonzero(self.gaps(x) <= TOUCHING * self.distances)
+    def near(self, x: Array, gap: float) -> Pairs:
+        """Return the numbers of the pairs with a gap of at most ``gap`` [m]."""
+        count = len(self.radii)
+        if count <= FEW:
+            which = self.all
+        else:
+            reach = 2.0 * float(np.max(self.radii)) + gap
+            if self.cell is not None and reach >= 0.5 * float(np.min(self.cell)):
+                which = self.all
+            else:
+                inside = x if self.cell is None else wrapped(x, self.cell)
+                found = cKDTree(inside, boxsize=self.cell).query_pairs(reach, output_type="ndarray")
+                which = np.sort(found.min(axis=1) * count + found.max(axis=1))
+        return which[self.gaps(x, which) <= gap]
 
-    def jacobian(self, x: Array, which: Pairs) -> Array:
+    def touching(self, x: Array, within: float = 0.0) -> Pairs:
+        """Return the numbers of the pairs in contact; a gap of ``within`` [m] counts as contact."""
+        which = self.near(x, max(within, TOUCHING * 2.0 * float(np.max(self.radii))))
+        return which[self.gaps(x, which) <= np.maximum(within, TOUCHING * self.distances(which))]
+
+    def jacobian(self, x: Array, which: Pairs) -> csc_matrix:
         """Return d(gap)/dx of the pairs numbered ``which``, shape (pairs, 2 balls)."""
-        out = np.zeros((len(which), x.size))
-        for row, (i, j) in enumerate(self.pairs[which]):
-            away = (x[j] - x[i]) / math.dist(x[j], x[i])
-            out[row, 2 * i : 2 * i + 2] = -away
-            out[row, 2 * j : 2 * j + 2] = away
-        return out
+        return self._contacts(x, which).jacobian(len(x))
 
-    def admissible(self, x: Array, force: Array, load: Array, which: Pairs) -> tuple[Array, Array]:
+    def _contacts(self, x: Array, which: Pairs, opening: Array | None = None) -> Contacts:
+        away = self.between(x, which)
+        away /= np.hypot(*away.T)[:, None]
+        return Contacts(self.pairs(which), away, np.zeros(len(which)) if opening is None else opening)
+
+    def admissible(
+        self, x: Array, force: Array, load: Array, which: Pairs, opening: Array | None = None
+    ) -> tuple[Array, Array]:
         """Return velocities (f times displacement per path [-], shape (balls, 2)) and contact forces [N].
 
-        ``force`` T (balls, 2) [N], ``load`` Q [N]; ``which`` numbers the pairs in contact.
+        ``force`` T (balls, 2) [N], ``load`` Q [N]; ``which`` numbers the pairs whose gaps must not change at less than
+        the rates ``opening`` [-], by default 0. See `runs.evolution.motion`; raises `NotConverged`.
         """
-        resistance = resistances(load)
-        free = np.where(load[:, None] > 0.0, force / resistance[:, None], 0.0)
-        if len(which) == 0:
-            return free, np.zeros(0)
-        root = np.sqrt(np.repeat(resistance, 2))
-        jacobian = self.jacobian(x, which)
-        size = float(np.max(np.abs(force), initial=0.0)) or 1.0
-        push, _ = nnls((jacobian / root).T, -root * free.ravel() / size, maxiter=50 * len(which) + 100)
-        moved = (push * size @ jacobian / root**2).reshape(x.shape)
-        return free + moved, push * size
+        driving = np.where(load[:, None] > 0.0, force, 0.0)
+        contacts = self._contacts(x, which, opening)
+        return moved(driving, resistances(load), contacts, self.rolling * np.maximum(load, 0.0))
 
-    def restored(self, x: Array, load: Array, held: Pairs) -> Array:
-        """Return the nearest positions (metric Q) at which the pairs ``held`` touch and none overlaps.
+    def parted(self, x: Array, load: Array, which: Pairs | None = None) -> Array:
+        """Return the nearest positions [m] (metric Q) without overlap; ``which`` numbers all pairs that may have one.
 
-        Raises `NotConverged` where there are none near.
+        A gap is a convex function of the positions: where its linearisation is not negative, it is not either.
         """
-        weight = 1.0 / np.repeat(resistances(load), 2)
-        shut = set(map(int, held))
-        scale = float(np.max(self.distances, initial=1.0))
-        for _ in range(40):
-            gaps = self.gaps(x)
-            shut |= set(np.flatnonzero(gaps < -1e-12 * scale).tolist())
-            which = np.array(sorted(shut), dtype=np.intp)
-            if len(which) == 0 or float(np.max(np.abs(gaps[which]))) <= 1e-12 * scale:
-                return x
-            jacobian = self.jacobian(x, which)
-            matrix = (jacobian * weight) @ jacobian.T
-            push = np.linalg.lstsq(matrix, -gaps[which], rcond=1e-10)[0]
-            # an overlap is pushed apart; only a pair that is held may be drawn together
-            x = x + (weight * (push @ jacobian)).reshape(x.shape)
-            shut = set(map(int, held)) | {k for k, p in zip(which.tolist(), push, strict=True) if p > 0.0}
-        raise NotConverged(
-            f"hard balls: {len(held)} contacts cannot all be kept without an overlap; "
-            f"gaps of {float(np.min(self.gaps(x))):.1e} m are left"
-        )
+        which = self.near(x, 0.25 * self.smallest) if which is None else which
+        gaps = self.gaps(x, which)
+        if not np.any(gaps < -OVERLAP * self.smallest):
+            return x
+        size = self.smallest
+        contacts = self._contacts(x, which, -gaps / size)
+        return x + size * moved(np.zeros_like(x), resistances(load), contacts)[0]
 
     def groups(self, x: Array, reach: float = 1e-3) -> list[list[int]]:
         """Return the balls of each connected group; pairs closer than ``reach`` touching distances are connected."""
-        label = list(range(len(x)))
-        for k in np.flatnonzero(self.gaps(x) <= reach * self.distances):
-            i, j = (label[b] for b in self.pairs[k])
-            label = [i if v == j else v for v in label]
-        return [[b for b, v in enumerate(label) if v == name] for name in dict.fromkeys(label)]
+        which = self.near(x, reach * 2.0 * float(np.max(self.radii)))
+        i, j = self.pairs(which[self.gaps(x, which) <= reach * self.distances(which)]).T
+        count = len(x)
+        number, label = connected_components(
+            coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)), directed=False
+        )
+        members: list[list[int]] = [[] for _ in range(number)]
+        for ball, group in enumerate(label):
+            members[group].append(ball)
+        return members
 
 
 def resistances(load: Array) -> Array:

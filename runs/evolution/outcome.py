@@ -92,7 +92,7 @@ def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float)
         "free_motions": found.free,
         "growth": list(found.growth),
         "residual": found.residual,
-        "contacts": balls.pairs[found.contacts].tolist(),
+        "contacts": balls.pairs(found.contacts).tolist(),
         "positions": found.positions.tolist(),
         "distance_from_end": float(np.max(np.abs(away - away.mean(axis=0)))),
     }
@@ -100,7 +100,7 @@ def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float)
 
 def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
     """Return every distance [m] at which two balls rest, and whether it is stable."""
-    touch = float(balls.distances[0])
+    touch = balls.smallest
     found = equilibria.of_pair(forces, touch, FURTHEST * touch)
     return [{"distance": distance, "verdict": verdict} for distance, verdict in found]
 

@@ -20,18 +20,19 @@ ratios are constant: T follows the linear decay.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
-from linear_bem.coupled_point_loads import couple
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
+from runs.evolution.loads import effective_approaches
+from runs.evolution.pair_list import CUT, CUT_IN_CELL, CutLaw, PairList
 
 Array = NDArray[np.float64]
 
@@ -46,20 +47,26 @@ class SingleBall:
 
     def force(self, approach: Array) -> Array:
         """Return forces [N] at approaches [m]; 0 where those are not positive."""
+        return _continued(self._force, self._d, approach)[0]
+
+    def force_and_slope(self, approach: Array) -> tuple[Array, Array]:
+        """Return forces [N] and their derivatives [N/m] at approaches [m]."""
         return _continued(self._force, self._d, approach)
 
     def approach(self, force: Array) -> Array:
         """Return approaches [m] under forces [N]; 0 where those are not positive."""
-        return _continued(self._approach, self._q, force)
+        return _continued(self._approach, self._q, force)[0]
 
 
-def _continued(curve: CubicSpline, nodes: Array, values: Array) -> Array:
+def _continued(curve: CubicSpline, nodes: Array, values: Array) -> tuple[Array, Array]:
+    """Return a curve in double logarithms, continued as power laws, and its derivative; 0 where values are not > 0."""
     values = np.asarray(values, dtype=float)
     pressed = values > 0.0
     at = np.log(np.where(pressed, values, 1.0))
     inside = np.clip(at, nodes[0], nodes[-1])
-    slope = np.where(at < inside, curve(nodes[0], 1), curve(nodes[-1], 1))
-    return np.where(pressed, np.exp(curve(inside) + slope * (at - inside)), 0.0)
+    power = curve(inside, 1)
+    found = np.where(pressed, np.exp(curve(inside) + power * (at - inside)), 0.0)
+    return found, np.where(pressed, found * power / np.where(pressed, values, 1.0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -109,36 +116,59 @@ class PairLaw:
 
 
 class PairForces:
-    """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`.
+    """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, left out beyond its reach.
 
-    ``share`` is the error of T over its largest value in a state, as measured on three and four balls.
+    ``share`` is the error of T over its largest value in a state, as measured on three and four balls; ``cell`` holds
+    the lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is left out.
     """
 
-    def __init__(self, problem: Problem, singles: Sequence[SingleBall], law: PairLaw, share: float = 0.0) -> None:
-        self.problem, self.singles, self.law, self.share = problem, list(singles), law, share
-        self._kinds = [(s, [i for i, t in enumerate(self.singles) if t is s]) for s in dict.fromkeys(self.singles)]
-        self._forces, self._approaches = self._of_each_kind(SingleBall.force), self._of_each_kind(SingleBall.approach)
+    def __init__(
+        self,
+        problem: Problem,
+        singles: Sequence[SingleBall],
+        law: PairLaw,
+        share: float = 0.0,
+        cell: Array | None = None,
+        cut: float | None = None,
+    ) -> None:
+        self.problem, self.singles, self.law, self.share, self.cell = problem, list(singles), law, share, cell
+        kinds = dict.fromkeys(self.singles)
+        self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
+        self._approaches = np.array(problem.load.values, dtype=float)
+        self._cut = cut or (CUT if cell is None else CUT_IN_CELL)
+        self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), self._cut)
+        self._list = PairList(self._table.reach, cell)
+
+    @property
+    def reach(self) -> float:
+        """Distance [m] beyond which balls do not act on each other."""
+        return self._table.reach
 
     def __call__(self, positions: Array) -> State:
         """Return the state at ``positions``; raises `NotConverged`."""
-        between = positions[None, :, :] - positions[:, None, :]
-        distance = np.hypot(between[..., 0], between[..., 1])
-        np.fill_diagonal(distance, np.inf)
-        influence, pull = self.law(distance)
-        normal = couple(self.problem, influence, self._forces, self._approaches).forces
+        pairs = self._list(positions)
+        between = pairs.between(positions)
+        distance = np.sqrt(between[:, 0] ** 2 + between[:, 1] ** 2)
+        influence, pull = self._table(distance)
+        around = 0.0 if self.cell is None else self._table.beyond / float(np.prod(self.cell))
+        effective = effective_approaches(pairs.symmetric(influence), self._force_and_slope, self._approaches, around)
+        normal = self._force_and_slope(effective)[0]
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")
-        strength = pull * np.outer(normal, normal) / distance
-        np.fill_diagonal(strength, 0.0)
-        tangential = np.einsum("ij,ijk->ik", strength, between)
+        strength = pull * normal[pairs.first] * normal[pairs.second] / distance
+        tangential = np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
         largest = float(np.max(np.hypot(*tangential.T)))
         return State(tangential, normal, np.full(len(normal), self.share * largest))
 
-    def _of_each_kind(self, relation: Callable[[SingleBall, Array], Array]) -> Callable[[Array], Array]:
-        def of_balls(values: Array) -> Array:
-            out = np.zeros(len(values))
-            for single, members in self._kinds:
-                out[members] = relation(single, values[members])
-            return out
+    def cut_error(self, positions: Array) -> float:
+        """Return the largest change of T over the largest T at ``positions``, where a tenth as much is left out."""
+        wider = PairForces(self.problem, self.singles, self.law, self.share, self.cell, 0.1 * self._cut)
+        here, there = self(positions).tangential, wider(positions).tangential
+        largest = float(np.max(np.hypot(*there.T)))
+        return float(np.max(np.abs(here - there))) / largest if largest > 0.0 else 0.0
 
-        return of_balls
+    def _force_and_slope(self, approaches: Array) -> tuple[Array, Array]:
+        force, slope = np.zeros(len(approaches)), np.zeros(len(approaches))
+        for single, members in self._kinds:
+            force[members], slope[members] = single.force_and_slope(approaches[members])
+        return force, slope

@@ -272,9 +272,9 @@ class PairTable:
             Corrections(tuple(distances), tuple((influence - k) / k_size), tuple((pull - c) / c_size)),
         )
 
-    def forces(self) -> PairForces:
-        """Return the forces of the problem's balls at any positions."""
-        return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled)
+    def forces(self, cell: Array | None = None) -> PairForces:
+        """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one."""
+        return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled, cell)
 
     def worst(self) -> Additivity:
         """Return the arrangement with the largest deviation of the forces from the model."""

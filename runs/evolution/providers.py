@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
@@ -19,6 +22,8 @@ from runs.models import Model, Run, planned_seconds
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
+
+Array = NDArray[np.float64]
 
 PAIR_ACCURACY = 1e-3
 """Relative accuracy of T in a linear table if the scene states none."""
@@ -52,15 +57,17 @@ def provider(
     comm: Any = None,
     tell: Callable[[str], None] = lambda text: None,
     budget: Mapping[str, float] | None = None,
+    cell: Array | None = None,
 ) -> Provider:
     """Return the forces of ``model``; ``folder`` holds tables of pairs (collective over the model's ranks).
 
-    ``budget`` bounds each finite-element run of a table ("unknowns", "seconds").
+    ``cell`` holds the lengths [m] of a periodic cell. ``budget`` bounds each finite-element run of a table ("unknowns",
+    "seconds").
     Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state, and what the model's plan
     raises for any run of a table.
     """
     if model.name == "point_load":
-        return Provider(_point_loads(problem), ("balls act on each other as point loads",))
+        return Provider(_point_loads(problem, cell), ("balls act on each other as point loads",))
     if kind == "direct":
         if model.parallel:
             raise UnsupportedProblem(
@@ -84,7 +91,7 @@ def provider(
         f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "
         f"{100.0 * worst.coupled:.2g} % of the largest (bare sum of pair forces: {100.0 * worst.bare_sum:.2g} %)"
     )
-    return Provider(table.forces(), (note,) if problem.size > 2 else (), table.data)
+    return Provider(table.forces(cell), (note,) if problem.size > 2 else (), table.data)
 
 
 def table_of(
@@ -113,7 +120,7 @@ def table_of(
     return PairTable(problem, model.name, solve, folder, settings)
 
 
-def _point_loads(problem: Problem) -> PairForces:
+def _point_loads(problem: Problem, cell: Array | None = None) -> PairForces:
     """Return the point-load law with one relation of force and approach per kind of ball."""
     from linear_bem import solve  # noqa: PLC0415
 
@@ -131,4 +138,4 @@ def _point_loads(problem: Problem) -> PairForces:
                 for d in depths
             ]
             curves[kind] = SingleBall(depths, forces)
-    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem))
+    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem), cell=cell)

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runs.evolution import moment_files
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
-from runs.evolution.hard_balls import HardBalls
+from runs.evolution.hard_balls import HardBalls, Pairs
 from runs.process.json_values import Document
 
 Array = NDArray[np.float64]
 
-WORTH_KEEPING = 0.02
-"""Displacement since the last kept moment, over the smallest touching distance, from which the next one is kept."""
+WORTH_KEEPING, OF_MANY = 0.02, 0.25
+"""Displacement since the last kept moment, over the smallest touching distance, from which the next one is kept: of few
+balls, for which every change of a contact is kept, too, and of many."""
 APART = 1e-3
 """Gap over touching distance at which a contact counts as open again."""
 NEIGHBOURS = 1.2
@@ -31,6 +34,7 @@ class Continuation:
     sigma: float
     positions: Array
     step: float
+    spare: float
 
 
 @dataclass
@@ -39,23 +43,33 @@ class Record:
 
     moments: list[Moment] = field(default_factory=list)
     continuation: Continuation | None = None
+    written: int = 0
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any], balls: HardBalls) -> Record:
-        """Return the record of a saved document, with its keys "path" and "continuation"; empty where they are not."""
+    def from_dict(cls, document: Mapping[str, Any], balls: HardBalls, folder: Path) -> Record:
+        """Return the record of a saved document, with its keys "path" and "continuation"; empty where they are not.
+
+        ``folder`` holds the moments of many balls.
+        """
         goes_on = document.get("continuation")
         if goes_on is not None:
-            goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"])
-        return cls([_from_dict(moment, balls) for moment in document.get("path", [])], goes_on)
+            goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"], goes_on["spare"])
+        saved = document.get("path", [])
+        if balls.many:
+            moments = [moment_files.read(folder, number) for number in range(len(saved))]
+            return cls(moments, goes_on, len(moments))
+        return cls([_from_dict(moment, balls) for moment in saved], goes_on)
 
-    def to_dict(self, balls: HardBalls) -> Document:
-        """Return the JSON object that `from_dict` reads."""
+    def to_dict(self, balls: HardBalls, folder: Path) -> Document:
+        """Return the JSON object that `from_dict` reads; moments of many balls are written to ``folder``."""
         goes_on = self.continuation
+        if balls.many:
+            for number in range(self.written, len(self.moments)):
+                moment_files.write(folder, number, self.moments[number])
+            self.written = len(self.moments)
         return {
-            "path": [to_dict(moment, balls) for moment in self.moments],
-            "continuation": None
-            if goes_on is None
-            else {"sigma": goes_on.sigma, "positions": goes_on.positions.tolist(), "step": goes_on.step},
+            "path": [(in_brief if balls.many else to_dict)(moment, balls) for moment in self.moments],
+            "continuation": None if goes_on is None else {**vars(goes_on), "positions": goes_on.positions.tolist()},
         }
 
     @property
@@ -65,15 +79,17 @@ class Record:
 
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
         """Keep the moment if the balls have moved enough, and always store the restart state."""
-        self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step)
+        self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step, moment.spare)
         if self.moments and not last:
             before = self.moments[-1]
             moved = float(np.max(np.abs(moment.positions - before.positions)))
-            worth_keeping = WORTH_KEEPING * float(np.min(balls.distances, initial=1.0))
-            if moved < worth_keeping and np.array_equal(moment.contacts, before.contacts):
+            if balls.many and moved < OF_MANY * balls.smallest:
+                return
+            if moved < WORTH_KEEPING * balls.smallest and np.array_equal(moment.contacts, before.contacts):
                 return
         if self.moments and moment.sigma <= self.moments[-1].sigma:
             self.moments.pop()
+            self.written = min(self.written, len(self.moments))
         self.moments.append(moment)
 
 
@@ -85,20 +101,29 @@ def to_dict(moment: Moment, balls: HardBalls) -> Document:
         "tangential_force": moment.state.tangential.tolist(),
         "tangential_force_error": moment.state.error.tolist(),
         "normal_force": moment.state.normal.tolist(),
-        "contacts": balls.pairs[moment.contacts].tolist(),
+        "contacts": balls.pairs(moment.contacts).tolist(),
         "pushes": moment.pushes.tolist(),
         "speed": moment.speed,
         "resting": moment.resting,
     }
 
 
+def in_brief(moment: Moment, balls: HardBalls) -> Document:
+    """Return the JSON object of a moment of many balls, whose positions and forces are in a file of its own."""
+    return {
+        "sigma": moment.sigma,
+        "contacts": len(moment.contacts),
+        "speed": moment.speed,
+        "resting": moment.resting,
+    }
+
+
 def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:
-    numbers = {(i, j): number for number, (i, j) in enumerate(balls.pairs.tolist())}
     state = State(*(np.array(data[key]) for key in ("tangential_force", "normal_force", "tangential_force_error")))
-    contacts = np.array([numbers[i, j] for i, j in data["contacts"]], dtype=np.intp)
+    contacts = np.array([balls.number(i, j) for i, j in data["contacts"]], dtype=np.intp)
     return Moment(
         data["sigma"], np.array(data["positions"]), state, contacts, np.array(data["pushes"]), data["speed"],
-        np.nan, data["resting"],
+        np.nan, np.nan, data["resting"],
     )  # fmt: skip
 
 
@@ -133,13 +158,23 @@ def events(moments: Sequence[Moment], balls: HardBalls) -> list[Event]:
     together: set[tuple[int, int]] = set()
     out: list[Event] = []
     for moment in moments:
-        now = {(int(i), int(j)) for i, j in balls.pairs[moment.contacts]}
-        gaps = balls.gaps(moment.positions)
-        apart = {(int(i), int(j)) for i, j in balls.pairs[gaps > APART * balls.distances]}
+        now = {(int(i), int(j)) for i, j in balls.pairs(moment.contacts)}
+        before = np.array(sorted(balls.number(*pair) for pair in together), dtype=np.intp)
+        gone = balls.gaps(moment.positions, before) > APART * balls.distances(before)
+        apart = {(int(i), int(j)) for i, j in balls.pairs(before[gone])}
         out += [Event(moment.sigma, pair, "touch") for pair in sorted(now - together)]
         out += [Event(moment.sigma, pair, "part") for pair in sorted(together & apart)]
         together = (together | now) - apart
     return out
+
+
+def starting_neighbours(x: Array, balls: HardBalls, share: float) -> Pairs:
+    """Return the numbers of the pairs that are at most ``share`` times as far apart as the nearest."""
+    which = balls.near(x, 4.0 * balls.smallest)
+    if len(which) == 0:
+        which = balls.all
+    distances = balls.gaps(x, which) + balls.distances(which)
+    return which[distances <= share * np.min(distances)]
 
 
 def gathered_at(moments: Sequence[Moment], balls: HardBalls) -> float | None:
@@ -156,16 +191,15 @@ def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Docu
     x = end.positions
     touches = [event for event in events(moments, balls) if event.kind == "touch"]
     sizes = [sorted((len(group) for group in balls.groups(m.positions)), reverse=True) for m in moments]
-    first = balls.gaps(nominal) + balls.distances
-    beside = np.flatnonzero(first <= NEIGHBOURS * np.min(first))
+    beside = starting_neighbours(nominal, balls, NEIGHBOURS)
     centred = x - x.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
     return {
         "at_rest": end.resting,
         "sigma_end": end.sigma,
-        "group_sizes": [now for k, now in enumerate(sizes) if k == 0 or now != sizes[k - 1]],
+        "group_sizes": [] if balls.many else [now for k, now in enumerate(sizes) if k == 0 or now != sizes[k - 1]],
         "neighbours": len(beside),
-        "neighbours_kept": int(np.sum(balls.gaps(x, beside) <= APART * balls.distances[beside])),
+        "neighbours_kept": int(np.sum(balls.gaps(x, beside) <= APART * balls.distances(beside))),
         "first_pairs": [list(event.pair) for event in touches[:4]],
         "contacts": len(end.contacts),
         "groups": sizes[-1],

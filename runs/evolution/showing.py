@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from linear_bem.problem import Problem
 from runs.display import tables
 from runs.display.numbers import number
-from runs.evolution import drawing, outcome
+from runs.evolution import drawing, layer_pictures, outcome, structure
+from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.process.json_values import Document
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.session.session import Session
 
 
-def draw(session: Session, document: Document) -> None:
+def draw(session: Session, document: Document, moments: Sequence[Moment], balls: HardBalls) -> None:
     """Write every picture of the run."""
     assert session.scene.reciprocation is not None
     folder, direction = session.out, session.scene.reciprocation.direction
-    balls, radii = HardBalls.of(session.problem), [ball.radius for ball in session.problem.balls]
+    radii = [ball.radius for ball in session.problem.balls]
+    if balls.many or balls.cell is not None:
+        cycles = session.scene.reciprocation.cycles_after
+        layer_pictures.draw_top_views(folder, moments, balls, cycles, "top_views")
+        layer_pictures.draw_structure(folder, [{"cycle": cycles(m.sigma), **structure.row(m, balls)} for m in moments])
+        return
     drawing.draw_top_views(folder, document, balls, radii, direction)
     drawing.draw_distances(folder, document, balls)
     drawing.draw_animation(folder, document, radii, direction)
@@ -40,16 +46,24 @@ def show(session: Session, document: Document) -> None:
 def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document) -> list[str]:
     """Return the outcome of the run, one sentence each."""
     end = document["path"][-1]
-    lines = [outcome.rest_sentence(document["rest"], len(end["contacts"]), end["cycle"])]
+    contacts = end["contacts"] if isinstance(end["contacts"], int) else len(end["contacts"])
+    lines = [outcome.rest_sentence(document["rest"], contacts, end["cycle"])]
     smallest = min(ball.radius for ball in problem.balls)
     lines.append(
         f"friction {sliding.friction:g} changes only the time scale: {number(end['sigma'])} m of sliding path over "
         f"friction, {number(1e3 * sliding.path_per_cycle)} mm of path a cycle"
     )
-    lines.append(
-        f"positions are known to {number(document['position_error'] / smallest, 2)} R (against a tolerance ten times "
-        f"coarser); |sum of T| is {document['momentum']:.1e} of the largest T"
-    )
+    if document["position_error"] is not None:
+        lines.append(
+            f"positions are known to {number(document['position_error'] / smallest, 2)} R (against a tolerance ten "
+            "times coarser)"
+        )
+    lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
+    if document["cut_error"]:
+        lines.append(
+            f"forces between balls far apart are left out; with ten times less left out, T at the start changes by "
+            f"{100.0 * document['cut_error']:.1g} % of the largest"
+        )
     for row in document["direct_check"] or []:
         if row["share"] is None or row["share"] != row["share"]:
             lines.append(f"the full linear model has no answer at the {row['at']}: {row['reason']}")

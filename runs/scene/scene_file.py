@@ -150,7 +150,10 @@ Tables = create_model("Tables", __base__=PlainTables, **_optional)
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene that can be solved as written: the file, its text and data as given, and its meaning."""
+    """A scene that can be solved as written: the file, its text and data as given, and its meaning.
+
+    ``drift`` holds the tables of the effects that concern how balls move, by name.
+    """
 
     path: Path
     text: str
@@ -159,11 +162,16 @@ class Scene:
     problem: Problem
     effects: tuple[str, ...]
     tangential_force: float | None
-    reciprocation: ReciprocationTable | None = None
+    drift: dict[str, Any] = field(default_factory=dict)
     output: OutputTable | None = None
     budget: dict[str, float] = field(default_factory=dict)
     steps: tuple[float, ...] | None = None
     """Load fractions with output; None: the default of the command."""
+
+    @property
+    def reciprocation(self) -> ReciprocationTable | None:
+        """The sliding that moves the balls; None: they stay where they are."""
+        return self.drift.get("reciprocation")
 
 
 def read_scene(path: Path) -> Scene:
@@ -182,11 +190,12 @@ def read_scene(path: Path) -> Scene:
             texts += [messages.of_problem(t, data) for t in error.faults if not messages.concerns(t, doubtful)]
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
-    effects = {effect.name: table for effect, table in tables.effects()}
+    effects = [effect.name for effect, _ in tables.effects()]
+    drift = {effect.name: table for effect, table in tables.effects() if effect.of_drift}
     title = "".join(c if c.isprintable() else " " for c in tables.title or path.stem)  # escapes command a terminal
     accuracy = tables.accuracy.tangential_force
     return Scene(
-        path, text, data, title, problem, tuple(effects), accuracy, effects.get("reciprocation"), tables.output,
+        path, text, data, title, problem, tuple(effects), accuracy, drift, tables.output,
         tables.accuracy.budget, tables.load.fractions(),
     )  # fmt: skip
 

@@ -19,10 +19,12 @@ FIRST = (MARK, "scene.toml", ".lock")
 """What a run writes before it computes anything."""
 FIELDS = "fields"
 PICTURES = "pictures"
+PATH = "path"
 OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
-    "distances.svg", "evolution.gif", "ensemble.png", "ensemble.svg", "report.html", ".lock",
+    "distances.svg", "structure.csv", "structure_factor.csv", "structure.png", "structure.svg", "evolution.gif",
+    "ensemble.png", "ensemble.svg", "report.html", ".lock",
 )  # fmt: skip
 
 
@@ -86,7 +88,7 @@ class RunFolder:
             pass  # a file system without locks
 
     def _clear(self) -> None:
-        for folder in (self.fields, self.path / PICTURES):
+        for folder in (self.fields, self.path / PICTURES, self.path / PATH):
             shutil.rmtree(folder, ignore_errors=True)
         for name in OURS:
             if name != ".lock":

@@ -104,9 +104,8 @@ class Session:
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": scene.tangential_force,
         }
-        if scene.reciprocation is not None:
-            identity["reciprocation"] = scene.reciprocation.model_dump()
-        elif scene.output is not None and parallel:
+        identity |= {name: table.model_dump() for name, table in scene.drift.items()}
+        if scene.output is not None and parallel and not scene.drift:
             identity["output"] = scene.output.model_dump()
         if scene.budget and parallel:
             identity["budget"] = scene.budget

@@ -17,6 +17,7 @@ STUDIES = {
     "accuracy": "what accuracy costs in time",
     "discretisations": "order and size of the elements: work against precision on five scenes",
     "experiments": "the paper's drifting balls, run by run beside what it reports",
+    "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms, published results and itself",

@@ -55,7 +55,7 @@ def test_two_balls_on_a_half_space_meet_as_the_cube_of_their_distance(
 def test_balls_of_different_size_touch_where_their_spheres_do() -> None:
     balls = (Ball((0.0, 0.0), 0.01, "sphere"), Ball((0.05, 0.0), 0.004, "sphere"))
     problem = Problem(FOAM, balls, Load("approach", (0.001, 0.001)))
-    touch = HardBalls.of(problem).distances[0]
+    touch = HardBalls.of(problem).smallest
     assert np.hypot(touch, 0.01 - 0.004) == pytest.approx(0.01 + 0.004, rel=1e-14)
     with pytest.raises(UnsupportedProblem, match="flat plate"):
         HardBalls.of(Problem(FOAM, balls, Load("approach", (0.001, 0.002))))
@@ -67,7 +67,7 @@ def test_pushes_keep_touching_balls_apart_and_never_pull() -> None:
     x = np.array([ball.position for ball in problem.balls])
     load = np.array([1.0, 2.0, 1.5])
     contacts = balls.touching(x)
-    assert balls.pairs[contacts].tolist() == [[0, 1], [1, 2]]
+    assert balls.pairs(contacts).tolist() == [[0, 1], [1, 2]]
     inwards = np.array([[0.3, 0.0], [0.1, 0.0], [-0.4, 0.0]])
     velocity, pushes = balls.admissible(x, inwards, load, contacts)
     # sum T = 0: three balls in contact with the outer ones attracted stay where they are
@@ -178,7 +178,7 @@ def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
     assert touches[2] == (1, 2)
     assert record.moments[-1].positions[:, 1] == pytest.approx(0.0, abs=ROUNDOFF)
     # pictures show when groups form
-    kept = record.to_dict(balls)["path"]
+    kept = record.to_dict(balls, Path())["path"]
     shown = chosen_cycles([{**moment, "cycle": moment["sigma"]} for moment in kept], 6, balls)
     formed = {event.sigma for event in events(record.moments, balls)}
     assert len(shown) == 6
@@ -195,7 +195,7 @@ def test_the_straight_line_is_unstable_and_the_rhomb_stable(foam: Provider) -> N
     assert found.free == 2
     assert found.growth[0] > 0.0
     shaken = straight.positions + np.array([[0.0, 1e-5], [0.0, -1e-5], [0.0, 1e-5], [0.0, -1e-5]])
-    x = balls.restored(shaken, straight.state.normal, balls.touching(straight.positions))
+    x = equilibria.on_contacts(balls, shaken, straight.state.normal, balls.touching(straight.positions, TOLERANCE))
     moments = path(forces, problem, 20.0, x)
     # the disturbance grows at the rate that the linearised drift tells
     bend = np.array([abs(m.positions[1, 1] - m.positions[2, 1]) for m in moments])
@@ -264,6 +264,6 @@ def test_equilibria_hold_a_pair_that_lands_on_the_way() -> None:
 
     found = equilibria.find(spring, balls, np.array([ball.position for ball in problem.balls]))
     assert found.verdict == "stable"
-    assert found.contacts.tolist() == [0]
+    assert balls.pairs(found.contacts).tolist() == [[0, 1]]
     assert found.pushes == pytest.approx([0.5], rel=1e-9)
     assert np.hypot(*(found.positions[1] - found.positions[0])) == pytest.approx(0.02, rel=ROUNDOFF)

@@ -55,7 +55,7 @@ def scene(tmp_path: Path) -> Scene:
 
 def sliding(scene: Scene, **changes: Any) -> Scene:
     assert scene.reciprocation is not None
-    return replace(scene, reciprocation=scene.reciprocation.model_copy(update=changes))
+    return replace(scene, drift={**scene.drift, "reciprocation": scene.reciprocation.model_copy(update=changes)})
 
 
 def evolved(scene: Scene, out: Path, model: str = "point_load") -> dict[str, Any]:

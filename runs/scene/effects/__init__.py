@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from runs.scene.effects.effect import Effect
 from runs.scene.effects.finite_strain import FINITE_STRAIN
+from runs.scene.effects.periodic import PERIODIC
 from runs.scene.effects.reciprocation import RECIPROCATION
+from runs.scene.effects.rolling_resistance import ROLLING_RESISTANCE
 from runs.scene.effects.substrate import SUBSTRATE
 
-EFFECTS = {effect.name: effect for effect in (SUBSTRATE, FINITE_STRAIN, RECIPROCATION)}
+EFFECTS = {effect.name: effect for effect in (SUBSTRATE, FINITE_STRAIN, RECIPROCATION, PERIODIC, ROLLING_RESISTANCE)}
 """Every effect by its name, in the order in which `plan` lists them."""
 
 __all__ = ["EFFECTS", "Effect"]

@@ -15,7 +15,8 @@ class Effect:
 
     ``words`` and ``without`` say what is simulated with the table and without it; ``example`` holds a valid value of
     every key. ``part`` makes the value of the problem's field of the same name from the table (None: the effect is not
-    a model's); ``faults`` returns what is wrong with the table in a scene, one text each.
+    a model's); ``faults`` returns what is wrong with the table in a scene, one text each. An effect
+    ``of_drift`` concerns how balls move: ``evolve`` has it, models do not.
     """
 
     name: str
@@ -25,3 +26,4 @@ class Effect:
     example: Mapping[str, Any]
     part: Callable[[Any], Any] | None = None
     faults: Callable[[Any, Any], list[str]] = lambda _table, _scene: []
+    of_drift: bool = False

@@ -85,4 +85,5 @@ RECIPROCATION = Effect(
         "forces": "pairs",
     },
     faults=_faults,
+    of_drift=True,
 )

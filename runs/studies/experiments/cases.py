@@ -57,7 +57,7 @@ class Case:
         problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
-        return dataclasses.replace(scene, problem=problem, reciprocation=sliding)
+        return dataclasses.replace(scene, problem=problem, drift={"reciprocation": sliding})
 
 
 def line(count: int, distance: float, out: int | None = None, aside: float = 0.0) -> list[Place]:

@@ -1,0 +1,96 @@
+"""Pictures of many balls, or of balls in a periodic cell: the layer from above, and its structure over cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, blank, look, panels, save_figure
+from runs.evolution.drift import Moment
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.pair_list import wrapped
+
+Array = NDArray[np.float64]
+
+SHOWN = 6
+"""Moments in a picture."""
+
+
+def some(moments: Sequence[Moment], count: int = SHOWN) -> list[Moment]:
+    """Return at most ``count`` moments from first to last, at equal numbers of kept moments: about equal paths."""
+    at = np.unique(np.round(np.linspace(0, len(moments) - 1, count)).astype(int))
+    return [moments[k] for k in at]
+
+
+def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
+    """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
+    chosen = some(moments)
+    with look():
+        columns = min(3, len(chosen))
+        lines = -(-len(chosen) // columns)
+        figure = blank(3.1 * columns, 3.2 * lines)
+        axes = figure.subplots(lines, columns, squeeze=False).ravel()
+        for axis, moment in zip(axes, chosen, strict=False):
+            draw_layer(axis, moment.positions, balls)
+            axis.set_title(f"{cycles(moment.sigma):.3g} cycles", fontsize=9)
+        for axis in axes[len(chosen) :]:
+            axis.set_axis_off()
+        save_figure(figure, folder, stem)
+
+
+def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
+    """Draw all balls from above: grey alone, then from light to dark by the number of balls in contact [mm]."""
+    from matplotlib import colormaps  # noqa: PLC0415
+    from matplotlib.collections import EllipseCollection  # noqa: PLC0415
+
+    size = np.ones(len(x))
+    for group in balls.groups(x):
+        size[group] = len(group)
+    shade = np.log(size) / np.log(max(len(x), 2))
+    colors = np.where((size > 1)[:, None], colormaps["viridis_r"](0.1 + 0.9 * shade), (0.82, 0.85, 0.88, 1.0))
+    radii = balls.radii
+    if balls.cell is None:
+        low, high = x.min(axis=0) - 1.3 * radii.max(), x.max(axis=0) + 1.3 * radii.max()
+    else:
+        x, low, high = wrapped(x, balls.cell), np.zeros(2), balls.cell
+        shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
+        count = len(x)
+        x = (x[None] + balls.cell * shifts[:, None]).reshape(-1, 2)
+        own = np.tile(np.arange(count), 9)
+        seen = np.all((x > -radii[own][:, None]) & (x < high + radii[own][:, None]), axis=1)
+        x, colors, radii = x[seen], colors[own[seen]], radii[own[seen]]
+    width = 2e3 * radii
+    axis.add_collection(
+        EllipseCollection(
+            width, width, np.zeros(len(x)), units="x", offsets=1e3 * x, transOffset=axis.transData,
+            facecolors=colors, edgecolors="white", linewidths=0.2,
+        )
+    )  # fmt: skip
+    axis.set(xlim=1e3 * np.array([low[0], high[0]]), ylim=1e3 * np.array([low[1], high[1]]), aspect="equal")
+    axis.tick_params(labelsize=7)
+    axis.set_xlabel("x [mm]", fontsize=8)
+    axis.set_ylabel("y [mm]", fontsize=8)
+
+
+def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write structure.png and .svg: cluster size and coordination, and hexatic order, over cycles."""
+    cycle = np.array([row["cycle"] for row in rows])
+
+    def column(name: str) -> Array:
+        return np.array([row[name] for row in rows])
+
+    with look():
+        figure, (clusters, order) = panels(4.6, 4.6, height=3.4)
+        clusters.plot(cycle, column("cluster_mean"), color=BLUE, label="balls in the cluster of a ball, mean")
+        clusters.plot(cycle, 1.0 + column("coordination"), color=ORANGE, label="1 + contacts of a ball, mean")
+        clusters.set(xlabel="cycles", yscale="log")
+        clusters.legend()
+        order.plot(cycle, column("hexatic_local"), color=GREEN, label="mean of |psi_6|")
+        order.plot(cycle, column("hexatic_global"), color=PURPLE, label="|mean of psi_6|")
+        order.set(xlabel="cycles", ylim=(0.0, 1.0))
+        order.legend()
+        save_figure(figure, folder, "structure")

@@ -1,0 +1,194 @@
+r"""Which balls are within reach of each other, and what one does to another at that distance.
+
+A pair law decays: exponentially on a layer with a rigid base, as 1/L (displacement) and 1/L^2 (T) on an elastic one.
+Beyond ``reach`` both are below a share (`CUT`) of their largest values and are left out; from 0.9 ``reach`` on a
+polynomial with two continuous derivatives takes them to zero, so that forces stay smooth when pairs come and go.
+`runs.evolution.pair_forces.PairForces.cut_error` measures what that changes. In a periodic cell the balls beyond reach
+count as spread evenly, as in the theory of liquids [Allen, Tildesley, Computer Simulation of Liquids, 2017, sec. 2.8]:
+they press all balls down by the same, and pull none.
+
+Pairs come from a k-d tree of all positions and, in a periodic cell, of their images within reach [Verlet 1967,
+doi 10.1103/PhysRev.159.98]: a list with some more reach is kept until a ball has moved by half of it. Pairs beyond
+reach add exact zeros, in a fixed order: the sums do not depend on when the list was made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from linear_bem.errors import UnsupportedProblem
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.intp]
+Law = Callable[[Array], tuple[Array, Array]]
+"""Distances [m] in; influence [m/N] and pull [1/N] out."""
+
+CUT, CUT_IN_CELL = 1e-4, 1e-3
+"""Share of the largest value of a pair law below which it is left out: among balls alone in the plane, and in a cell,
+where what is left out is corrected for. That leaves 0.1 to 0.2 % of T in a cell (random starts, h = 1.16 R to 6 R)."""
+FARTHEST = 1e5
+"""Largest distance of a table over the smallest touching distance: 1/L is below `CUT` from there on."""
+STEP = 2e-3
+"""Spacing of the table in log L. Cubic splines: 1e-11 of smooth laws, 1e-9 where a law's second derivative jumps."""
+TAPER = 0.9
+"""Share of the reach from which the law is taken to zero."""
+SKIN = 0.1
+"""Additional reach of a list over the reach."""
+MOST = 40_000_000
+"""Pairs that a list may have: 5 GB at about 130 bytes each."""
+
+
+class CutLaw:
+    """A pair law as a table, zero from its ``reach`` [m] on; ``beyond`` [m^3/N] is the integral of what is left out."""
+
+    def __init__(self, law: Law, touch: float, cut: float) -> None:
+        start, end = np.log(0.5 * touch), np.log(FARTHEST * touch)
+        nodes = start + STEP * np.arange(int(np.ceil((end - start) / STEP)) + 1)
+        at = np.exp(nodes)
+        values = np.stack(law(at), axis=1)
+        outside = at >= touch
+        largest = np.max(np.abs(values[outside]), axis=0)
+        above = np.flatnonzero(np.any(np.abs(values) > cut * largest, axis=1))
+        # the reach is a node, so that no cell of the table holds the bend at its beginning
+        last = min(int(above[-1]) + 1, len(nodes) - 1) if len(above) else 0
+        self.reach = float(at[last])
+        part = np.clip((at / self.reach - TAPER) / (1.0 - TAPER), 0.0, 1.0)
+        fall = 1.0 - part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        # what one ball per area that is not in the sum would add to the influence [m^3/N]
+        left_out = np.concatenate([1.0 - fall[: last + 1], np.ones(len(at) - last - 1)])
+        self.beyond = float(np.sum(left_out * values[:, 0] * 2.0 * np.pi * at**2) * STEP)
+        spline = CubicSpline(nodes[: last + 1], (values * fall[:, None])[: last + 1])
+        self._start, self._last = float(nodes[0]), last - 1
+        self._influence, self._pull = (np.ascontiguousarray(spline.c[:, :, k]) for k in range(2))
+
+    def __call__(self, distance: Array) -> tuple[Array, Array]:
+        """Return influence and pull at distances [m]."""
+        place = (np.log(distance) - self._start) / STEP
+        cell = np.clip(place.astype(np.intp), 0, self._last)
+        rest = (place - cell) * STEP
+        outside = distance >= self.reach
+        values = []
+        for table in (self._influence, self._pull):
+            out = table[0][cell]
+            for row in table[1:]:
+                out *= rest
+                out += row[cell]
+            out[outside] = 0.0
+            values.append(out)
+        return values[0], values[1]
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Pairs of balls, each once: first and second ball, and the shift [m] of the second to its image.
+
+    ``_columns``, ``_ends`` and ``_order`` are the pattern of a symmetric sparse matrix with an entry for each pair.
+    """
+
+    first: Whole
+    second: Whole
+    shift: Array
+    count: int
+    _columns: Whole
+    _ends: Whole
+    _order: Whole
+
+    @classmethod
+    def of(cls, first: Whole, second: Whole, shift: Array, count: int) -> Listed:
+        """Return the pairs of ``count`` balls with the pattern of their matrix."""
+        rows, columns = np.concatenate([first, second]), np.concatenate([second, first])
+        order = np.argsort(rows, kind="stable")
+        ends = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
+        return cls(first, second, shift, count, columns[order], ends, order % max(len(first), 1))
+
+    def between(self, x: Array) -> Array:
+        """Return the vectors [m] from the first to the second balls."""
+        return np.asarray(x[self.second] - x[self.first] + self.shift)
+
+    def symmetric(self, values: Array) -> csr_matrix:
+        """Return the symmetric matrix of one value per pair, shape (balls, balls)."""
+        return csr_matrix((values[self._order], self._columns, self._ends), shape=(self.count, self.count))
+
+    def summed(self, values: Array) -> Array:
+        """Return for each ball the sum of the values of the pairs it is first in, less those it is second in."""
+        ahead, behind = (np.bincount(which, values, self.count) for which in (self.first, self.second))
+        return np.asarray(ahead - behind, dtype=float)
+
+
+class PairList:
+    """Pairs of balls within ``reach`` [m], images in a periodic ``cell`` [m] included."""
+
+    def __init__(self, reach: float, cell: Array | None = None) -> None:
+        self.reach, self.cell = reach, cell
+        self._skin = SKIN * reach
+        self._made: Array | None = None
+        self._pairs: Listed | None = None
+
+    def __call__(self, x: Array) -> Listed:
+        """Return a superset of the pairs within reach at positions ``x`` [m]."""
+        if self._made is None or self._pairs is None or len(x) != len(self._made) or self._moved(x):
+            self._made, self._pairs = x.copy(), Listed.of(*self._list(x), len(x))
+        return self._pairs
+
+    def _moved(self, x: Array) -> bool:
+        assert self._made is not None
+        return 2.0 * float(np.max(np.hypot(*(x - self._made).T))) > self._skin
+
+    def _list(self, x: Array) -> tuple[Whole, Whole, Array]:
+        radius = self.reach + self._skin
+        if self.cell is None:
+            return self._open(x, radius)
+        cell = self.cell
+        inside = wrapped(x, cell)
+        home = x - inside
+        around = np.ceil(radius / cell).astype(int)
+        _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(cell) / 2.0))
+        shifts = np.array(list(product(*(range(-n, n + 1) for n in around))), dtype=float)
+        images = (inside[None, :, :] + cell * shifts[:, None, :]).reshape(-1, 2)
+        owners = np.tile(np.arange(len(x)), len(shifts))
+        of_shift = np.repeat(np.arange(len(shifts)), len(x))
+        close = np.all((images > -radius) & (images < cell + radius), axis=1)
+        images, owners, of_shift = images[close], owners[close], of_shift[close]
+        found = cKDTree(inside).sparse_distance_matrix(cKDTree(images), radius, output_type="ndarray")
+        first, image = found["i"], found["j"]
+        second, number = owners[image], of_shift[image]
+        # a ball and its own images: one of each opposite two
+        once = (first < second) | ((first == second) & (number > len(shifts) // 2))
+        order = np.lexsort((number[once], second[once], first[once]))
+        first, second, number = first[once][order], second[once][order], number[once][order]
+        return first, second, cell * shifts[number] - home[second] + home[first]
+
+    def _open(self, x: Array, radius: float) -> tuple[Whole, Whole, Array]:
+        count = len(x)
+        extent = float(np.hypot(*np.ptp(x, axis=0)))
+        if extent <= radius:
+            _refuse_more_than(0.5 * count**2)
+            first, second = np.triu_indices(count, 1)
+        else:
+            tree = cKDTree(x)
+            _refuse_more_than(0.5 * float(tree.count_neighbors(tree, radius)))
+            pairs = tree.query_pairs(radius, output_type="ndarray")
+            first, second = np.divmod(np.sort(pairs.min(axis=1) * count + pairs.max(axis=1)), count)
+        return first, second, np.zeros((len(first), 2))
+
+
+def wrapped(x: Array, cell: Array) -> Array:
+    """Return the images of positions ``x`` [m] in the cell, from 0 up to but not at its lengths [m]."""
+    inside = np.mod(x, cell)  # which rounds a small negative number to the length itself
+    return np.where(inside < cell, inside, 0.0)
+
+
+def _refuse_more_than(pairs: float) -> None:
+    if pairs > MOST:
+        raise UnsupportedProblem(
+            f"pair forces: {pairs:.1e} pairs of balls act on each other, at most {MOST:.0e} fit (about "
+            f"{130.0 * pairs / 1e9:.0f} GB); take fewer balls, a thinner layer or a rigid base"
+        )

@@ -1,0 +1,176 @@
+"""The runs of the study: balls at random in a periodic cell, on layers of several thicknesses, R = 1 and E = 1."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from linear_bem.problem import Ball, Layer, Load, Problem
+from runs.evolution.evolving import TABLES, Evolution, open_session
+from runs.evolution.forces import Forces
+from runs.evolution.providers import provider
+from runs.models import MODELS
+from runs.scene.scene_file import read_scene
+from runs.session.session import Options
+from runs.studies.framework.study import write
+
+Array = NDArray[np.float64]
+
+POISSON, APPROACH = 0.48, 0.1
+"""Poisson's ratio of the layer; approach over R."""
+MODEL = "linear_bem"
+GATHERING, PARTING = 20.0, 1000.0
+"""Longest run where balls in touch attract, and where they separate: sliding path over friction times the largest T/Q
+of a pair, over R. Balls that gather come to rest soon, those that part slow down as they go."""
+REST = 5e-3
+"""Force over load of a ball at rest, over the largest T/Q of a pair."""
+TOLERANCE = 1e-4
+"""Error of one step over R."""
+DISTANCES = np.linspace(2.0, 24.0, 221)
+"""Distances over R at which two balls are looked at."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """``count`` balls that cover ``fraction`` of the plane, on a layer of thickness h over R; ``seed`` of the start."""
+
+    thickness: float
+    fraction: float
+    count: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the case's folder."""
+        return f"h{self.thickness:g}-phi{self.fraction:g}-n{self.count}-seed{self.seed}"
+
+    @property
+    def length(self) -> float:
+        """Side of the square cell over R."""
+        return float(np.sqrt(self.count * np.pi / self.fraction))
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return the runs of the quick or of the full version, those that answer most first."""
+    if quick:
+        return [Case(h, 0.3, 200, 1) for h in (1.16, 6.0)]
+    thicknesses = (1.16, 2.0, 6.0, 3.0, 0.8)
+    first = [*(Case(h, 0.3, 200, 1) for h in thicknesses), Case(1.16, 0.3, 1000, 1), Case(6.0, 0.3, 1000, 1)]
+    grid = [Case(h, phi, 200, 1) for phi in (0.15, 0.5) for h in thicknesses]
+    return [*first, *grid, *(Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3))]
+
+
+@dataclass(frozen=True)
+class PairLaw:
+    """T/Q of two balls at `DISTANCES`, its largest size, and where it changes its sign (distances over R)."""
+
+    ratio: Array
+    largest: float
+    changes: tuple[float, ...]
+
+
+def pair_law(thickness: float) -> PairLaw:
+    """Return what moves two balls on a layer; T > 0 attracts."""
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (APPROACH,) * 2))
+    forces: Forces = provider(MODELS[MODEL], problem, None, "pairs", TABLES).forces
+    states = [forces(np.array([[-0.5 * d, 0.0], [0.5 * d, 0.0]])) for d in DISTANCES]
+    ratio = np.array([s.tangential[0, 0] / s.normal[0] for s in states])
+    largest = float(np.max(np.abs(ratio)))
+    seen = np.abs(ratio) > 1e-3 * largest
+    at, value = DISTANCES[seen], ratio[seen]
+    turns = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+    roots = tuple(float(at[k] - value[k] * (at[k + 1] - at[k]) / (value[k + 1] - value[k])) for k in turns)
+    return PairLaw(ratio, largest, roots)
+
+
+def random_start(case: Case) -> Array:
+    """Return positions (balls, 2) over R: one ball after the other, anywhere it overlaps none (random sequential)."""
+    draw, side = np.random.default_rng(case.seed), case.length
+    x = np.zeros((case.count, 2))
+    placed = 0
+    while placed < case.count:
+        place = draw.uniform(0.0, side, 2)
+        between = x[:placed] - place
+        between -= side * np.round(between / side)
+        if not np.any(np.sum(between**2, axis=1) < 4.0):
+            x[placed] = place
+            placed += 1
+    return x
+
+
+def scene_text(case: Case, law: PairLaw) -> str:
+    """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R."""
+    positions = ",\n  ".join(f"[{x!r}, {y!r}]" for x, y in random_start(case).tolist())
+    return f"""title = "{case.count} balls on {case.fraction:g} of the plane, layer of {case.thickness:g} R"
+[layer]
+thickness = {case.thickness}
+young = 1.0
+poisson = {POISSON}
+[balls]
+radius = 1.0
+positions = [
+  {positions},
+]
+[load]
+approach = {APPROACH}
+[reciprocation]
+amplitude = {0.25 / law.largest}
+cycles = {GATHERING if law.ratio[0] > 0.0 else PARTING}
+friction = 1.0
+tolerance = {TOLERANCE}
+rest = {REST * law.largest}
+[periodic]
+lengths = [{case.length!r}, {case.length!r}]
+"""
+
+
+def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = True) -> dict[str, Any] | None:
+    """Return the finished document of a run, None where it is not there and ``compute`` is false; resumable."""
+    file = folder / f"{case.name}.toml"
+    if not file.exists():
+        if not compute:
+            return None
+        write(file, scene_text(case, pair_law(case.thickness)))
+    elif not compute:
+        return finished(folder / case.name)
+    with open_session(read_scene(file), MODEL, Options(False, folder / case.name, fresh)) as session:
+        return session.saved if session.complete else Evolution(session, TABLES).complete(pictures=False)
+
+
+def finished(folder: Path) -> dict[str, Any] | None:
+    """Return the document of a run that is complete."""
+    try:
+        if json.loads((folder / "run.json").read_text(encoding="utf-8"))["state"] != "finished":
+            return None
+        document: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return document
+
+
+def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]]) -> dict[str, Any]:
+    """Return one row of the study's table."""
+    first, last = rows[0], rows[-1]
+    return {
+        "h/R": case.thickness,
+        "area_fraction": case.fraction,
+        "balls": case.count,
+        "seed": case.seed,
+        "path": last["cycle"],
+        "at_rest": bool(document["rest"]["at_rest"]),
+        "cluster_mean": last["cluster_mean"],
+        "coordination": last["coordination"],
+        "hexatic_start": first["hexatic_local"],
+        "hexatic_end": last["hexatic_local"],
+        "nearest_distance": last["nearest_distance_mean"],
+        "steps": document["solved"]["iterations"],
+        "seconds": document["solved"]["seconds"],
+        "cut_error": document["cut_error"],
+    }
