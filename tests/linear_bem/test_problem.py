@@ -37,7 +37,8 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
 def test_asperities_may_stand_closer_than_their_radii_and_whole_balls_may_not():
     """Caps of R = 10 at a spacing of 5: apart they are any two contacts, merged they are the lower of both surfaces."""
     xy, layer = ((-2.5, 0.0), (2.5, 0.0)), Layer(1.0, 0.3, math.inf)
-    with pytest.raises(InvalidProblem, match=r"overlap by 15 m: .* 5 m apart, .* need at least 20 m; caps .* asperity=True"):
+    said = r"overlap by 15 m: .* 5 m apart, .* need at least 20 m; caps .* asperity=True"
+    with pytest.raises(InvalidProblem, match=said):
         Problem(layer, tuple(Ball(p, 10.0) for p in xy), Load("approach", (0.1, 0.1)))
     caps = tuple(Ball(p, 10.0, "paraboloid", asperity=True) for p in xy)
     apart = solve(Problem(layer, caps, Load("approach", (0.1, 0.1))))
