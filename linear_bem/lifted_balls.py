@@ -1,4 +1,4 @@
-"""Balls without load: which of them touch the deformed surface after all, and where an unloaded ball rests on it."""
+"""Balls without load: which of them touch the deformed surface, and at which height an unloaded ball rests on it."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ Same = TypeVar("Same", SmoothContacts, GridContacts)
 
 
 class Touched(NotConverged):
-    """Balls assumed lifted touch the surface; ``zones`` holds a first guess of their contacts."""
+    """Balls assumed lifted touch the surface; ``zones`` holds initial guesses of their contacts."""
 
     def __init__(self, zones: dict[int, Zone]) -> None:
         super().__init__("linear_bem: a ball assumed lifted touches the surface")
         self.zones = zones
 
     def added_to(self, guess: Start) -> Start:
-        """Return a first guess with these contacts too."""
+        """Return the initial guess with these contacts added."""
         touching = sorted([*guess.touching, *self.zones])
         known = {**dict(zip(guess.touching, guess.zones, strict=True)), **self.zones}
         return Start(touching, [known[i] for i in touching], guess.approaches)
 
 
 def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
-    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and where [m]."""
+    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and its position [m]."""
     f = height(contacts.problem.balls[ball])
     centre, reach = np.array(contacts.problem.balls[ball].position), 0.1 * contacts.problem.balls[ball].radius
     value = np.inf
@@ -62,7 +62,7 @@ def rested(contacts: Same) -> Same:
 
 
 def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float]]]:
-    """Return how far [m] balls without force are below the height where they just touch the surface, and where [m]."""
+    """Return, for balls without force that penetrate the surface, depth [m] and deepest point [m] by index."""
     if contacts.problem.load.kind == "force":
         return {}
     largest, found = float(np.max(np.abs(contacts.approaches))), {}
@@ -77,7 +77,7 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
 def smooth_state(
     problem: Problem, kernel: LayeredKernel, degree: int, start: Start | SmoothContacts, precision: float
 ) -> SmoothContacts:
-    """Return the contacts at one degree; raises `Touched` where further balls touch, `NotConverged`."""
+    """Return the contacts at one degree; raises `Touched` if further balls touch, and `NotConverged`."""
     touching = list(start.touching)
     origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
     approaches = start.approaches.copy()

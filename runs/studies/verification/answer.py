@@ -28,8 +28,8 @@ PARTS = (
 )  # fmt: skip
 """In the order of the page."""
 COUNTED = (
-    "Only right and wrong answers are claims: a refusal or a stop gives no answer, and an answer with an error bar above "
-    "10 % claims nothing."
+    "Only right and wrong answers are claims: a refusal or a stop gives no answer, and an answer with an error bar "
+    "above 10 % claims nothing."
 )
 
 
