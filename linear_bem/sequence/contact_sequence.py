@@ -56,7 +56,9 @@ class ContactSequence:
     of the two formulas for T, square of the drift since linearisation, a tenth of the gap) and its gap over approach
     are within the accuracy; the equations are linearised again after too large a drift. Other scenes are solved cold,
     by polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`; so are scenes with an
-    unloaded ball or another layer, substrate, radius, shape or kind of load. Raises the errors of `linear_bem.solve_contact`.
+    unloaded ball or another layer, substrate, radius, shape or kind of load.
+
+    Raises the errors of `linear_bem.solve_contact`.
     """
 
     def __init__(self, accuracy: float = 1e-2) -> None:
