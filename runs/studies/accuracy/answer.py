@@ -182,14 +182,14 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
             alike = [row for row in enough if row["seconds"] <= SAME_TIME * cheapest]
             best = max(alike, key=lambda row: row["value"] or math.inf, default=None)
             use = (
-                "no case is shown to reach it"
+                "no case is known to reach it"
                 if best is None
                 else f"{best['model']}, {best['parameter']} {best['value']}".rstrip(", ")
             )
             answer.append(
                 {
                     **({"model": model} if model else {}),
-                    "error wanted": f"{100 * wanted:g} %",
+                    "for": f"{100 * wanted:g} %",
                     "use": use,
                     "error reached": None if best is None else best[column],
                     "processor time": "-" if best is None else duration(best["seconds"]),
