@@ -1,8 +1,8 @@
-r"""A third formula for T: minus the derivative of the elastic energy by a ball's position, at fixed approaches.
+r"""A third formula for T: minus the derivative of the elastic energy by a ball's position at fixed approaches.
 
 The elastic energy is U = 1/2 int p w dA. At fixed approaches the normal forces do no work, so an
-in-plane displacement of ball i changes U by -T_i. Each component takes four more solutions (a
-fourth-order difference); it shares no formula with the mutual force and the slope integral.
+in-plane displacement of ball i changes U by -T_i. Each component takes four more solutions
+(fourth-order difference). It is independent of the mutual formula and the slope integral.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def elastic_energy(solution: Solution) -> float:
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
-    ``step`` [m] of the difference: by default 1 % of the distance to the nearest neighbour. Touching balls may be
-    moved into each other, because only their contacts with the layer are modelled.
+    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour. Touching balls may overlap
+    in it, because only their contacts with the layer are modelled.
     """
     problem = solution.problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)

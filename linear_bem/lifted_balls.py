@@ -1,4 +1,4 @@
-"""Balls without load: which of them touch the deformed surface after all, and where an unloaded ball rests on it."""
+"""Balls without load: which of them touch the deformed surface, and at which height an unloaded ball rests on it."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class Touched(NotConverged):
         self.zones, self.contacts = zones, contacts
 
     def added_to(self, guess: Start) -> Start:
-        """Return a first guess with these contacts too."""
+        """Return the initial guess with these contacts added."""
         touching = sorted([*guess.touching, *self.zones])
         known = {**dict(zip(guess.touching, guess.zones, strict=True)), **self.zones}
         return Start(touching, [known[i] for i in touching], guess.approaches)
 
 
 def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
-    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and where [m]."""
+    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and its position [m]."""
     f = height(contacts.problem.balls[ball])
     centre, reach = np.array(contacts.problem.balls[ball].position), 0.1 * contacts.problem.balls[ball].radius
     value = np.inf
@@ -93,7 +93,7 @@ def rested(contacts: Same) -> Same:
 
 
 def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float]]]:
-    """Return how far [m] balls without force are below the height where they just touch the surface, and where [m]."""
+    """Return, for balls without force that penetrate the surface, depth [m] and deepest point [m] by index."""
     if contacts.problem.load.kind == "force":
         return {}
     lifted = np.flatnonzero(contacts.normal_forces == 0.0).tolist()
@@ -115,7 +115,7 @@ def smooth_state(
     pair_precision: float | None = None,
     report: Report = silent,
 ) -> SmoothContacts:
-    """Return the contacts at one degree; raises `Touched` where further balls touch, `Lost`, `NotConverged`.
+    """Return the contacts at one degree; raises `Touched` if further balls touch, `Lost`, and `NotConverged`.
 
     ``precision``, ``pair_precision`` and ``report`` are those of `solve_smooth`.
     """

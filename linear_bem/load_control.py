@@ -1,4 +1,4 @@
-"""Which approaches the load leaves unknown, and which forces it prescribes in their place."""
+"""The approaches that a load leaves unknown, and the forces that it prescribes instead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Groups = list[tuple[list[int], float]]
 
 
 def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups:
-    """Return the groups of a load; balls are counted by their place in ``touching``."""
+    """Return the groups of a load; balls are numbered by position in ``touching``."""
     if load.kind == "force":
         return [([k], load.values[i] * singular) for k, i in enumerate(touching)]
     if load.kind == "total_force":
@@ -23,7 +23,7 @@ def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups
 
 
 def unloaded(load: Load) -> list[int]:
-    """Return the balls of prescribed force 0, which rest on the surface that the others deform."""
+    """Return the balls with zero prescribed force, which rest on the surface deformed by the others."""
     return [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
 
 

@@ -4,9 +4,9 @@ T_i = -sum_j Q_i Q_j K'(L_ij) n_ij, n_ij the unit vector from i to j: positive (
 descends towards the neighbour. For two equal balls on the paper's layers it is within 1 % of the full model for
 L >= 2 R; it costs microseconds once the relation between force and approach of one ball is known.
 
-Where approaches are given the forces follow from that relation, computed by `linear_bem.solver.solve` for a single
-ball, at the approach less the neighbours' point-load displacement (`linear_bem.coupled_point_loads`). The error
-estimate is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure,
+If approaches are given, forces follow from that relation, computed by `linear_bem.solver.solve` for a single ball, at
+the approach minus the point-load displacement by the neighbours (`linear_bem.coupled_point_loads`). The error estimate
+is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure,
 and an allowance for all later terms.
 """
 
@@ -36,7 +36,7 @@ The full model gives at most 3 on layers of 0.6 R and 1.16 R up to D = 0.3 R and
 
 
 class _Single:
-    """One ball alone: the ratio of `solve` to the Ritz estimate, interpolated in the logarithm of the approach."""
+    """A single ball: the ratio of `solve` to the Ritz estimate, interpolated in the logarithm of the approach."""
 
     def __init__(self, problem: Problem, ball: Ball, low: float, high: float) -> None:
         self._problem, self._radius = problem, ball.radius
@@ -75,7 +75,7 @@ class _Single:
         return float(d * np.exp(self._correction(d)[0]))
 
     def force(self, approach: float) -> float:
-        """Return the force [N] at an approach [m], 0 where it is not positive."""
+        """Return the force [N] at an approach [m], 0 unless that is positive."""
         if approach <= 0.0:
             return 0.0
         d = approach

@@ -16,7 +16,7 @@ LAUNCHED_BY_MPI = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "ORTE_", "HYDI_", "MPI_LOC
 
 
 def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return this process's environment without traces of an MPI launcher, one thread per rank."""
+    """Return this process's environment without variables of an MPI launcher, with one thread per rank."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(LAUNCHED_BY_MPI)}
     env |= {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -35,14 +35,14 @@ def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 def python(
     *args: str | Path, timeout: float = 900.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
-    """Run this Python with ``args`` and return what it did; a run past ``timeout`` seconds is killed and raises."""
+    """Run this Python with ``args`` and return the completed process; kill it after ``timeout`` seconds and raise."""
     return _run([sys.executable, *map(str, args)], timeout, env, cwd)
 
 
 def mpirun(
     n: int, *args: str | Path, timeout: float = 900.0, env: Mapping[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
-    """Run this Python with ``args`` on ``n`` ranks; n = 1 runs it alone, without a launcher."""
+    """Run this Python with ``args`` on ``n`` ranks; n = 1 runs it without a launcher."""
     if n == 1:
         return python(*args, timeout=timeout, env=env, cwd=cwd)
     launcher = shutil.which("mpirun")
@@ -53,7 +53,7 @@ def mpirun(
 
 
 def launcher_forwards_last_words() -> bool:
-    """Return whether mpirun, told to end, passes on what its ranks then say; Open MPI 5 kills them 0.3 s later."""
+    """Return whether a terminated mpirun forwards the last output of its ranks; Open MPI 5 kills them after 0.3 s."""
     said = subprocess.run(["mpirun", "--version"], capture_output=True, text=True, check=True, timeout=60.0).stdout
     version = re.search(r"\(Open MPI\) (\d+)", said)
     return version is None or int(version[1]) < 5
@@ -62,7 +62,7 @@ def launcher_forwards_last_words() -> bool:
 def _run(
     command: Sequence[str], timeout: float, env: Mapping[str, str] | None, cwd: Path
 ) -> subprocess.CompletedProcess[str]:
-    # coreutils' timeout ends the launcher with TERM, so that it can take its ranks with it
+    # coreutils' timeout sends TERM to the launcher, which then ends its ranks
     guarded = ["timeout", "--kill-after=10", str(timeout), *command]
     began = time.monotonic()
     done = subprocess.run(

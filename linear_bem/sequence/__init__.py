@@ -1,1 +1,1 @@
-"""Sequences of scenes that change a little from one to the next."""
+"""Sequences of similar scenes, each solved from the previous solution."""

@@ -1,4 +1,4 @@
-"""Many scenes that differ little from one to the next: each is solved from the one before, in milliseconds."""
+"""Sequences of similar scenes: each is solved from the previous solution, in milliseconds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from linear_bem.solver import solve_contact
 
 DEGREES = (4, 6, 8)
 GAP_SHARE = 0.1
-"""Error of T over the relative gap: forces are of second order in the pressure's error (0.03 to 0.07 for deep
+"""Error of T over the relative gap: the error of forces is quadratic in that of the pressure (0.03 to 0.07 for deep
 spheres)."""
 
 
@@ -29,8 +29,8 @@ spheres)."""
 class SequenceState:
     """The solution of one scene, one entry per ball: approaches [m], forces [N], T and its error estimate [N].
 
-    ``gap_in_contact`` is the largest gap inside the contacts over the largest approach; ``cold`` is true where the
-    scene was solved without using the one before.
+    ``gap_in_contact`` is the largest gap inside the contacts over the largest approach; ``cold`` is true if the scene
+    was solved without the previous one.
     """
 
     approaches: Array
@@ -42,7 +42,7 @@ class SequenceState:
 
 
 class ContactSequence:
-    """Solves scenes that change a little at a time (balls that move, loads that grow).
+    """Solves a sequence of similar scenes (moving balls, growing loads).
 
     >>> from linear_bem import Ball, ContactSequence, Layer, Load, Problem
     >>> def scene(distance):
@@ -52,11 +52,13 @@ class ContactSequence:
     >>> [sequence.solve(scene(2.5 + 0.01 * k)).cold for k in range(3)]
     [True, False, False]
 
-    ``accuracy`` of T is relative, as in `linear_bem.solve`. A state is linearised anew where its error estimate
-    (difference of the two formulas for T, square of the drift from where the equations were linearised, a tenth of the
-    gap) or its gap over approach exceeds the accuracy. Where that does not suffice, the scene is solved cold: by
-    polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`. So is a scene with another layer,
-    substrate, radius, shape or kind of load. Raises the errors of `linear_bem.solve_contact`.
+    ``accuracy`` of T is relative, as in `linear_bem.solve`. A state is accepted if its error estimate (difference
+    of the two formulas for T, square of the drift since linearisation, a tenth of the gap) and its gap over approach
+    are within the accuracy; the equations are linearised again after too large a drift. Other scenes are solved cold,
+    by polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`; so are scenes with an
+    unloaded ball or another layer, substrate, radius, shape or kind of load.
+
+    Raises the errors of `linear_bem.solve_contact`.
     """
 
     def __init__(self, accuracy: float = 1e-2) -> None:
@@ -66,7 +68,7 @@ class ContactSequence:
         self._approaches = np.empty(0)
 
     def solve(self, problem: Problem) -> SequenceState:
-        """Return the state of one scene, from the scene before where that is near."""
+        """Return the state of one scene, from the previous scene if that is close enough."""
         problem = problem.without_empty_layer()
         if self._contacts is not None and self._before is not None and _alike(self._before, problem):
             try:
@@ -98,7 +100,7 @@ class ContactSequence:
         )
 
     def _started(self, problem: Problem) -> SequenceState | None:
-        """Return the state by the lowest sufficient degree, None where none suffices."""
+        """Return the state by the lowest sufficient degree, None if none suffices."""
         kernel = LayeredKernel.of(problem)
         start: Start | SmoothContacts = first_guess(problem, kernel)
         for degree in (2, *DEGREES):
@@ -113,7 +115,7 @@ class ContactSequence:
         return None
 
     def _warm(self, problem: Problem, contacts: LinearisedContacts) -> SequenceState | None:
-        """Return the state near linearised contacts, None where it is not accurate enough."""
+        """Return the state near linearised contacts, None if it is not accurate enough."""
         touching = list(contacts.touching)
         places = problem.positions[touching]
         values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values, dtype=float)
@@ -137,7 +139,7 @@ class ContactSequence:
     def _scattered(
         self, problem: Problem, contacts: LinearisedContacts, state: LinearState, places: Array
     ) -> SequenceState | None:
-        """Return the state with an entry for every ball, None where it is not accurate enough."""
+        """Return the state with an entry for every ball, None if it is not accurate enough."""
         touching = list(contacts.touching)
         gap = state.gap / float(np.max(np.abs(state.approaches)))
         forces = state.forces / contacts.kernel.singular
@@ -159,7 +161,7 @@ class ContactSequence:
 
 
 def _alike(a: Problem, b: Problem) -> bool:
-    """Return whether only positions and the amounts of the load differ, and the same balls are loaded."""
+    """Return whether only positions and load values differ and no ball is unloaded."""
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
     if unloaded(a.load) or unloaded(b.load):
@@ -174,5 +176,5 @@ def _lifted_may_touch(problem: Problem, kernel: LayeredKernel, state: SequenceSt
         return False
     r = cdist(problem.positions[lifted], problem.positions[touching])
     dent = kernel.displacement(r) @ state.normal_forces[touching]
-    # the surface under a lifted ball is also inclined, which adds a few per cent of the dent
+    # 0.95: the inclination of the surface under a lifted ball adds a few per cent of the displacement
     return bool(np.any(state.approaches[lifted] > 0.95 * dent))

@@ -1,11 +1,11 @@
-r"""Contacts near a solved state: each ball's own equations as matrices that move with it; only pairs are new.
+r"""Contacts linearised about a solved state: each ball's own matrices move with it; only pair terms are recomputed.
 
-About a solution at one place the equations of `linear_bem.smooth.newton` are linear in the coefficients' change,
+Near a solution, the equations of `linear_bem.smooth.newton` are linear in the change d of the coefficients,
 
     A_i d_i + sum_j R_i G(x_i - x_j) [q_j + R_j^T d_j] - t_i D_i = -b_i,
 
 where A_i, b_i (own displacement and profile), R_i, q_i (receiving matrix and loads on interpolation
-nodes) and t_i (force) do not change when the ball moves. Only G does. So a scene whose balls moved a little costs one
+nodes) and t_i (force) do not change when the ball moves; only G does. A scene with slightly moved balls costs one
 kernel evaluation per pair of interpolation nodes and one small linear system; neglected terms are quadratic in d.
 """
 
@@ -50,8 +50,8 @@ class LinearState:
 class _Exchange:
     """Interpolation of one degree: ``places`` of nodes from the axis [m] (balls, 2, nodes), ``loads`` (balls, nodes).
 
-    ``receive`` (balls, terms, nodes) maps displacements at the nodes to the equations, and its transpose changes of the
-    coefficients to those of the loads. ``matrices`` map node values to each zone's quadrature points.
+    ``receive`` (balls, terms, nodes) maps displacements at the nodes to the equations, and its transpose maps
+    changes of the coefficients to changes of the loads. ``matrices`` map node values to each zone's quadrature points.
     """
 
     places: Array
@@ -62,7 +62,7 @@ class _Exchange:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs of balls that interact by one degree: kernel, its slope over r, and dx, dy [m] between their nodes."""
+    """Pairs of balls with one degree of interpolation: kernel, its slope over r, and dx, dy [m] between their nodes."""
 
     degree: int
     first: Indices
@@ -180,7 +180,7 @@ class LinearisedContacts:
         )
 
     def moved(self, places: Array, change: Array) -> list[Zone]:
-        """Return the zones with a change of coefficients, moved along to the axes' new ``places`` [m]."""
+        """Return the zones with changed coefficients, moved to the new ``places`` of the axes [m]."""
         out = []
         for zone, old, new, delta in zip(self.zones, self.places, places, change, strict=True):
             length = min(1.0, 0.6 * float(np.max(np.abs(zone.coefficients)) / max(np.max(np.abs(delta)), 1e-300)))

@@ -1,4 +1,4 @@
-"""Studies: one question each, answered anew by ``thirdbody study NAME``. The list below is all there is to register."""
+"""Studies: each answers one question, recomputed by ``thirdbody study NAME``. To register one, list it below."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from runs.process import ranks
 
 STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",
-    "benchmarks": "seconds and errors against other contact codes; growth with the number of balls",
+    "benchmarks": "time and error against other contact codes; scaling with the number of balls",
     "peers": "two balls at finite strain by this project and by other finite-element codes: work against precision",
     "strengthening": "how much stronger finite strain makes the tangential force",
     "accuracy": "what accuracy costs in time",
     "discretisations": "order and size of the elements: work against precision on five scenes",
-    "experiments": "the paper's drifting balls, run by run beside what it reports",
+    "experiments": "the paper's drifting balls: simulated runs compared with its observations",
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
-    "effects": "what an effect costs, and that a scene without it pays nothing",
+    "effects": "what each effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms, published results and itself",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
-"""Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
+"""Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
 SHARED_OUT = ON_ALL_RANKS - {"scaling"}
-"""Studies whose cases can be shared out; ``scaling`` compares times on one machine."""
+"""Studies that ``--shard`` can split; ``scaling`` compares times on one machine."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asks of a study: a coarser version, another output folder, a new start, a part of it.
+    """Command-line options of a study: ``quick`` is coarser, ``out`` the output folder, ``fresh`` starts over.
 
-    ``shard`` (i, n) is the i-th of n parts, counted from 1; ``tables`` computes nothing and makes tables and
-    figures from what is there; ``publish`` puts them into the study's own page.
+    ``shard`` (i, n) is part i of n, counted from 1; ``tables`` only makes tables and figures from saved answers;
+    ``publish`` writes them into the study's README.
     """
 
     quick: bool = False
@@ -64,10 +64,10 @@ def run_study(name: str, options: Options) -> None:
     if name not in STUDIES:
         raise InvalidProblem(f'study: there is no study "{name}"; known: {listing()}')
     if name not in SHARED_OUT and options.shard != (1, 1):
-        raise InvalidProblem(f"--shard: study {name} has no parts to share out; only {', '.join(sorted(SHARED_OUT))}")
+        raise InvalidProblem(f"--shard: study {name} cannot be split; only {', '.join(sorted(SHARED_OUT))} can")
     if options.publish and options.quick:
         raise InvalidProblem("--publish: a study's page shows the full version; leave out --quick")
     if name in ON_ALL_RANKS or ranks.is_root():
-        from runs.studies.framework.study import run  # noqa: PLC0415  (the list above must load nothing)
+        from runs.studies.framework.study import run  # noqa: PLC0415  (the list above must import nothing)
 
         run(importlib.import_module(f"runs.studies.{name}.answer").STUDY, options)

@@ -1,4 +1,4 @@
-"""Press the light pair in as a program on any number of ranks: ``FOLDER [last step | fail]``."""
+"""Solve the light pair as a program on any number of ranks: ``FOLDER [last step | fail]``."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ STOPPED = 3
 
 
 class Stopped(Exception):
-    """The run was to end here."""
+    """Ends the run on purpose."""
 
 
 class StopAfter(Recorder):
-    """Raises on every rank when a step is done."""
+    """Raises on every rank after a given step."""
 
     def __init__(self, last: int) -> None:
         super().__init__()

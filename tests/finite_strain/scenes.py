@@ -1,4 +1,4 @@
-"""Scenes that several tests press: the paper's dimensionless layer (E1 = 1, R = 1), and coarse models of them."""
+"""Scenes shared by tests: the paper's dimensionless layer (E1 = 1, R = 1), and coarse models of them."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ PAPER_LOAD = 2.66666e-3
 STIFF_SUBSTRATE = Elastic(1e3, 0.3)
 SHAPES = {"finite_strain": "sphere", "small_strain": "paraboloid"}
 QUADRATIC, CUBIC = Discretisation(order=2, fineness=1.0), Discretisation(order=3, fineness=1.0)
-"""The coarsest elements of a run: for claims about the code, and about the answer."""
+"""The coarsest discretisations of a run: for claims about the code, and about the answer."""
 NEAR = Extent(1.7, 0.8)
-"""Sides and bottom [m] so close that a model is small: exact claims hold in any box."""
+"""Sides and bottom [m] of a small model: exact claims hold in any box."""
 
 
 def relatively(value: Any, tolerance: float) -> Any:
-    """Return what equals ``value`` within a relative tolerance, however small it is (pytest's own lets 1e-12 pass)."""
+    """Return an approximation by relative tolerance alone (pytest's default adds an absolute one of 1e-12)."""
     return pytest.approx(value, rel=tolerance, abs=0.0)
 
 
 def balls_at(
     *positions: tuple[float, float], radius: float = 1.0, shape: str | Indenter = "sphere"
 ) -> tuple[Ball, ...]:
-    if isinstance(shape, Indenter):  # which states its radius itself
+    if isinstance(shape, Indenter):  # which has its own radius
         return tuple(Ball(position, shape=shape) for position in positions)
     return tuple(Ball(position, radius, shape) for position in positions)
 
@@ -53,12 +53,12 @@ def on_layer(
     substrate: Elastic | None = None,
     poisson: float = 0.48,
 ) -> Problem:
-    """Return the balls on a hyperelastic layer; `at_small_strain` takes the effect off."""
+    """Return the balls on a hyperelastic layer; `at_small_strain` removes the effect."""
     return Problem(Layer(1.0, poisson, thickness), balls, load, substrate, FiniteStrain())
 
 
 def at_small_strain(problem: Problem) -> Problem:
-    """Return the problem as the models of small strain take it."""
+    """Return the problem for small-strain models."""
     return replace(problem, finite_strain=None)
 
 
@@ -87,7 +87,7 @@ LOPSIDED = on_layer(
 
 
 def in_form(form: str, problem: Problem) -> Problem:
-    """Return the problem with the form of its elements named."""
+    """Return the problem with the given element form."""
     return replace(problem, elements=Elements(form))
 
 
@@ -95,7 +95,7 @@ LIGHT = 0.1
 
 
 def light_pair() -> Problem:
-    """Return a pair that the two coarsest discretisations know well enough for an accuracy of a few per cent."""
+    """Return a pair that the two coarsest discretisations solve to a few per cent."""
     return pair(LIGHT, poisson=0.3)
 
 
@@ -111,7 +111,7 @@ def coarse_plan(
     extent: Extent | None = NEAR,
     accuracy: float = 0.3,
 ) -> RunPlan:
-    """Return the plan of a model's run that reaches as far as ``extent`` says (None: as far as the accuracy needs)."""
+    """Return the plan of a model's run in a box of the given ``extent`` (None: the extent that the accuracy needs)."""
     problem = replace(problem, finite_strain=FiniteStrain()) if model == "finite_strain" else at_small_strain(problem)
     plan = plan_run(problem, accuracy, model, None, steps)
     if extent is None:
@@ -121,7 +121,7 @@ def coarse_plan(
 
 @dataclass
 class Rig:
-    """A model on one mesh of this process alone, with what drives and measures it."""
+    """A model on one mesh of this process, with its solver, load path and force meter."""
 
     plan: RunPlan
     run: ModelRun
@@ -143,7 +143,7 @@ class Rig:
         return self.run.path
 
     def contact_radii(self) -> np.ndarray:
-        """Return the radius (balls,) [m] of every model ball's contact, as a run places its domain integrals by."""
+        """Return the radius (balls,) [m] of every model ball's contact, as a run uses them for domain integrals."""
         import numpy as np  # noqa: PLC0415
 
         return np.sqrt(self.model.contact_areas() / math.pi)
@@ -153,7 +153,7 @@ class Rig:
         return self.model.forces()[:, 2]
 
     def press(self, fractions: Sequence[float] | None = None) -> list[StepRecord]:
-        """Go along the plan's load path, or these fractions, and close the last equilibrium."""
+        """Follow the plan's load path, or these fractions, and converge the last equilibrium."""
         records = list(self.path.steps(self.plan.path if fractions is None else fractions))
         done = self.settle()
         records[-1].newton_iterations += done.iterations
@@ -161,7 +161,7 @@ class Rig:
         return records
 
     def settle(self, tolerance: float = 1e-9) -> Equilibrium:
-        """Close the present equilibrium: a load step leaves it rough, for multipliers are still to be added."""
+        """Converge the present equilibrium: load steps end with a loose tolerance, because multipliers follow."""
         return self.solver.solve(tolerance, float(self.normal_forces().max()), self.path.history[-1].fraction)
 
 
@@ -181,7 +181,7 @@ def coarse_rig(
 
 
 class Recorder:
-    """An observer that remembers what it hears."""
+    """An observer that records its calls."""
 
     def __init__(self) -> None:
         self.info: dict[str, Any] = {}

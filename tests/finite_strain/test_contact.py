@@ -30,14 +30,14 @@ APPROACH, PENALTY = 0.1, 30.0
 
 @pytest.fixture(scope="module", params=CASES)
 def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Model:
-    """A quarter of a pair, some thousand unknowns, no load yet."""
+    """A quarter of a pair with some thousand unknowns, unloaded."""
     kind, shape = CASES[request.param]
     plan = coarse_plan(pair(APPROACH, shape=shape, poisson=0.3), kind)
     return coarse_rig(plan, tmp_path_factory.mktemp("contact")).model
 
 
 def smooth_field(model: Model, seed: int, scale: float) -> np.ndarray:
-    """Return nodal values of a random smooth field (nodes, 3), zero where the model is held."""
+    """Return nodal values of a random smooth field (nodes, 3), zero where the model is constrained."""
     random = np.random.default_rng(seed)
     points = model.space.tabulate_dof_coordinates()
     waves = random.uniform(-1.5, 1.5, (4, 3))
@@ -65,7 +65,7 @@ def prepare(model: Model, approach: float, *, augmented: bool) -> np.ndarray:
 
 
 def shift_balls(contact: Contact, axis: int, length: float) -> None:
-    """Put the balls where they were made, and ``length`` [m] from there along an axis."""
+    """Set the balls' positions to the initial ones plus ``length`` [m] along an axis."""
     for slot in contact.slots:
         slot.set("xy"[axis], np.array([ball.position[axis] for ball in contact.balls]) + length)
 
@@ -114,7 +114,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(model: Model, state: str)
     y.destroy()
 
 
-def test_held_displacements_have_no_residual_and_a_row_of_the_identity(model: Model) -> None:
+def test_constrained_displacements_have_zero_residual_and_identity_rows(model: Model) -> None:
     u = prepare(model, APPROACH, augmented=False)
     residual = residual_at(model, u).reshape(-1, 3)
     assert not np.any(residual[model.constrained])
@@ -161,10 +161,10 @@ def test_the_in_plane_force_is_minus_the_derivative_of_the_potential_by_the_ball
     shift_balls(model.contact, 0, 0.0)
     assert -2.0 * (energies[0] - energies[1]) / (2 * step) == pytest.approx(force[0], abs=1e-7 * force[2])
     assert abs(force[0]) > 1e-4 * force[2]
-    assert force[1] == 0.0  # the symmetry plane through the ball lets none across
+    assert force[1] == 0.0  # zero by the symmetry plane through the ball
 
 
-def test_contact_and_bulk_forces_cancel_on_the_whole(model: Model) -> None:
+def test_contact_forces_sum_to_the_reported_force_and_bulk_forces_to_zero(model: Model) -> None:
     u = prepare(model, APPROACH, augmented=False)
     b = model.matrix.createVecRight()
     held, model.constrained[:] = model.constrained.copy(), False
@@ -180,7 +180,7 @@ def test_contact_and_bulk_forces_cancel_on_the_whole(model: Model) -> None:
 
 
 def flat(model: Model, approaches: list[float]) -> None:
-    """Press balls into a surface that does not yield."""
+    """Press balls into the undeformed surface."""
     model.nodal[:] = 0.0
     model.contact.forget_multipliers()
     model.contact.set_approaches(np.array(approaches))
@@ -212,7 +212,7 @@ def test_the_contact_area_is_that_of_the_deformed_surface(model: Model) -> None:
 
 
 @pytest.mark.parametrize("distance", [1.55, 3.0], ids=["overlapping", "apart"])
-def test_two_balls_press_on_the_surface_between_them_each_for_itself(
+def test_contact_forces_of_two_balls_on_a_fixed_surface_are_independent(
     distance: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     balls = (Ball((-0.5 * distance, 0.0), 1.0, "paraboloid"), Ball((0.5 * distance, 0.0), 0.6, "paraboloid"))

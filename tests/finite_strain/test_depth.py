@@ -1,4 +1,4 @@
-"""What finite strain changes as the balls go deeper, and that forces, energies and load paths agree with each other."""
+"""The effect of finite strain with depth, and the consistency of forces, energies and load paths."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def test_finite_strain_strengthens_the_force_at_depth_and_not_under_light_load(d
     assert abs(ratios[0] - 1.0) < 0.04 + errors[0]
 
 
-def test_a_crumpled_surface_is_no_step_of_the_path(tmp_path: Path) -> None:
+def test_a_crumpled_surface_is_rejected_by_the_load_path(tmp_path: Path) -> None:
     rig = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path)
-    # in one step Newton's method finds an equilibrium of a surface folded under the pole, of six times the forces' work
+    # in one step Newton's method finds a surface folded under the pole, with six times the work of the forces as energy
     list(rig.path.steps([0.3 ** (2.0 / 3.0)]))
     work = float(rig.model.part_forces() @ rig.model.contact.approaches)
-    assert rig.model.energy() == pytest.approx(0.4 * work, rel=0.1)  # as Hertz's contact holds
+    assert rig.model.energy() == pytest.approx(0.4 * work, rel=0.1)  # as in Hertz contact
 
 
 def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> None:
@@ -91,7 +91,7 @@ def test_a_single_ball_feels_no_in_plane_force_at_any_depth(ball_on_layer: Any) 
         assert ball.tangential_force_error < 1e-7 * ball.normal_force
 
 
-def test_a_single_ball_starts_as_the_linear_model_and_ends_as_the_finite_strain_fit(ball_on_layer: Any) -> None:
+def test_the_force_on_a_single_ball_goes_from_the_linear_model_to_the_finite_strain_fit(ball_on_layer: Any) -> None:
     problem = single(0.3)
     first, last = ball_on_layer.steps[0].balls[0], ball_on_layer.steps[-1].balls[0]
 
@@ -100,7 +100,7 @@ def test_a_single_ball_starts_as_the_linear_model_and_ends_as_the_finite_strain_
 
     # theory: softer by 0.065 sqrt(D/R), 1.1 % at the first step
     assert first.normal_force == relatively(linear(first.approach), 0.02)
-    # the fit holds for incompressible layers (within 1 %): the linear model tells what nu = 0.48 changes
+    # the fit holds for incompressible layers (within 1 %): the linear model gives the effect of nu = 0.48
     fit = long_force(0.3, 1.0, problem.layer, 1.0) * linear(0.3) / linear(0.3, 0.5)
     assert last.normal_force == relatively(fit, 0.02)
     assert last.normal_force < linear(0.3)
@@ -126,7 +126,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
     assert rig.normal_forces()[0] == relatively(reference.normal_force, discretisation)
 
 
-def test_three_balls_in_an_l_pull_each_other_without_moving_the_whole() -> None:
+def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() -> None:
     balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid")
     problem = at_small_strain(on_layer(balls, Load("approach", (0.2,) * 3), poisson=0.3))
     result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9)
@@ -162,7 +162,7 @@ def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path: Path
     assert rig.normal_forces()[0] > force
 
 
-def test_a_state_near_the_next_equilibrium_saves_iterations_and_a_wrong_one_does_no_harm(
+def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     found, iterations = [], []
@@ -181,7 +181,7 @@ def test_a_state_near_the_next_equilibrium_saves_iterations_and_a_wrong_one_does
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.48])
-def test_unloading_and_loading_again_go_the_way_of_the_first_loading(poisson: float, tmp_path: Path) -> None:
+def test_unloading_and_reloading_retrace_the_first_loading(poisson: float, tmp_path: Path) -> None:
     rig = rig_of(pair(0.3, poisson=poisson), tmp_path)
     seen: dict[float, list[tuple[float, float, float]]] = {}
     for record in rig.path.steps([0.25, 0.5, 1.0, 0.5, 0.25, 1.0, 0.5]):
@@ -194,20 +194,20 @@ def test_unloading_and_loading_again_go_the_way_of_the_first_loading(poisson: fl
             assert again == relatively(states[0], 1e-5)
 
 
-def test_an_augmentation_closes_the_gap_that_the_penalty_leaves(tmp_path: Path) -> None:
+def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: Path) -> None:
     rig = rig_of(pair(0.1, poisson=0.3), tmp_path)
     *_, last = rig.press()
     left, force, pull = rig.model.mean_gaps()[0], rig.normal_forces()[0], rig.meter.domain(rig.contact_radii())[0, 0]
     assert -2.0 * PENETRATION * 0.1 < left < 0.0
     assert rig.path.augment(last)
     assert abs(rig.model.mean_gaps()[0]) < 0.2 * abs(left)
-    # the surface that lay inside the ball was that of a ball less deep by as much
+    # penetration acts like a smaller approach
     assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
     assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
     assert 0 < last.augmentation_iterations <= last.newton_iterations
 
 
-def test_a_substrate_is_deformed_as_the_linear_model_says(tmp_path: Path) -> None:
+def test_a_deformable_substrate_matches_the_linear_model(tmp_path: Path) -> None:
     soft = on_layer(
         (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (0.05,)), 0.8, linear_bem.Elastic(2.0, 0.3), 0.3
     )
@@ -215,7 +215,7 @@ def test_a_substrate_is_deformed_as_the_linear_model_says(tmp_path: Path) -> Non
     *_, last = rig.press()
     rig.path.augment(last)
     (reference,) = linear_bem.solve(at_small_strain(soft)).balls
-    # the sides' and the substrate's end, which a pair would take off: finer meshes have it, too
+    # error of domain truncation, which a pair would remove; finer meshes have it too
     assert rig.normal_forces()[0] == relatively(reference.normal_force, 0.06)
     stiff = linear_bem.solve(at_small_strain(single(0.05, 0.8, 0.3, "paraboloid"))).balls[0]
     assert reference.normal_force < 0.9 * stiff.normal_force

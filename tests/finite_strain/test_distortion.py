@@ -1,4 +1,4 @@
-"""The smallest volume ratio of a known displacement, wherever in the cells it is."""
+"""The smallest volume ratio of a known displacement, anywhere in the cells."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROUNDOFF = 1e-12
 
 
 @pytest.mark.parametrize("order", [2, 3, 4])
-def test_the_smallest_volume_ratio_of_a_quadratic_displacement_is_met_at_its_corner(order: int) -> None:
+def test_the_smallest_volume_ratio_of_a_quadratic_displacement_is_found_at_its_corner(order: int) -> None:
     from dolfinx.mesh import CellType, create_box  # noqa: PLC0415
 
     mesh = create_box(MPI.COMM_SELF, [np.zeros(3), np.array([1.0, 2.0, 1.5])], [2, 3, 2], CellType.hexahedron)

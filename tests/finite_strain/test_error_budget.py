@@ -1,4 +1,4 @@
-"""The terms of the error budget, each against the case that its derivation is about."""
+"""The terms of the error budget, each against the case of its derivation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDOFF = 1e-12
 FINER = Discretisation(3, 1.5)
 
 
-def test_terms_add_up_as_independent_ones_do() -> None:
+def test_terms_add_in_quadrature() -> None:
     terms = Terms(*(np.array([value, 0.0]) for value in (3.0, 4.0, 12.0, 0.0)))
     assert terms.total == relatively([13.0, 0.0], ROUNDOFF) or terms.total == pytest.approx([13.0, 0.0])
     assert list(vars(terms)) == ["discretisation", "enforcement", "transfer", "solver"]
@@ -43,59 +43,59 @@ def test_a_change_bounds_the_error_of_values_that_converge_with_the_slowest_orde
     assert error(SLOWEST + 1.0) > abs(value(fine, SLOWEST + 1.0)[0, 0] - 2.0)
 
 
-def test_an_observed_ratio_of_changes_counts_between_the_slowest_and_the_fastest_order() -> None:
+def test_an_observed_ratio_of_changes_is_limited_to_the_slowest_and_fastest_orders() -> None:
     def left(ratio: float, order: float) -> float:
         return ratio**-order / (1.0 - ratio**-order)
 
     slow, fast = left(4.0 / 3.0, SLOWEST), left(4.0 / 3.0, FASTEST)
     observed = np.array([np.inf, 0.9, 0.3, 0.01, 0.0])
     assert gain(QUARTIC, CUBIC, observed) == relatively([slow, slow, 0.3 / 0.7, fast, fast], ROUNDOFF)
-    # a finer mesh has no faster order to hope for
+    # a finer mesh is not credited with a faster order
     assert gain(FINER, CUBIC, observed) == relatively([left(1.5, SLOWEST)] * 5, ROUNDOFF)
-    # nor has another domain or penalty on the same mesh
+    # nor another domain or penalty on the same mesh
     assert gain(CUBIC, CUBIC, observed) == 1.0
 
 
-def test_a_correction_that_is_small_by_chance_counts_as_what_convergence_leaves_of_the_coarser_one() -> None:
+def test_a_correction_small_by_chance_is_bounded_below_by_the_coarser_one_and_its_convergence() -> None:
     now, before = np.array([0.001, 0.03]), np.array([0.08, 0.08])
     assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-FASTEST, 0.03], ROUNDOFF)
     assert transfer(now, before, FINER, CUBIC) == relatively([0.08 * 1.5**-SLOWEST, 0.03], ROUNDOFF)
-    assert transfer(now, before, CUBIC, CUBIC) == relatively(now, ROUNDOFF)  # another domain: nothing is left of before
+    assert transfer(now, before, CUBIC, CUBIC) == relatively(now, ROUNDOFF)  # same resolution: no bound from before
 
 
-def test_a_chance_agreement_at_one_step_is_not_an_error_of_nothing() -> None:
+def test_a_chance_agreement_at_one_step_does_not_give_zero_error() -> None:
     same, size = np.array([[2.0, 0.0]]), np.array([2.0])
     path = [[0.01], [0.03]]
     assert discretisation(same, same, 1.0, path, size) == relatively([0.02], ROUNDOFF)
-    # a larger change counts itself, and one before does not raise it
+    # a larger change is added in quadrature; an earlier one does not increase it
     assert discretisation(same, same + 0.5, 1.0, path, size) == relatively([math.hypot(0.5, 0.5)], ROUNDOFF)
 
 
-def test_a_surface_inside_the_ball_is_that_of_a_ball_less_deep() -> None:
+def test_penetration_acts_like_a_smaller_approach() -> None:
     own, small = state(1.0, 0.1, (0.0, 0.0), gap=-3e-4), state(1.0, 0.1, (0.0, 0.0), gap=-2e-4)
     assert enforcement(own, None, np.array([1.0])) == relatively([3e-3], ROUNDOFF)
-    # the pair takes off what it does at small strain, as far as it counts
+    # the pair removes the small-strain part, times its weight
     assert enforcement(own, small, np.array([1.0])) == relatively([1e-3], ROUNDOFF)
     assert enforcement(own, small, np.array([0.5])) == relatively([2e-3], ROUNDOFF)
     assert enforcement(state(0.0, 0.0, (0.0, 0.0)), None, np.array([0.0])) == [0.0]
 
 
-def test_forces_that_do_not_add_up_to_zero_are_doubted_more() -> None:
+def test_an_imbalance_of_forces_increases_the_error() -> None:
     answers = Answers(plan_run(UNEQUAL, 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     forces = np.array([[1.0, 0.0], [-0.4, 0.0]])
     imbalance, doubt = answers._imbalance(forces, np.array([0.1, 0.2]))
     assert imbalance == relatively(0.6, ROUNDOFF)
     assert doubt == relatively(math.hypot(1.0, 2.0), ROUNDOFF)
-    # mirror images add up to zero whatever they are
+    # forces on mirror images always sum to zero
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     assert answers._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)
 
 
-def test_a_resumed_run_knows_the_relative_changes_of_the_steps_before(tmp_path: Path) -> None:
+def test_a_resumed_run_restores_the_relative_changes_of_earlier_steps(tmp_path: Path) -> None:
     plan, records = plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)]
     large, size = np.array([[2.0, 0.0]]), np.array([2.0])
     Answers(plan, records)._change("T", large, 0.5 * large, None, size)
     save_records(tmp_path, "key", records)
     resumed = saved_records(tmp_path, "key")
     errors = [Answers(plan, each)._change("T", large, large, None, size)[0] for each in (records, resumed)]
-    assert errors[0] == errors[1] > 0.0  # of a step that does not change by itself
+    assert errors[0] == errors[1] > 0.0  # of a step without a change of its own

@@ -1,4 +1,4 @@
-"""The in-plane force: both routes against what they are derivatives of, and against each other."""
+"""The in-plane force: both routes against derivatives of the energy, and against each other."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ CASES = {
     "incompressible": (pair(0.1, poisson=0.5), "finite_strain"),
 }
 SOLVER = 1e-11
-"""Residual norm over the normal force at which these equilibria are closed."""
+"""Residual norm over the normal force to which these equilibria are converged."""
 
 
 def settle(rig: Rig) -> None:
-    """Close the equilibrium beyond what a load step asks for: energies are differentiated here."""
+    """Converge further than a load step does, because energies are differentiated."""
     rig.settle(SOLVER)
 
 
@@ -61,7 +61,7 @@ def pressed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 @contextmanager
 def unharmed(rig: Rig) -> Iterator[None]:
-    """Bring state, loads, multipliers, balls and mesh back to what they were."""
+    """Restore state, loads, multipliers, balls and mesh afterwards."""
     model, contact = rig.model, rig.model.contact
     points, values, approaches = model.mesh.geometry.x.copy(), model.fields.copy(), contact.approaches
     earlier, augmented = contact.earlier.x.array.copy(), float(contact.augmented.value)
@@ -77,7 +77,7 @@ def unharmed(rig: Rig) -> Iterator[None]:
 
 
 def place(rig: Rig, number: int, axis: int, length: float) -> None:
-    """Put the balls where they were made, and one of them ``length`` [m] from there along an axis."""
+    """Set the balls' positions to the initial ones, and move one of them by ``length`` [m] along an axis."""
     positions = np.array([ball.position for ball in rig.model.contact.balls])
     positions[number, axis] += length
     for slot in rig.model.contact.slots:
@@ -86,7 +86,7 @@ def place(rig: Rig, number: int, axis: int, length: float) -> None:
 
 
 def carry(rig: Rig, number: int, axis: int, length: float) -> None:
-    """Move a ball, and with it the mesh by the weight q of its domain integral."""
+    """Move a ball, and the mesh with it by the weight q of its domain integral."""
     model = rig.model
     q = rig.meter._ramp(number, rig.contact_radii()[number])
     model.mesh.geometry.x[:, axis] += length * at_mesh_nodes(model, q)
@@ -94,7 +94,7 @@ def carry(rig: Rig, number: int, axis: int, length: float) -> None:
 
 
 def at_mesh_nodes(model: Model, values: np.ndarray) -> np.ndarray:
-    """Return a field of the linear space at the mesh's own nodes, which are those of quadratic hexahedra."""
+    """Return a field of the linear space at the nodes of the mesh, which consists of quadratic hexahedra."""
     corners, nodes = (compat.lagrange_element(order) for order in (1, 2))
     shapes = corners.tabulate(0, nodes.points)[0].reshape(len(nodes.points), -1)
     answer = np.zeros(len(model.mesh.geometry.x))
@@ -103,7 +103,7 @@ def at_mesh_nodes(model: Model, values: np.ndarray) -> np.ndarray:
 
 
 def energies(rig: Rig, change: Callable[[float], None], step: float) -> tuple[float, float]:
-    """Return the least potential [J] after a change by +step and by -step, each from the present state."""
+    """Return the potential [J] in equilibrium after a change by +step and by -step, each from the present state."""
     found = []
     for sign in (1.0, -1.0):
         with unharmed(rig):
@@ -131,7 +131,7 @@ def test_the_domain_integral_is_the_derivative_of_the_discrete_energy_by_moving_
         for number, axis in free_directions(pressed):
             up, down = energies_from(pressed, number, axis, step, augmented)
             expected = -pressed.model.contact.balls[number].copies * (up - down) / (2.0 * step)
-            # an exact identity of the discretisation: what is left is the difference quotient's error
+            # an exact identity of the discretisation; the remainder is the error of the difference quotient
             assert forces[number, axis] == pytest.approx(expected, rel=2e-4, abs=1e-8)
 
 
@@ -144,7 +144,7 @@ def energies_from(rig: Rig, number: int, axis: int, step: float, augmented: bool
     return energies(rig, change, step)
 
 
-def test_a_symmetry_plane_lets_no_force_across(pressed: Rig) -> None:
+def test_there_is_no_force_across_a_symmetry_plane(pressed: Rig) -> None:
     domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
     for number, ball in enumerate(pressed.model.contact.balls):
         assert not np.any(domain[number, list(ball.fixed_axes)])
@@ -174,7 +174,7 @@ def test_the_normal_force_is_the_derivative_of_the_energy_by_the_approach(presse
         assert (up - down) / (2.0 * step) == relatively(forces[number], 1e-6)
 
 
-def test_the_traction_integral_rattles_by_less_than_a_thousandth_of_the_normal_force(pressed: Rig) -> None:
+def test_the_traction_integral_is_off_by_less_than_a_thousandth_of_the_normal_force(pressed: Rig) -> None:
     domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
     for number, axis in free_directions(pressed):
         # discretisation: one quadratic element per contact radius
@@ -191,7 +191,7 @@ def test_the_balls_of_a_pair_pull_each_other_equally(pressed: Rig) -> None:
 
 
 def whole_layer(folder: Path) -> Rig:
-    """Press one ball into a square of layer without symmetry planes."""
+    """Press one ball into a square layer without symmetry planes."""
     problem = single(0.1, poisson=0.3)
     ball = ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ())
     plan = replace(coarse_plan(problem), reduction=Reduction((0.0, 0.0), 0.0, (), (ball,), (Image(0, (1, 1)),)))
@@ -202,20 +202,20 @@ def whole_layer(folder: Path) -> Rig:
     return rig
 
 
-def test_a_single_ball_feels_next_to_no_in_plane_force_though_no_symmetry_is_imposed(tmp_path: Path) -> None:
+def test_a_single_ball_feels_almost_no_in_plane_force_without_imposed_symmetry(tmp_path: Path) -> None:
     rig = whole_layer(tmp_path)
     assert rig.model.reduction.planes == ()
     normal = rig.normal_forces()[0]
-    # the block about the ball is its own mirror image, what gmsh fills the box with is not; the smallest T / Q that
-    # a pair at this approach is asked for is a thousand times larger
+    # the block about the ball is mirror-symmetric, the rest of the mesh is not; the smallest T / Q computed for a pair
+    # at this approach is a thousand times larger
     assert np.abs(rig.meter.domain(rig.contact_radii())).max() < 5e-6 * normal
     assert np.abs(rig.model.forces()[0, :2]).max() < 5e-6 * normal
 
 
 def carried(problem: Problem, kind: str, folder: Path, shift: float) -> Rig:
-    """Return a rig whose ball and mesh about it stand ``shift`` [m] farther from the mirror plane, the sides as before.
+    """Return a rig with ball and mesh about it moved by ``shift`` [m] away from the mirror plane; the sides stay.
 
-    Meshes of their own would differ in energy by a tenth of what the distance changes.
+    The energies of separate meshes would differ by a tenth of the change with distance.
     """
     from mpi4py import MPI  # noqa: PLC0415
 
@@ -252,7 +252,7 @@ def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_ap
     assert found[2] - found[0] == relatively(work, 0.05)  # discretisation
 
 
-def test_a_solver_of_its_own_closes_the_same_equilibrium(tmp_path: Path) -> None:
+def test_a_second_solver_finds_the_same_equilibrium(tmp_path: Path) -> None:
     rig: Any = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path, QUADRATIC)
     rig.press()
     before = rig.meter.domain(rig.contact_radii())

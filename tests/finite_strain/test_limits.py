@@ -1,4 +1,4 @@
-"""Where a run cannot go: past the load that a mesh stands, past its budget, onto a full disk. What it has is kept."""
+"""Limits of a run: a load without equilibrium, its budget, a full disk; finished results are kept."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BREAKS = 0.7
 
 @pytest.fixture
 def breaking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Have load steps fail: of which orders of elements and which kinematics, beyond `BREAKS` or once at a fraction."""
+    """Make load steps fail for some element orders and kinematics, beyond `BREAKS` or once at a fraction."""
     solve = LoadPath._solve
     told: dict[str, Any] = {"orders": (), "small": False, "once": None}
 
@@ -57,7 +57,7 @@ def usual() -> Any:
     return pressed()
 
 
-def test_what_was_reached_before_the_load_that_cannot_be_is_kept_and_not_tried_again(
+def test_steps_before_a_failing_load_are_kept_and_the_load_is_not_tried_again(
     breaking: dict[str, Any], usual: Any, tmp_path: Path
 ) -> None:
     breaking["orders"] = (2, 3)
@@ -81,12 +81,12 @@ def test_a_step_that_is_cut_back_ends_in_the_same_equilibrium(breaking: dict[str
     assert [step.record["fraction"] for step in cut.steps] == list(STEPS)
     for ours, theirs in zip(cut.steps, usual.steps, strict=True):
         a, b = ours.balls[0], theirs.balls[0]
-        # the multipliers are those of a path's equilibrium, which is rough
+        # the multipliers are those of the path's loosely converged equilibrium
         assert a.tangential_force[0] == relatively(b.tangential_force[0], 1e-4)
         assert a.normal_force == relatively(b.normal_force, 1e-6)
 
 
-def test_a_pair_that_finds_no_equilibrium_is_done_without_and_said(breaking: dict[str, Any], usual: Any) -> None:
+def test_a_run_goes_on_without_a_pair_that_fails_and_reports_it(breaking: dict[str, Any], usual: Any) -> None:
     breaking |= {"orders": (2, 3), "small": True}
     alone = pressed()
     first, last = alone.steps
@@ -108,14 +108,14 @@ def test_no_discretisation_has_more_unknowns_than_the_budget_allows(usual: Any) 
     assert not any("more than the budget" in note for note in bound.solved.notes)
 
 
-def test_seconds_that_were_not_enough_are_said() -> None:
+def test_an_exhausted_time_budget_is_reported() -> None:
     hasty = finite_strain.solve(light_pair(), tangential_force=1e-4, seconds=0.5)
     assert len(hasty.solved.accuracy["meshes"]) == 2  # the fewest that an error estimate needs
     assert "the budget of 0.5 s" in hasty.solved.accuracy["stopped"]
     assert any(note.endswith("more than the budget of 0.5 s") for note in hasty.solved.notes)
 
 
-def test_a_full_disk_is_said_before_a_file_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_before_a_file_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "fields.h5"
     arrays = {"values": np.zeros((1000, 3))}
     write_gathered(MPI.COMM_SELF, target, arrays, lambda file: None)

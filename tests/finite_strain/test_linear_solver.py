@@ -1,4 +1,4 @@
-"""Newton's linear systems: chosen by size and form, the user's options win, a Krylov method that fails says so."""
+"""Newton's linear systems: solver choice by size and form, user options, failing Krylov methods."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 DEEP = 0.3
 SOLVER = 1e-7
-"""The Krylov method reduces the residual by 1e-8; forces follow by the conditioning of the tangent."""
+"""The Krylov method reduces the residual by 1e-8; the error of forces also depends on the condition number."""
 CASES = {
     "displacements, nu 0.3": ("displacement", 0.3, "fgmres + gamg"),
     "displacements, nu 0.48": ("displacement", 0.48, "fgmres + gamg"),
@@ -37,7 +37,7 @@ CASES = {
 
 @pytest.fixture
 def options() -> Iterator[Callable[[str, str], None]]:
-    """Set options of the prefix as a user would, and take them away again."""
+    """Set options of the prefix as a user would, and remove them afterwards."""
     database = PETSc.Options("thirdbody_")
     names = []
 
@@ -89,7 +89,7 @@ PATH = [0.3, 0.7, 1.0]
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
+def test_a_direct_solver_and_multigrid_agree_on_a_deep_contact(
     case: str, tmp_path: Path, options: Callable[[str, str], None]
 ) -> None:
     form, poisson, method = CASES[case]
@@ -99,11 +99,11 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
         rig = deep_rig(form, poisson, tmp_path, f"limit {limit}")
         rig.press(PATH)
         effort, residuals = replace(rig.solver.effort), rig.solver.residuals
-        rig.settle()  # a load step ends in a rough equilibrium
+        rig.settle()  # a load step ends loosely converged
         forces.append(rig.normal_forces()[0])
         rig.solver.close()
     assert rig.solver.choice.method == method
-    # a step begins far from equilibrium, where the tangent may be indefinite: factors then take over
+    # far from equilibrium the tangent may be indefinite; the direct solver then takes over
     assert effort.linear_fallbacks <= 2 * len(PATH)
     assert effort.linear_iterations > 5
     assert effort.seconds_assembly > 0.0
@@ -113,15 +113,13 @@ def test_a_deep_contact_is_solved_alike_by_factors_and_by_multigrid(
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_tangent_that_serves_several_iterations_finds_the_same_equilibrium_as_new_ones(
-    case: str, tmp_path: Path
-) -> None:
+def test_a_reused_tangent_finds_the_same_equilibrium_as_new_ones(case: str, tmp_path: Path) -> None:
     form, poisson, _ = CASES[case]
     found = []
     for most in (0, Numerics().lagged_iterations):
         rig = deep_rig(form, poisson, tmp_path, f"most {most}", lagged_iterations=most)
         records = list(rig.path.steps(PATH))
-        end = rig.settle()  # a load step ends in a rough equilibrium
+        end = rig.settle()  # a load step ends loosely converged
         tangents = sum(record.tangents for record in records) + end.tangents
         iterations = sum(record.newton_iterations for record in records) + end.iterations
         found.append((rig.normal_forces()[0], tangents, iterations))
@@ -155,7 +153,7 @@ def test_the_action_is_the_product_with_the_tangent(case: str, tmp_path: Path) -
     assert not action.array_r[~free].any()
 
 
-def test_systems_that_an_old_tangent_leaves_unfinished_do_not_keep_from_the_equilibrium(tmp_path: Path) -> None:
+def test_linear_systems_left_unfinished_with_an_old_tangent_do_not_prevent_equilibrium(tmp_path: Path) -> None:
     problem = pair(0.05, poisson=0.3)
     rig = rig_of(problem, tmp_path, "usual")
     rig.press()
@@ -197,7 +195,7 @@ def test_an_option_that_cannot_be_taken_is_named(
         rig_of(pair(0.05, poisson=0.3), tmp_path, "one").press()
 
 
-def test_the_users_most_iterations_end_a_solve(tmp_path: Path, options: Callable[[str, str], None]) -> None:
+def test_the_users_iteration_limit_ends_a_solve(tmp_path: Path, options: Callable[[str, str], None]) -> None:
     options("snes_max_it", "1")
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
     with pytest.raises(NotConverged, match="DIVERGED_MAX_IT after 1 iterations"):
@@ -221,7 +219,7 @@ def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
-def test_factors_take_the_place_of_a_krylov_method_that_fails_and_the_record_says_so(
+def test_a_direct_solver_replaces_a_failing_krylov_method_and_the_record_says_so(
     tmp_path: Path, options: Callable[[str, str], None]
 ) -> None:
     problem = pair(0.05, poisson=0.3)
@@ -241,7 +239,7 @@ def test_factors_take_the_place_of_a_krylov_method_that_fails_and_the_record_say
     assert not solver_notes(rig.solver.choice.method, 0)
 
 
-def test_a_system_that_factors_cannot_solve_either_is_said(
+def test_a_system_on_which_the_direct_solver_fails_too_is_reported(
     tmp_path: Path, options: Callable[[str, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options("direct_up_to", "0")
@@ -261,9 +259,7 @@ def test_a_system_that_factors_cannot_solve_either_is_said(
         rig.press()
 
 
-def test_no_option_of_ours_is_left_when_the_last_solver_is_closed(
-    tmp_path: Path, options: Callable[[str, str], None]
-) -> None:
+def test_closing_the_last_solver_removes_its_options(tmp_path: Path, options: Callable[[str, str], None]) -> None:
     options("ksp_rtol", "1e-7")
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
     assert "pc_type" in PETSc.Options("thirdbody_").getAll()

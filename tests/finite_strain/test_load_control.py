@@ -1,4 +1,4 @@
-"""Prescribed forces: met exactly, at the approach that answers them, and for hardly more than prescribed approaches."""
+"""Prescribed forces: met exactly, at the right approach, at little more cost than prescribed approaches."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from linear_bem import Problem
 
 FORCE = 1e-8
-"""Relative: what Newton's method leaves open of a prescribed force."""
+"""Relative error of a prescribed force after Newton's method."""
 PENALTY = 2e-4
-"""Relative, of an approach: a tenth of what the penalty leaves, which follows the approach expected at first."""
+"""Relative error of an approach: a tenth of the penetration, as the penalty depends on the first estimate."""
 DEARER = 1.3
-"""Tangents of a path by forces over those of the same path by approaches, at most."""
+"""Largest number of tangents of a path by forces, over that of the same path by approaches."""
 PATH = [0.3, 0.6, 1.0]
 
 
 def pressed(
     problem: Problem, folder: Path, path: list[float] | None = None, meshed_for: Problem | None = None
 ) -> tuple[Rig, int]:
-    """Return a rig at full load on the mesh of some load, and the tangents that its path took."""
+    """Return a rig at full load on the mesh of some load, and the number of tangents of its path."""
     plan = coarse_plan(meshed_for or problem)
     rig = coarse_rig(replace(plan, problem=problem), folder)
     records = rig.press(path or PATH)
@@ -50,7 +50,7 @@ def pressed(
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.4999], ids=["displacement form", "mixed form"])
-def test_a_prescribed_force_is_met_at_the_approach_that_answers_it(
+def test_a_prescribed_force_is_met_at_the_right_approach(
     poisson: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     problem = pair(0.1, poisson=poisson)
@@ -65,7 +65,7 @@ def test_a_prescribed_force_is_met_at_the_approach_that_answers_it(
     assert more <= DEARER * tangents
 
 
-def test_every_step_of_a_path_meets_its_share_of_the_force(tmp_path: Path) -> None:
+def test_every_step_of_a_path_meets_its_fraction_of_the_force(tmp_path: Path) -> None:
     problem = pair(Load("force", (0.05, 0.05)), poisson=0.3)
     rig = coarse_rig(coarse_plan(problem), tmp_path)
     for record in rig.path.steps(PATH):
@@ -100,14 +100,14 @@ def test_one_total_force_on_mirrored_balls_is_shared_equally(tmp_path_factory: p
     assert total.model.contact.approaches == relatively(each.model.contact.approaches, PENALTY)
 
 
-def test_loads_begin_where_each_ball_alone_would_be() -> None:
+def test_the_initial_approaches_are_those_of_single_balls() -> None:
     problem = replace(UNEQUAL, load=Load("force", (0.05, 0.02)))
     control = prescribed(problem).on(reduce_scene(problem))
     alone = [
         indentation_of_layer(problem.layer, None, radius, normal_force=0.5 * force).approach
         for radius, force in ((1.0, 0.05), (0.8, 0.02))
     ]
-    assert control.approaches(0.5) == relatively(alone, 0.05)  # the closed form is a paraboloid's
+    assert control.approaches(0.5) == relatively(alone, 0.05)  # the closed form is for a paraboloid
     # half of each ball is simulated
     assert control.targets(0.5) == relatively([0.5 * 0.025, 0.5 * 0.01], 1e-12)
     assert np.array_equal(control.moves, np.eye(2))

@@ -23,19 +23,19 @@ from linear_bem import problem
 from tests.finite_strain.scenes import relatively
 
 ROUNDOFF = 1e-13
-"""Relative; of some hundred operations on numbers of one size."""
+"""Relative, after some hundred operations on numbers of similar size."""
 SHEAR, LAME = 0.4, 3.1
 getcontext().prec = 60
 
 Density = Callable[[np.ndarray], float]
 
 
-def test_a_problem_takes_the_laws_that_there_are() -> None:
+def test_a_problem_accepts_exactly_the_implemented_laws() -> None:
     assert set(LAWS) == set(problem.LAWS)
 
 
 class OneTetrahedron:
-    """Evaluates what depends on a displacement gradient, as the models do: through a compiled form."""
+    """Evaluates functions of a displacement gradient as the models do: through a compiled form."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         mesh = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
@@ -106,7 +106,7 @@ def test_neo_hookean_energy_is_the_textbook_formula_to_roundoff(finite: OneTetra
         assert finite.energy(H) == relatively(textbook(H), ROUNDOFF)
 
 
-def test_the_textbook_formula_in_doubles_would_drown_at_the_strains_of_a_stiff_substrate() -> None:
+def test_the_textbook_formula_in_doubles_loses_its_digits_at_the_strains_of_a_stiff_substrate() -> None:
     (H,) = gradients(1e-7, 1)
     F = np.eye(3) + H
     J = np.linalg.det(F)
@@ -146,7 +146,7 @@ def test_cauchy_stress_is_mu_over_j_times_b_minus_one_plus_the_volumetric_part(f
         assert finite.tensor("cauchy", H) == pytest.approx(expected, abs=ROUNDOFF * 10)
 
 
-def test_a_rigid_turn_costs_no_energy(finite: OneTetrahedron) -> None:
+def test_a_rigid_rotation_has_no_energy(finite: OneTetrahedron) -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     assert finite.energy(turn - np.eye(3)) == pytest.approx(0.0, abs=1e-15)
@@ -177,7 +177,7 @@ def test_an_inverted_element_has_no_energy(finite: OneTetrahedron) -> None:
     assert np.isnan(finite.energy(np.diag([0.0, 0.0, -1.5])))
 
 
-def test_strong_compression_is_resisted_ever_more_stiffly(finite: OneTetrahedron) -> None:
+def test_the_pressure_keeps_rising_in_strong_compression(finite: OneTetrahedron) -> None:
     squeezes = [0.5, 0.2, 0.1, 0.05]
     pressures = [-finite.tensor("stress", np.diag([0.0, 0.0, s - 1.0]))[2, 2] for s in squeezes]
     assert all(a < b for a, b in pairwise(pressures))

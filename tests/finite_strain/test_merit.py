@@ -1,4 +1,4 @@
-"""The merit that the line search watches in the mixed form falls along every Newton step, and carries deep balls."""
+"""The merit function of the mixed form's line search: it falls along Newton steps and suffices for deep balls."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def pressed(poisson: float, substrate: Elastic, folder: Path) -> Rig:
-    """Return a pair on a coarse mesh, in equilibrium at half the load and then pushed on: far from equilibrium."""
+    """Return a pair on a coarse mesh, far from equilibrium: solved at half the load, then set to the full approach."""
     rig = coarse_rig(coarse_plan(pair(0.1, poisson=poisson, substrate=substrate)), folder)
     rig.press([0.5])
     rig.model.contact.set_approaches(np.array([0.1]))
@@ -39,7 +39,7 @@ def newton_step(rig: Rig, residual: PETSc.Vec, step: PETSc.Vec) -> None:
 
 
 @pytest.mark.parametrize(("poisson", "below"), [(0.4999, STIFF_SUBSTRATE), (0.5, Elastic(2.0, 0.5))])
-def test_its_slope_along_a_newton_step_is_minus_the_steps_own_stiffness(
+def test_its_slope_along_a_newton_step_is_minus_the_stiffness_of_the_step(
     poisson: float, below: Elastic, tmp_path: Path
 ) -> None:
     rig = pressed(poisson, below, tmp_path)
@@ -67,7 +67,7 @@ def test_its_slope_along_a_newton_step_is_minus_the_steps_own_stiffness(
     assert (at[1] - at[0]) / (2.0 * t) == relatively(slope, 1e-5)  # the contact's edge moves: second order in t
 
 
-def test_a_displacement_without_a_volume_is_no_candidate(tmp_path: Path) -> None:
+def test_an_inverted_displacement_is_rejected(tmp_path: Path) -> None:
     rig = pressed(0.4999, STIFF_SUBSTRATE, tmp_path)
     x, step = rig.model.matrix.createVecs()
     merit = Merit(rig.model, x)

@@ -1,4 +1,4 @@
-"""The mixed form: its derivatives, its stability up to nu = 1/2, and that it and the displacement form meet."""
+"""The mixed form: its derivatives, its stability up to nu = 1/2, and agreement with the displacement form."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def coarse_model(problem: Problem, kind: str, folder: Path) -> Model:
 
 @pytest.fixture(scope="module", params=CASES)
 def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Model:
-    """A quarter of a pair, a thousand unknowns, its ball pressed in and its multipliers not zero."""
+    """A quarter of a pair with a thousand unknowns, its ball pressed in, with nonzero multipliers."""
     kind, poisson, substrate = CASES[request.param]
     problem = pair(0.1, poisson=poisson, substrate=substrate, shape=SHAPES[kind])
     model = coarse_model(problem, kind, tmp_path_factory.mktemp("mixed"))
@@ -65,7 +65,7 @@ def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def direction(model: Model, seed: int, scale: float) -> np.ndarray:
-    """Return a random change of all unknowns in a solver's order, smooth in space, zero where they are held."""
+    """Return a random change of all unknowns in a solver's order, smooth in space, zero where constrained."""
     random = np.random.default_rng(seed)
     parts = []
     held = [model.constrained, *(idle_rows(model, k) for k in range(len(model.fields.pressures)))]
@@ -132,7 +132,7 @@ def test_the_tangent_is_the_derivative_of_the_residual_and_symmetric(model: Mode
     assert model.matrix.isSymmetric(1e-10)
 
 
-def test_a_pressure_lives_in_its_own_region_alone(model: Model) -> None:
+def test_a_pressure_is_confined_to_its_own_region(model: Model) -> None:
     At(model).go(direction(model, 1, 0.01))
     model.tangent()
     start = model.fields.ranges[0].stop
@@ -210,7 +210,7 @@ def pressed(problem: Problem, kind: str, folder: Path, level: Discretisation = Q
 
 
 def wide(problem: Problem) -> Extent:
-    """Return sides so far away that closed forms for an endless layer apply."""
+    """Return an extent so large that closed forms for an infinite layer apply."""
     return Extent(max(6.0 * problem.layer.thickness, 5.0 * problem.balls[0].radius), 0.0)
 
 
@@ -264,7 +264,7 @@ def ripple(model: Model) -> float:
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_both_forms_meet_where_both_are_fit(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_both_forms_agree_where_both_are_valid(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     answers: dict[str, list[float]] = {"displacement": [], "mixed": []}
     for form, values in answers.items():
         for level in (QUADRATIC, CUBIC):
@@ -297,7 +297,7 @@ def incompressible(tmp_path_factory: pytest.TempPathFactory) -> Rig:
     return pressed(single(0.1, 1.0, 0.5), "finite_strain", tmp_path_factory.mktemp("incompressible"))
 
 
-def test_the_base_bears_what_the_balls_press_when_incompressible(incompressible: Rig) -> None:
+def test_the_base_reaction_balances_the_balls_when_incompressible(incompressible: Rig) -> None:
     assert 4.0 * incompressible.model.base_reaction() == relatively(incompressible.normal_forces()[0], 1e-8)
 
 
@@ -313,7 +313,7 @@ def test_an_incompressible_layer_keeps_its_volume(incompressible: Rig) -> None:
     assert abs(change) < 1e-7 * size
 
 
-def test_one_length_unit_or_another_gives_the_same_answer(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_answer_does_not_depend_on_the_unit_of_length(tmp_path_factory: pytest.TempPathFactory) -> None:
     answers = []
     for metre, pascal in ((1.0, 1.0), (2.0**-8, 2.0**21)):
         load = Load("approach", (0.1 * metre,))

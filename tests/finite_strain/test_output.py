@@ -129,7 +129,7 @@ def test_gradients_at_the_nodes_of_skew_cells_are_exact_and_averages_keep_them(o
     assert np.linalg.norm(areas.sum(axis=1), axis=1) == pytest.approx(1.0)
 
 
-def test_where_two_regions_meet_the_layers_value_is_written(tmp_path: Path) -> None:
+def test_the_layers_value_is_written_at_the_interface(tmp_path: Path) -> None:
     problem = on_layer(balls_at((0.0, 0.0)), single(0.1).load, 1.0, Elastic(10.0, NU), poisson=NU)
     rig = coarse(problem, tmp_path)
     compress(rig, STRETCH)
@@ -205,7 +205,7 @@ def test_everything_is_written_in_the_scenes_own_frame(pressed: tuple[Rig, Path]
     assert np.abs(shear).max() < 0.05 * np.abs(stress[middle]).max()  # discretisation
 
 
-def test_what_is_not_asked_for_is_neither_compiled_nor_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_not_requested_are_neither_compiled_nor_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: Any) -> None:
         raise AssertionError("compiled an expression")
 
@@ -219,7 +219,7 @@ def test_what_is_not_asked_for_is_neither_compiled_nor_written(tmp_path: Path, m
         FieldWriter(rig.model, tmp_path, FieldChoice(("von_mises",)))
 
 
-def test_every_so_many_steps_are_written_and_always_the_last() -> None:
+def test_every_nth_step_and_the_last_are_written() -> None:
     choice = FieldChoice(every=3)
     assert [n for n in range(1, 8) if choice.wants(n, n / 7.0)] == [3, 6, 7]
     with pytest.raises(InvalidProblem, match="unknown mises"):

@@ -1,4 +1,4 @@
-"""The small-strain problem as control variate: what it takes off, how much it counts, and what it leaves open."""
+"""The small-strain problem as control variate: its correction, its weight, and the remaining uncertainty."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:
 
 
 @pytest.mark.parametrize("forces_given", [False, True], ids=["approach given", "force given"])
-def test_where_both_strains_are_one_the_answer_is_the_linear_truth(forces_given: bool) -> None:
+def test_if_both_models_agree_the_answer_is_the_linear_one(forces_given: bool) -> None:
     own = small = state(0.9, 0.11, (-0.021, 0.004))
     truth = linear(0.9 if forces_given else 1.0, 0.1 if forces_given else 0.11, (-0.02, 0.003))
     answer = paired(own, small, truth, FAR_FROM_ZERO, forces_given)
@@ -37,20 +37,20 @@ def test_where_both_strains_are_one_the_answer_is_the_linear_truth(forces_given:
     assert answer.normal_force == relatively(truth.normal_force, ROUNDOFF)
     assert answer.approach == relatively(truth.approach, ROUNDOFF)
     assert answer.tangential_force == relatively(truth.tangential_force, ROUNDOFF)
-    # what both were off by, of which a part is never certain
+    # the error of both, a fraction of which stays uncertain
     off = np.hypot(*(truth.tangential_force / truth.normal_force**2 - own.per_squared_force)[0])
     share = abs(0.1 / 0.11 - 1.0) if forces_given else abs(1.0 / 0.9 - 1.0)
     assert answer.transfer == relatively([UNSURE * off], ROUNDOFF)
     assert answer.force_transfer == relatively([UNSURE * share], 1e-12)
 
 
-def test_an_error_that_both_share_is_taken_off() -> None:
+def test_an_error_shared_by_both_is_removed() -> None:
     # the mesh is 3 % too stiff and has 1e-3 too much T / Q^2; finite strain softens by a tenth
     truth, exact = linear(1.0, 0.1, (-0.02, 0.0)), state(0.9, 0.1, (-0.023, 0.0))
     answer = paired(state(0.927, 0.1, (-0.022, 0.0)), state(1.03, 0.1, (-0.019, 0.0)), truth, FAR_FROM_ZERO, False)
     assert answer.normal_force == relatively(exact.normal_force, ROUNDOFF)
     assert answer.per_squared_force[0] == pytest.approx([-0.023, 0.0], abs=ROUNDOFF)
-    # what may not carry over: the difference against the ratio, 3/22 of it, is less than what is never certain
+    # the transfer error, 3/22 of the correction (difference against ratio), is below the least uncertainty
     assert answer.transfer == relatively([UNSURE * 1e-3], 1e-12)
     assert answer.force_transfer == relatively([UNSURE * (1.0 - 1.0 / 1.03)], 1e-12)
 
@@ -67,7 +67,7 @@ def test_at_given_force_the_approach_is_corrected_and_the_force_kept() -> None:
     ("unlike", "weight"),
     [(0.0, 1.0), (ALIKE, 1.0), (0.5 * (ALIKE + UNLIKE), 0.5), (UNLIKE, 0.0), (0.9, 0.0), (1.5, 0.0)],
 )
-def test_the_pair_counts_less_the_less_the_two_forces_are_alike(unlike: float, weight: float) -> None:
+def test_the_weight_of_the_pair_falls_as_the_two_forces_differ(unlike: float, weight: float) -> None:
     own, small = state(1.0, 0.1, (1.0 - unlike, 0.0)), state(1.0, 0.1, (1.0, 0.0))
     answer = paired(own, small, linear(1.1, 0.1, (1.2, 0.0)), FAR_FROM_ZERO, False)
     if unlike > 1.0:  # the difference is measured by the larger of the two
@@ -76,12 +76,12 @@ def test_the_pair_counts_less_the_less_the_two_forces_are_alike(unlike: float, w
     assert answer.weight[0] == pytest.approx(weight, abs=ROUNDOFF)
     assert answer.per_squared_force[0, 0] == pytest.approx(1.0 - unlike + weight * 0.2, abs=ROUNDOFF)
     assert answer.normal_force[0] == relatively(1.1**weight, ROUNDOFF)
-    # little is left open of a correction between problems that are one, all of it between strangers
+    # the uncertain part of the correction grows from its minimum to all of it as the problems differ
     left = min(max(unlike / max(1.0 - unlike, 0.5), UNSURE), 1.0)
     assert answer.transfer[0] == pytest.approx(0.2 * left, abs=ROUNDOFF)
 
 
-def test_near_the_zero_of_t_differences_are_measured_by_the_scale() -> None:
+def test_near_a_zero_of_t_differences_are_relative_to_the_scale() -> None:
     # T of the two has opposite signs, and both are a hundredth of what counts
     own, small = state(1.0, 0.1, (1e-4, 0.0)), state(1.0, 0.1, (-1e-4, 0.0))
     truth = linear(1.0, 0.1, (-3e-4, 0.0))
@@ -100,7 +100,7 @@ def test_a_ball_without_force_has_no_correction_and_no_nan() -> None:
             assert not np.any(values)
 
 
-def test_without_a_pair_the_discretisation_speaks_for_itself() -> None:
+def test_without_a_pair_there_is_no_correction() -> None:
     own = state(0.9, 0.1, (-0.02, 0.001))
     answer = unpaired(own)
     assert answer.tangential_force == relatively(own.tangential_force, ROUNDOFF)

@@ -1,4 +1,4 @@
-"""At the paper's load, where theories nearly agree, against the boundary element model."""
+"""Comparison with the boundary element model at the paper's load, where the theories nearly agree."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.finite_strain.scenes import PAPER_LOAD, SHAPES, STIFF_SUBSTRATE, at_s
 pytestmark = pytest.mark.slow
 
 CASES = [("small_strain", 1.16, 0.1), ("finite_strain", 1.16, 0.02), ("finite_strain", 6.0, 0.02)]
-"""Model, thickness, and the accuracy asked for: the default where a pair takes the mesh's error off."""
+"""Model, thickness, and the requested accuracy: the default where a pair removes the error of the mesh."""
 
 
 @pytest.fixture(scope="module", params=CASES, ids=[f"{model}, h = {h}" for model, h, _ in CASES])
@@ -56,7 +56,7 @@ def test_the_prescribed_force_is_met_at_the_linear_models_approach(both: tuple[s
 def test_area_and_peak_of_the_pressure_are_the_linear_models(both: tuple[str, Any, Any]) -> None:
     model, elements, linear = both
     ball, reference = elements.balls[0], linear.balls[0]
-    # discretisation: elements are a third of the contact wide, and only a pair takes off what that does
+    # discretisation: elements are a third of the contact wide, and only a pair removes the resulting error
     tolerance = 0.15 if model == "small_strain" else 0.06
     assert ball.contact_area == relatively(reference.contact_area, tolerance)
     assert ball.peak_pressure == relatively(reference.peak_pressure, tolerance)

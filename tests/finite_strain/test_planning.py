@@ -1,4 +1,4 @@
-"""What will be run, and what is refused: answered without DOLFINx."""
+"""The plan of a run and its refusals, without DOLFINx."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
         assert paths[0][0][0] ** power * deepest <= LARGEST_STEP  # the smaller ball's own first step
 
 
-def test_answers_are_given_where_they_are_asked_for_on_a_path_that_newton_can_follow() -> None:
+def test_requested_steps_are_answered_on_a_path_that_newton_can_follow() -> None:
     problem = pair(0.2)
     usual = plan_run(problem, 0.02, "finite_strain")
     assert usual.goals == (1.0,)
@@ -124,7 +124,7 @@ EXTENT_SCENES = {
 
 
 @pytest.mark.parametrize("name", EXTENT_SCENES)
-def test_the_box_reaches_farther_the_more_accuracy_is_asked_for(name: str) -> None:
+def test_the_box_grows_with_the_requested_accuracy(name: str) -> None:
     problem = EXTENT_SCENES[name]
     expected = prescribed(problem).expected()
     extents = [choose_extent(problem, expected, accuracy) for accuracy in (0.3, 0.1, 0.02, 0.005, 0.001)]
@@ -158,7 +158,7 @@ def test_blocks_of_neighbouring_balls_do_not_overlap() -> None:
             assert a.half_width + b.half_width <= apart * (1.0 + 1e-12)
 
 
-def test_the_plan_answers_all_that_is_asked_of_it_in_plain_numbers() -> None:
+def test_the_plan_is_complete_and_holds_plain_numbers() -> None:
     answer = finite_strain.plan(pair(0.2), 0.02, steps=(0.5, 1.0))
     assert set(answer) == KEYS
     assert json.loads(json.dumps(answer)) == answer
@@ -212,7 +212,7 @@ except MissingDependency as error:
         assert word in done.stdout
 
 
-def test_everything_that_the_model_lacks_is_named_at_once() -> None:
+def test_all_unsupported_effects_are_named_at_once() -> None:
     balls = balls_at((-1.0, 0.0), (1.0, 0.0))
     layer, load = Layer(1.0, 0.49995, math.inf), Load("force", (0.01, 0.0))
     problem = Problem(layer, balls, load, Elastic(10.0, 0.5), elements=Elements("displacement"))

@@ -1,4 +1,4 @@
-"""Which discretisation comes next, and when refinement ends: decided from records made by hand."""
+"""Choice of the next discretisation and end of refinement, decided from hand-made records."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def size(level: Discretisation) -> float:
 
 
 def record(level: Discretisation, reached: float = math.nan, seconds: float = 10.0, **terms: float) -> Record:
-    """Return a finished discretisation that came to an error of T, of which terms are named."""
+    """Return a finished discretisation with an error of T and the given terms."""
     named = dict.fromkeys(("discretisation", "enforcement", "transfer", "solver"), 0.0) | terms if terms else {}
     rows = [Row(state(1.0, 0.1, (0.01, 0.0)), state(1.1, 0.1, (0.01, 0.0)))]
     return Record(level, round(size(level)), seconds, True, rows, [ANSWER], {"T": [[0.01]]}, named, reached, 1e-3)
 
 
 def first(reached: float, **terms: float) -> list[Record]:
-    """Return the path finder and the first discretisation that answers."""
+    """Return the path finder and the first discretisation with an answer."""
     return [record(QUADRATIC), record(CUBIC, reached, **(terms or {"discretisation": reached}))]
 
 
@@ -78,7 +78,7 @@ def test_an_error_estimate_needs_two_discretisations() -> None:
     assert chosen(0.5, [record(QUADRATIC)]) == CUBIC
 
 
-def test_a_fine_accuracy_goes_to_the_highest_order_at_once_where_the_budget_lets_it() -> None:
+def test_a_high_accuracy_takes_the_highest_order_at_once_if_the_budget_allows() -> None:
     assert chosen(2.0 * FINE, [record(QUADRATIC)]) == CUBIC
     assert chosen(FINE, [record(QUADRATIC)]) == QUARTIC
     assert chosen(FINE, [record(QUADRATIC)], Budget(unknowns=0.99 * size(QUARTIC))) == CUBIC
@@ -115,7 +115,7 @@ def test_a_larger_error_is_answered_with_a_finer_mesh_within_bounds() -> None:
     assert all(f / STEP == round(f / STEP) for f in fineness)
 
 
-def test_an_error_that_is_not_known_is_taken_for_a_large_one() -> None:
+def test_an_unknown_error_counts_as_large() -> None:
     assert chosen(0.02, two_meshes(math.inf)).fineness == 2.0 * 1.5
 
 
@@ -123,19 +123,19 @@ def test_a_penalty_that_limits_the_accuracy_is_made_stiffer_on_the_same_mesh() -
     assert chosen(0.02, first(0.04, enforcement=0.039, discretisation=0.009)) == replace(CUBIC, penalty=STIFFER)
 
 
-def test_a_domain_is_widened_where_a_better_discretisation_left_the_pairs_correction_as_it_was() -> None:
+def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correction() -> None:
     def after(left: float) -> Discretisation:
         better = record(QUARTIC, 0.04, transfer=left, discretisation=0.001)
         return chosen(0.02, [*first(0.05, transfer=0.05), better])
 
     assert after(0.04) == replace(QUARTIC, extent=WIDER)
-    assert after(0.02).fineness > 1.0  # it fell with the order: so it is the mesh's
+    assert after(0.02).fineness > 1.0  # it fell with the order, so it is due to the mesh
     assert after(0.02).extent == 1.0
-    # one answer alone does not say which
+    # a single answer cannot tell
     assert chosen(0.02, first(0.05, transfer=0.05)) == QUARTIC
 
 
-def test_what_no_discretisation_removes_is_not_refined_for() -> None:
+def test_errors_that_refinement_cannot_reduce_end_it() -> None:
     decision = decide(0.02, first(0.04, solver=0.04), FREE, size)
     assert decision.level is None
     assert "solver" in decision.why
@@ -146,25 +146,25 @@ def test_what_no_discretisation_removes_is_not_refined_for() -> None:
     [(Budget(unknowns=3e3), "3000 unknowns"), (Budget(seconds=30.0), "30 s")],
     ids=["size", "time"],
 )
-def test_no_discretisation_is_begun_that_would_pass_the_budget(budget: Budget, name: str) -> None:
+def test_no_discretisation_beyond_the_budget_is_started(budget: Budget, name: str) -> None:
     decision = decide(0.02, first(0.04), budget, size)
     assert decision.level is None
     assert name in decision.why
 
 
-def test_a_budget_between_takes_the_finest_mesh_that_it_allows() -> None:
+def test_a_limited_budget_takes_the_finest_mesh_that_it_allows() -> None:
     # a fineness of 3 would suit and has 172 800 unknowns, one of 2.5 has 100 000
     assert chosen(0.02, two_meshes(0.5), Budget(unknowns=1.2e5)).fineness == 2.5
     assert chosen(0.02, two_meshes(0.5), Budget(unknowns=1.8e5)).fineness == 3.0
 
 
-def test_foreseen_sizes_are_corrected_by_the_last_counted_one() -> None:
+def test_predicted_sizes_are_corrected_by_the_last_actual_size() -> None:
     records = first(0.5)
     records[-1].unknowns *= 2
     assert decide(0.02, records, Budget(unknowns=1e4), size).level is None
 
 
-def test_refinement_comes_to_an_end() -> None:
+def test_refinement_terminates() -> None:
     records = first(0.5)
     while (decision := decide(1e-9, records, FREE, size)).level is not None:
         records.append(record(decision.level, 0.5, discretisation=0.5))
@@ -172,7 +172,7 @@ def test_refinement_comes_to_an_end() -> None:
     assert str(MOST_LEVELS) in decision.why
 
 
-def test_the_account_of_accuracy_is_plain_and_complete() -> None:
+def test_the_accuracy_report_is_complete() -> None:
     records = first(0.04, discretisation=0.03, transfer=0.02)
     told = account(0.02, records, 1, Budget(seconds=9.0), "the money is spent", "the largest tangential force")
     assert json.loads(json.dumps(told)) == told
@@ -211,7 +211,7 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
         saved_records(tmp_path, "mine")
 
 
-def test_a_run_with_other_numerics_is_another_run(tmp_path: Path) -> None:
+def test_a_run_with_other_numerics_has_another_key(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     from mpi4py import MPI  # noqa: PLC0415
 

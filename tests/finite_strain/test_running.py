@@ -1,4 +1,4 @@
-"""One light run, on one and two ranks, stopped and continued, and what it leaves on disk."""
+"""One light run: on one and two ranks, stopped and resumed, and the files that it writes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.finite_strain.scenes import LIGHT, Recorder, at_small_strain, light_p
 from tests.launch import mpirun
 
 PARALLEL = 1e-6
-"""Relative: equilibria are closed to 1e-9 of the normal force, and T is a thousandth of that force or less."""
+"""Relative: equilibria are converged to 1e-9 of the normal force, and T is a thousandth of that force or less."""
 WRITTEN_PRESSURE = 0.2
 """Discretisation: pressure is written linear on triangles, two of which span a contact radius, and never negative."""
 
@@ -50,7 +50,7 @@ def heard() -> Recorder:
 
 @pytest.fixture(scope="module")
 def result(folder: Path, heard: Recorder) -> Any:
-    """The light pair, pressed in by this process."""
+    """The light pair, solved by this process."""
     return solve(folder, heard)
 
 
@@ -91,7 +91,7 @@ def test_the_error_of_t_is_the_root_of_the_squares_of_its_terms(result: Any) -> 
     assert accuracy["reached"] * accuracy["relative_to"]["force"] == relatively(last.tangential_force_error, 1e-9)
 
 
-def test_every_step_answers_for_the_prescribed_approach(result: Any) -> None:
+def test_every_step_has_the_prescribed_approach(result: Any) -> None:
     assert [step.record["fraction"] for step in result.steps] == list(STEPS)
     assert [step.record["step"] for step in result.steps] == [1, 2]
     assert [b.approach for b in result.balls] == [relatively(LIGHT, 1e-12)] * 2
@@ -127,15 +127,15 @@ def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
     assert result.solved.certificate["force_balance"] <= 1e-7
 
 
-def test_a_plan_foresees_the_number_of_unknowns(result: Any) -> None:
+def test_a_plan_predicts_the_number_of_unknowns(result: Any) -> None:
     plan = plan_run(light_pair(), ACCURACY, "finite_strain")
     for mesh in result.solved.accuracy["meshes"]:
         level = Discretisation(mesh["order"], mesh["fineness"], mesh["extent"])
-        # theory: the estimate's own statement
+        # theory: the stated error of the estimate
         assert plan.unknowns(level) == relatively(mesh["unknowns"], 0.3)
 
 
-def test_the_observer_hears_size_attempts_iterations_and_steps(result: Any, heard: Recorder) -> None:
+def test_the_observer_receives_size_attempts_iterations_and_steps(result: Any, heard: Recorder) -> None:
     assert heard.info["unknowns"] == result.solved.unknowns
     assert heard.info["load_steps"] == len(STEPS)
     assert heard.info["resumed_steps"] == 0
@@ -248,7 +248,7 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path) -> None:
+def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, tmp_path: Path) -> None:
     found = press(2, tmp_path)
     assert found["solved"]["ranks"] == 2
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
@@ -263,7 +263,7 @@ def test_two_ranks_answer_as_one_does(result: Any, folder: Path, tmp_path: Path)
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_a_run_stopped_in_the_middle_of_a_discretisation_goes_on_there(
+def test_a_run_stopped_in_the_middle_of_a_discretisation_resumes_there(
     result: Any, folder: Path, tmp_path: Path
 ) -> None:
     press(2, tmp_path, "1", code=STOPPED)
@@ -272,7 +272,7 @@ def test_a_run_stopped_in_the_middle_of_a_discretisation_goes_on_there(
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers are kept, and of this mesh the first step
+    # the path finder's answers and the first step on this mesh are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
@@ -280,7 +280,7 @@ def test_a_run_stopped_in_the_middle_of_a_discretisation_goes_on_there(
     assert all(step.record["seconds_output"] > 0.0 for step in found.steps)
 
 
-def test_a_finished_run_is_answered_from_its_folder(result: Any, folder: Path) -> None:
+def test_a_finished_run_is_read_from_its_folder(result: Any, folder: Path) -> None:
     again = Recorder()
     found = solve(folder, again)
     assert not again.attempts
@@ -288,7 +288,7 @@ def test_a_finished_run_is_answered_from_its_folder(result: Any, folder: Path) -
     assert found.solved.accuracy == result.solved.accuracy
 
 
-def test_a_run_that_is_to_be_more_accurate_begins_anew(result: Any, folder: Path, tmp_path: Path) -> None:
+def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp_path: Path) -> None:
     (tmp_path / NAME).write_bytes((folder / NAME).read_bytes())
     hasty = StopAfter(1)
     with pytest.raises(Stopped):

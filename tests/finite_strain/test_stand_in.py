@@ -1,4 +1,4 @@
-"""One contract for the finite elements and their stand-in in the tests of `runs`: what observers hear, and resuming."""
+"""One contract for the finite elements and their stand-in in the tests of `runs`: observer calls and resuming."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MESH = {"order", "fineness", "extent", "penalty", "unknowns", "seconds", "reache
 
 
 class Listener(StopAfter):
-    """Remembers also in which order it is called: s(tarted), a(ttempt), n(ewton), d(one)."""
+    """Also records the order of calls: s(tarted), a(ttempt), n(ewton), d(one)."""
 
     def __init__(self, last: int = 0) -> None:
         super().__init__(last)
@@ -60,7 +60,7 @@ class Listener(StopAfter):
 
 @pytest.fixture(scope="module", params=[finite_strain, elements], ids=["finite elements", "stand-in"])
 def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """A run without a break, and one that is stopped after its first step, resumed, and asked for again."""
+    """An uninterrupted run, and one that is stopped after its first step, resumed, and requested again."""
 
     def run(folder: Path, listener: Listener) -> Result:
         return request.param.solve(
@@ -82,7 +82,7 @@ def test_observers_are_called_in_the_same_order(solved: SimpleNamespace) -> None
     assert solved.whole.order.count("d") == len(STEPS)
 
 
-def test_observers_are_told_what_the_protocol_says(solved: SimpleNamespace) -> None:
+def test_observers_receive_the_arguments_of_the_protocol(solved: SimpleNamespace) -> None:
     types = get_type_hints(Started)
     assert set(solved.whole.info) == set(types)
     assert all(isinstance(value, get_origin(types[k]) or types[k]) for k, value in solved.whole.info.items())
@@ -111,7 +111,7 @@ def test_steps_and_accuracy_have_the_same_keys(solved: SimpleNamespace) -> None:
     assert all(set(mesh) == MESH for mesh in accuracy["meshes"])
 
 
-def test_a_stopped_run_resumes_to_the_same_answer_and_a_finished_one_is_silent(solved: SimpleNamespace) -> None:
+def test_a_stopped_run_resumes_to_the_same_answer_and_a_finished_one_calls_no_observer(solved: SimpleNamespace) -> None:
     whole, resumed, again = (np.array([numbers(step) for step in result.steps]) for result in solved.results)
     assert resumed == pytest.approx(whole, rel=1e-6)
     assert np.array_equal(again, resumed)
@@ -121,6 +121,6 @@ def test_a_stopped_run_resumes_to_the_same_answer_and_a_finished_one_is_silent(s
 
 
 def numbers(step: Step) -> list[float]:
-    """Return what a step says of its first ball, with the errors."""
+    """Return a step's numbers for its first ball, with errors."""
     ball = step.balls[0]
     return [ball.approach, ball.normal_force, ball.tangential_force[0], ball.tangential_force_error]

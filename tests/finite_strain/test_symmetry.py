@@ -1,4 +1,4 @@
-"""Which mirror planes a scene has, and how the forces of all its balls follow from those of the simulated ones."""
+"""Mirror planes of a scene, and forces on all its balls from those on the simulated ones."""
 
 from __future__ import annotations
 

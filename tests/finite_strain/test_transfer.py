@@ -1,4 +1,4 @@
-"""A state taken off its mesh: exact for the elements' own polynomials, wherever it came from and goes to."""
+"""Transfer of states between meshes and ranks: exact for polynomials that the elements contain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.finite_strain.scenes import coarse_plan, pair
 from tests.launch import mpirun
 
 ROUNDOFF = 1e-10
-"""Of polynomials of degree zero to two at places that Newton's method finds in skew cells."""
+"""Absolute, for polynomials of degree zero to two at points that Newton's method locates in skew cells."""
 APPROACHES = np.array([0.1, 0.07])
 PENALTIES = np.array([3.0, 4.0])
 
@@ -38,19 +38,19 @@ def fields_on(mesh: Any, order: int) -> Fields:
 
 
 def held(order: int) -> int:
-    """Return the degree of the polynomials that cells of an order hold where their sides are quadratic curves."""
+    """Return the degree of the polynomials that cells of an order contain if their sides are quadratic curves."""
     return order // 2
 
 
 def polynomial(points: np.ndarray, order: int) -> np.ndarray:
-    """Return a polynomial (n, 3) that cells of an order hold, of order two and up."""
+    """Return a polynomial (n, 3) that cells of an order (two and up) contain."""
     x, y, z = points.T
     d = held(order)
     return np.column_stack([x * y ** (d - 1) - z, (0.3 * x + y - 0.2 * z) ** d, z**d - 2.0 * x * z ** (d - 1)])
 
 
 def pressure(points: np.ndarray, order: int) -> np.ndarray:
-    """Return a polynomial (n,) that cells of an order hold."""
+    """Return a polynomial (n,) that cells of an order contain."""
     return np.asarray((points @ [0.3, 1.0, -0.2]) ** held(order))
 
 
@@ -67,7 +67,7 @@ def taken(fraction: float, fields: Fields) -> Snapshot:
 
 
 def mismatch(fields: Fields, snapshot: Snapshot, order: int) -> float:
-    """Return the largest difference between what a snapshot says at the fields' nodes and the polynomial there."""
+    """Return the largest difference between a snapshot and the polynomial at the fields' nodes."""
     (nodal, pressures), source = snapshot.at(fields)
     first, second = fields.points
     assert np.array_equal(source.approaches, 0.9 * APPROACHES)
@@ -95,7 +95,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
 
 @pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 4), (4, 2), (4, 4)])
 @pytest.mark.parametrize("way", [(0, 1), (1, 0)], ids=["to a finer mesh", "to a coarser one"])
-def test_polynomials_of_the_order_go_from_mesh_to_mesh_unchanged(
+def test_polynomials_of_the_order_are_transferred_exactly(
     two: list[Any], before: int, after: int, way: tuple[int, int]
 ) -> None:
     order = min(before, after)
@@ -105,7 +105,7 @@ def test_polynomials_of_the_order_go_from_mesh_to_mesh_unchanged(
     assert mismatch(target, snapshot, order) < ROUNDOFF
 
 
-def test_a_saved_state_comes_back_to_the_last_bit(two: list[Any], tmp_path: Path) -> None:
+def test_a_saved_state_is_restored_bit_for_bit(two: list[Any], tmp_path: Path) -> None:
     fields = fields_on(two[0], 3)
     random = np.random.default_rng(1)
     for function in fields.functions:
@@ -118,7 +118,7 @@ def test_a_saved_state_comes_back_to_the_last_bit(two: list[Any], tmp_path: Path
     assert np.array_equal(back.approaches, APPROACHES)
     assert np.array_equal(back.nodes, kept.nodes)
     assert all(np.array_equal(a, b) for a, b in zip(back.values, kept.values, strict=True))
-    # on its own mesh it is what it was, to roundoff of the nodes' places
+    # on its own mesh it is unchanged, to roundoff of the node positions
     values, source = back.at(fields)
     for now, then in zip(values, fields.copy(), strict=True):
         assert np.abs(now - then).max() < ROUNDOFF
@@ -145,7 +145,7 @@ def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> 
 
 
 @pytest.mark.mpi
-def test_a_state_of_one_rank_is_taken_up_by_two_and_theirs_by_one(two: list[Any], tmp_path: Path) -> None:
+def test_states_are_transferred_between_one_and_two_ranks(two: list[Any], tmp_path: Path) -> None:
     fields = fields_on(two[0], 3)
     fill(fields, 3)
     taken(0.5, fields).save(tmp_path / "one.npz")
@@ -157,7 +157,7 @@ def test_a_state_of_one_rank_is_taken_up_by_two_and_theirs_by_one(two: list[Any]
 
 
 def main() -> None:
-    """On two ranks: take up what one left, leave a state of two, and print the largest mismatch of each rank."""
+    """On two ranks: load the state of one, save a state of two, and print the mismatch of each rank."""
     folder, comm = Path(sys.argv[1]), MPI.COMM_WORLD
     coarse, fine = (fields_on(mesh, 3) for mesh in meshes(folder, comm))
     found = comm.gather(mismatch(fine, Snapshot.load(folder / "one.npz"), 3), root=0)

@@ -1,4 +1,4 @@
-"""Which form the elements take, and what is refused: answered without DOLFINx."""
+"""Choice of the element form and its refusals, without DOLFINx."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ def test_the_form_follows_from_poissons_ratio(poisson: float, form: str) -> None
     assert finite_strain.plan(of(poisson))["forms"] == {"layer": form}
 
 
-def test_layer_and_substrate_choose_each_for_itself() -> None:
+def test_layer_and_substrate_choose_independently() -> None:
     assert describe_forms(of(0.5, STIFF_SUBSTRATE)) == {"layer": "mixed", "substrate": "displacement"}
     assert describe_forms(of(0.3, Elastic(10.0, 0.5))) == {"layer": "displacement", "substrate": "mixed"}
 
 
 @pytest.mark.parametrize("poisson", [0.4, 0.48, 0.4999])
-def test_a_scene_may_name_the_form_where_both_are_fit(poisson: float) -> None:
+def test_a_scene_may_name_the_form_where_both_are_valid(poisson: float) -> None:
     for form in ("displacement", "mixed"):
         asked = in_form(form, of(poisson, STIFF_SUBSTRATE))
         assert finite_strain.plan(asked)["forms"] == {"layer": form, "substrate": "displacement"}
         assert form_notes(asked) == [f"layer: {form} form of the elements, as [elements] asks"]
 
 
-def test_the_choice_is_told_where_it_is_not_the_plain_one() -> None:
+def test_a_note_names_the_choice_unless_it_is_the_displacement_form() -> None:
     assert form_notes(of(0.3, STIFF_SUBSTRATE)) == []
     (note,) = form_notes(of(0.4999, STIFF_SUBSTRATE))
     assert note.startswith("layer: mixed")
@@ -65,7 +65,7 @@ def test_an_unknown_form_is_refused() -> None:
         in_form("both", of(0.48))
 
 
-def test_the_mixed_energy_is_stationary_at_the_pressure_of_the_other_and_equal_there() -> None:
+def test_the_mixed_energy_is_stationary_and_equal_at_the_pressure_of_the_displacement_form() -> None:
     lame, j = 3.1, -0.04
     at = [Mixed(lame * j + step, 1.0 / lame)(j) for step in (-1e-6, 0.0, 1e-6)]
     assert at[1] == relatively(Compressible(lame)(j), 1e-14)  # roundoff

@@ -1,4 +1,4 @@
-"""What is decided before gmsh: blocks' half-widths, rings, levels and the number of elements."""
+"""Mesh parameters set before gmsh: half-widths of blocks, rings, levels and the number of elements."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_grid_shares_all_faces_and_a_displaced_ball_leaves_strips() -> None:
     grid = [(2.0 * i, 2.0 * j) for i in range(3) for j in range(3)]
     assert half_widths(grid, [0.4] * 9, WIDE, WIDE) == [1.0] * 9
     assert half_widths([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)][:3:2], [0.4] * 2, WIDE, WIDE) == pytest.approx(
-        [1.0 - STRIP] * 2  # no third block between those that would meet at a corner
+        [1.0 - STRIP] * 2  # no third block between two that would meet at a corner
     )
     moved = half_widths([*grid[:8], (4.0, 4.1)], [0.4] * 9, WIDE, WIDE)
     assert moved[8] < 1.0
@@ -122,7 +122,7 @@ def test_levels_begin_fine_and_grow_downwards_through_layer_and_substrate(elemen
     assert len(replace(box, substrate=0.0).levels()[1]) == 0
 
 
-def test_graded_steps_are_as_long_as_asked_in_the_mean() -> None:
+def test_graded_steps_have_the_requested_mean_length() -> None:
     nodes = graded(0.0, 4.0, lambda x: 0.5 + 0.0 * x)
     assert nodes == pytest.approx(np.linspace(0.0, 4.0, 9))
     assert len(graded(0.0, 1.0, lambda x: 9.0 + x, least=3)) == 4

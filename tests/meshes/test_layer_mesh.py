@@ -1,4 +1,4 @@
-"""What a mesh file holds: all of the box, its named parts, sound hexahedra, and mirror images about the balls."""
+"""Contents of a mesh file: the whole box, its named parts, valid hexahedra, and mirror symmetry about the balls."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_shapes_are_sound_inside_blocks_and_between_them(written: Build, name: s
 
 @every_scene
 @every_fineness
-def test_the_number_of_hexahedra_is_foreseen_within_the_stated_error(written: Build, name: str, elements: int) -> None:
+def test_the_number_of_hexahedra_is_predicted_within_the_stated_error(written: Build, name: str, elements: int) -> None:
     mesh = written(name, elements)
     assert mesh.box.estimated_hexahedra() == pytest.approx(mesh.reported, rel=0.3)
 
@@ -139,7 +139,7 @@ def test_the_mesh_does_not_depend_on_the_unit_of_length(written: Build, tmp_path
     assert other.points / unit == pytest.approx(metres.points, abs=1e-9)
 
 
-def test_a_block_beyond_the_box_is_an_error_and_no_mesh(tmp_path: Path) -> None:
+def test_a_block_beyond_the_box_raises_and_writes_no_mesh(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
@@ -182,8 +182,8 @@ def test_the_mesh_reads_into_dolfinx_and_carries_linear_fields_exactly(tmp_path:
 
 
 @every_fineness
-def test_the_line_about_a_contact_is_a_circle_between_the_corners_too(written: Build, elements: int) -> None:
-    """The block's quadrilaterals inside the contact's radius fill its circle, but for the quadratic curves' error."""
+def test_the_mesh_line_at_a_contact_edge_is_a_circle_between_corners_too(written: Build, elements: int) -> None:
+    """The block's quadrilaterals within the contact radius fill the circle, up to the error of quadratic curves."""
     mesh = written("one ball", elements)
     (zone,) = mesh.box.zones
     nodes = mesh.points[mesh.faces["top"]][..., :2] - np.array(zone.position)

@@ -1,4 +1,4 @@
-"""Errors and prices of all cases, the Pareto front, and what to use for an error that can be afforded."""
+"""Errors and costs of all cases, the Pareto front, and the cheapest settings for a given error."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from runs.studies.framework.tables import markdown, save_csv
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25
-"""Ratio of processor times that differ by chance on a machine with other runs."""
+"""Ratio of processor times within the noise of a shared machine."""
 DEFAULTS = ("linear-bem-0.0001", "small-strain-0.02", "finite-strain-0.02")
-"""The cases that ask for what a scene without [accuracy] asks for."""
+"""Cases with the default accuracies, those of a scene without [accuracy]."""
 ON_ONE = "finite-strain-0.02"
-"""The case on one rank that the one on all ranks is held against."""
+"""The case on one rank with which the one on all ranks is compared."""
 
 
 def present(found: Found, folder: Path) -> str:
@@ -33,15 +33,15 @@ def present(found: Found, folder: Path) -> str:
     lines = ["# What accuracy costs", ""]
     lines += [
         "The paper's thin pair with exact spheres (h = 1.16 R, L = 2 R, nu = 0.48), approach "
-        f"{found.cases[0].problem.load.values[0]:g} R. Seconds are processor time of all ranks. An error smaller "
-        "than its reference's own is not known better than that.",
+        f"{found.cases[0].problem.load.values[0]:g} R. Seconds are processor time of all ranks. Errors below "
+        "that of their reference are not resolved.",
         "",
     ]
     references = [_reference(found, model) for model in ("finite_strain", "linear_bem")]
-    lines += ["## What is measured against", "", *markdown([r for r in references if r is not None]), ""]
+    lines += ["## References", "", *markdown([r for r in references if r is not None]), ""]
     lines += ["![Error of T against processor time](pareto.svg)", ""]
-    for column, words in ((TRUE, "T as it is (finite strain)"), (OWN, "T of a chosen model")):
-        lines += [f"## To know {words}", "", *markdown(advice(rows, column)), ""]
+    for column, words in ((TRUE, "T at finite strain"), (OWN, "T of a given model")):
+        lines += [f"## Cheapest settings for {words}", "", *markdown(advice(rows, column)), ""]
     lines += [*_defaults(rows), *_parameters(rows), *_honesty(rows)]
     columns = {
         "model": "model", "parameter": "parameter", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
@@ -52,9 +52,9 @@ def present(found: Found, folder: Path) -> str:
 
 
 def measured(found: Found) -> list[dict[str, Any]]:
-    """Return one row per finished case with its errors; those against a reference that is not there are None."""
+    """Return one row per finished case with its errors; errors against a missing reference are None."""
     truth = _force(found, REFERENCES["finite_strain"])
-    known = {model: (_reference(found, model) or {}).get("known to") for model in REFERENCES}
+    known = {model: (_reference(found, model) or {}).get("relative error") for model in REFERENCES}
     rows = []
     for case in found.cases:
         if found.state(case.name) != DONE:
@@ -85,7 +85,7 @@ def measured(found: Found) -> list[dict[str, Any]]:
 
 
 def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the section on what a scene without [accuracy] gets, beside what it would get asking for less or more."""
+    """Return the section on the default accuracies, compared with lower and higher ones."""
     asked: list[dict[str, Any]] = []
     for row in rows:
         if row["parameter"] == "accuracy asked":
@@ -93,11 +93,11 @@ def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
             name = f"{row['model']}, {row['value']:g}" + (" (default)" if default else "")
             asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
     columns = {"asked of": "asked of", "error": OWN, "estimate": "own estimate", "seconds": "CPU seconds"}
-    return ["## Where the defaults of [accuracy] come from", "", *markdown(asked, columns), ""]
+    return ["## Choice of the default [accuracy]", "", *markdown(asked, columns), ""]
 
 
 def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the section on the solver's constants: by how much each moves T on one mesh, and what it costs."""
+    """Return the section on the numerical parameters: effect of each on T on one mesh, and its cost."""
     usual = next((row for row in rows if row["case"] == USUAL_CASE), None)
     if usual is None:
         return []
@@ -105,33 +105,33 @@ def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         {
             "parameter": row["parameter"],
             "value": row["value"],
-            "T moves by": _relative(row["force"], usual["force"]),
+            "change of T": _relative(row["force"], usual["force"]),
             "iterations": row["iterations"],
-            "time over the default's": row["seconds"] / usual["seconds"],
+            "time / default": row["seconds"] / usual["seconds"],
         }
         for row in rows
         if row["parameter"] in PARAMETERS
     ]
-    known = "not known" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
+    known = "unknown" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
     text = (
-        f"Each turned alone on one discretisation (order 3, fineness 1), whose own error is {known}; "
-        f"the default is in brackets. By default: {usual['iterations']} Newton iterations."
+        f"Changed one at a time on one discretisation (order 3, fineness 1), whose own error is {known}; "
+        f"defaults in brackets. With all defaults: {usual['iterations']} Newton iterations."
     )
     ranks = next((row for row in rows if row["parameter"] == ALL_RANKS), None)
     one = next((row for row in rows if row["case"] == ON_ONE), None)
     lines = ["## Effect of the numerical parameters", "", text, "", *markdown(turned), ""]
     if ranks is not None and one is not None:
         lines += [
-            f"On {ranks['ranks']} ranks T moves by {_relative(ranks['force'], one['force']):.1g}, in "
-            f"{ranks['seconds']:.0f} s of processor time instead of {one['seconds']:.0f} s; by the clock "
-            f"{ranks['wall']:.0f} s instead of {one['wall']:.0f} s, on a machine that other runs shared.",
+            f"On {ranks['ranks']} ranks T changes by {_relative(ranks['force'], one['force']):.1g}, in "
+            f"{ranks['seconds']:.0f} s of processor time instead of {one['seconds']:.0f} s; wall time "
+            f"{ranks['wall']:.0f} s instead of {one['wall']:.0f} s, on a shared machine.",
             "",
         ]
     return lines
 
 
 def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence on errors over the estimates that came with them, where the reference is known well enough."""
+    """Return a sentence on errors against their own estimates, where the reference is accurate enough."""
     shares = [
         (row[OWN] / row["estimate"], row["model"])
         for row in rows
@@ -140,8 +140,8 @@ def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     if not shares:
         return []
     return [
-        f"Of {len(shares)} answers whose reference is known ten times as well, {sum(s > 1.0 for s, _ in shares)} are "
-        f"off by more than their own estimate; the largest error is {max(shares)[0]:.2g} of it ({max(shares)[1]}).",
+        f"Of {len(shares)} answers with a reference ten times as accurate, {sum(s > 1.0 for s, _ in shares)} have an "
+        f"error above their own estimate; the largest ratio is {max(shares)[0]:.2g} ({max(shares)[1]}).",
         "",
     ]
 
@@ -162,14 +162,14 @@ def _reference(found: Found, model: str) -> dict[str, Any] | None:
         return None
     ball = found.steps(name)[-1]["balls"][0]
     force, error = ball["tangential_force"][0], ball["tangential_force_error"]
-    return {"model": model, "T / E1 R²": (force, error), "known to": error / abs(force) if force else None}
+    return {"model": model, "T / E1 R²": (force, error), "relative error": error / abs(force) if force else None}
 
 
 def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
-    """Return the cheapest way to every wanted error, of the parameters that a user turns.
+    """Return the cheapest user settings for every wanted error.
 
-    A case counts where its error, its own estimate and what the reference itself is known to all lie below: an error
-    that is small by chance, or below what the reference can resolve, does not count.
+    A case counts if its error, its own estimate and the reference's error are all below that: an error that is small
+    by chance, or not resolved by the reference, does not count.
     """
     answer = []
     usual = [row for row in rows if row["parameter"] in LADDER and row[column] is not None]
@@ -178,7 +178,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
         for wanted in WANTED:
             enough = [r for r in usual if model in (None, r["model"]) and _relied_on(r, column) <= wanted]
             cheapest = min((row["seconds"] for row in enough), default=0.0)
-            # of cases that take the same time but for chance, the one that asks for least
+            # of cases with the same cost within noise, the one with the loosest tolerance
             alike = [row for row in enough if row["seconds"] <= SAME_TIME * cheapest]
             best = max(alike, key=lambda row: row["value"] or math.inf, default=None)
             use = (
@@ -192,7 +192,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
                     "for": f"{100 * wanted:g} %",
                     "use": use,
                     "error reached": None if best is None else best[column],
-                    "it takes": "-" if best is None else duration(best["seconds"]),
+                    "processor time": "-" if best is None else duration(best["seconds"]),
                 }
             )
     return answer

@@ -13,22 +13,22 @@ from runs.studies.framework.pair import as_seen_by, pair
 GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
 """Every contact on a grid, none by polynomials."""
 USUAL = 0.02
-"""Accuracy asked by default."""
+"""Default accuracy of the finite elements."""
 USUAL_CASE = "parameter-usual"
-"""The case with every parameter at its default, on the coarsest discretisation that answers."""
+"""The case with every parameter at its default, on the coarsest discretisation that gives an answer."""
 FINEST = 1e-3
-"""The finest accuracy asked of the finite elements but the reference's."""
+"""Highest accuracy requested of the finite elements, except for the reference."""
 REFERENCE_ACCURACY, REFERENCE_UNKNOWNS = 5e-4, 200e3
 ALL_RANKS = "all ranks"
 OWN, TRUE = "error within the model", "error against finite strain"
 """Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
 LADDER = ("model", "accuracy asked")
-"""Parameters that a user turns, of which advice is drawn; the others are the solver's own."""
+"""Parameters that users set and the advice is based on; the others are internal to the solver."""
 
 
 @dataclass(frozen=True)
 class Turned:
-    """One parameter at another value: the discretisation with it, or a field of `finite_strain.Numerics`."""
+    """One parameter changed: the resulting discretisation, or a field of `finite_strain.Numerics`."""
 
     level: Level = field(default_factory=Level)
     numerics: Mapping[str, Any] = field(default_factory=dict)
@@ -39,26 +39,26 @@ PARAMETERS = {
         f"{order}, {fineness:g}": Turned(Level(order, fineness))
         for order, fineness in ((2, 1.0), (2, 1.5), (2, 2.0), (3, 1.5), (4, 1.0))
     },
-    "penalty over the planned one (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
-    "extent over the planned one (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},
-    "degree of the contact's quadrature beyond twice the order (6)": {
+    "penalty / planned penalty (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
+    "extent / planned extent (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},
+    "contact quadrature degree beyond twice the order (6)": {
         f"{d}": Turned(numerics={"contact_degree": d}) for d in (0, 2, 12)
     },
     "largest load step of the path over the radius (0.07)": {
         f"{step:g}": Turned(numerics={"largest_step": step}) for step in (0.035, 10.0)
     },
 }
-"""What is turned one at a time from its default, which the parameter's name holds."""
+"""Parameters changed one at a time; each name holds the default."""
 
 REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-reference",
               "finite_strain": "finite-strain-reference", "point_load": "linear-bem-reference"}  # fmt: skip
-"""The better solution that each model's error is measured against; small strain has one by other means."""
+"""Reference for the error of each model; that of small strain is computed by another method."""
 
 
 def cases(quick: bool) -> list[Case]:
     """Return the linear models, the finite elements by mesh and accuracy, the parameters, the reference, and all ranks.
 
-    Every case is one rank's but the last, so that seconds compare.
+    Every case but the last runs on one rank, so that times are comparable.
     """
     approach = 0.015 if quick else 0.1
 
@@ -85,7 +85,7 @@ def cases(quick: bool) -> list[Case]:
     meshed = (0.2,) if quick else (0.1, 0.02, 0.005, FINEST)
     for model in ("finite_strain", "small_strain"):
         short = model.replace("_", "-")
-        for a in meshed:  # 0.1 % takes more unknowns than a run is given by default
+        for a in meshed:  # 0.1 % exceeds the default budget of unknowns
             more: dict[str, Any] = {"budget": {"unknowns": REFERENCE_UNKNOWNS}} if a <= FINEST else {}
             found.append(make(f"{short}-{a:g}", model, a, "accuracy asked", a, **more))
     if not quick:

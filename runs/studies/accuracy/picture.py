@@ -1,4 +1,4 @@
-"""The study's picture: error against seconds of every case, and the Pareto fronts."""
+"""The study's figure: error against processor time of every case, and the Pareto fronts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STYLES = {
 }
 TITLES = {OWN: "against a better solution of the same model", TRUE: "against the finite-strain answer"}
 LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
-"""Shorter times, which a process's clock does not resolve, and smaller errors are drawn here."""
+"""Lower limits of the plot: the process clock does not resolve shorter times; smaller errors are drawn here."""
 
 
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
@@ -27,7 +27,7 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
         figure, axes = panels(5.6, 5.6, height=4.6)
         for axis, column in zip(axes, (OWN, TRUE), strict=True):
             known = [row for row in rows if row[column] is not None]
-            if not known:  # the reference is not there yet
+            if not known:  # no reference yet
                 axis.set_axis_off()
                 continue
             for model, (color, marker) in STYLES.items():
@@ -49,9 +49,9 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
 
 
 def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
-    """Return the rows that no other beats in both error and seconds, cheapest first.
+    """Return the Pareto-optimal rows in error and time, cheapest first.
 
-    Errors count no smaller than what their reference is known to.
+    Errors are bounded below by the error of their reference.
     """
 
     def error(row: Mapping[str, Any]) -> float:
@@ -65,21 +65,19 @@ def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, A
 
 
 def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tuple[str, str, str]) -> None:
-    """Draw a model's cases: those that a user chooses filled and named, numerical parameters small and hollow."""
+    """Draw a model's cases: user settings filled and labelled, numerical parameters small and hollow."""
     color, marker, model = style
     chosen = [row for row in rows if row["parameter"] in LADDER]
     others = [row for row in rows if row["parameter"] not in (*LADDER, "reference")]
     if chosen:
         axis.plot(*_places(chosen, column), marker, color=color, ms=6, label=model)
         for row, x, y in zip(chosen, *_places(chosen, column), strict=True):
-            of_this = column == OWN or model == "finite_strain"  # an estimate says nothing of another model's answer
+            of_this = column == OWN or model == "finite_strain"  # an estimate does not apply to another model's answer
             if of_this and row["estimate"] and row["estimate"] > y:
                 axis.plot([x, x], [y, row["estimate"]], color=color, lw=0.7)
                 axis.plot([x], [row["estimate"]], "_", color=color, ms=6, mew=0.9)
     if others:
-        axis.plot(
-            *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics"
-        )
+        axis.plot(*_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics")
     named = [row for row in chosen if row["value"] != ""]
     for text, x, y in _labels(named, *_places(named, column)):
         axis.annotate(text, (x, y), (8, 3), textcoords="offset points", fontsize=8, color=color)
@@ -88,7 +86,7 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
 def _labels(
     rows: Sequence[Mapping[str, Any]], seconds: Sequence[float], errors: Sequence[float]
 ) -> list[tuple[str, float, float]]:
-    """Return the accuracies asked with their places; cases that fall together share one label."""
+    """Return labels (requested accuracy) with positions; overlapping cases share one."""
     groups: list[list[tuple[float, float, float]]] = []
     for row, x, y in zip(rows, seconds, errors, strict=True):
         near = [g for g in groups if abs(math.log(x / g[0][1])) < 0.3 and abs(math.log(y / g[0][2])) < 0.3]
@@ -106,7 +104,7 @@ def _labels(
 
 
 def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -> None:
-    """Draw what the finite-strain reference is known to: errors below are small, but not known to be that small."""
+    """Draw the error of the finite-strain reference; smaller errors are not resolved."""
     known = next((row[f"{column}, known to"] for row in rows if row["model"] == "finite_strain"), None)
     if known is not None:
         color = STYLES["finite_strain"][0]
@@ -117,7 +115,7 @@ def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -
 
 
 def _places(rows: Sequence[Mapping[str, Any]], column: str, known: bool = False) -> tuple[list[float], list[float]]:
-    """Return seconds and errors as they are drawn; no smaller than ``known`` where that is asked."""
+    """Return seconds and errors as drawn; with ``known``, no smaller than the reference's error."""
     seconds = [max(row["seconds"], LEAST_SECONDS) for row in rows]
     least = [row[f"{column}, known to"] or 0.0 if known else 0.0 for row in rows]
     return seconds, [max(row[column], floor, LEAST_ERROR) for row, floor in zip(rows, least, strict=True)]

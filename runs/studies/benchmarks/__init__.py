@@ -1,1 +1,1 @@
-"""The study ``benchmarks``: seconds and errors against other contact codes, and growth with the number of balls."""
+"""The study ``benchmarks``: time and error against other contact codes, and scaling with the number of balls."""

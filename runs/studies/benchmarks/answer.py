@@ -1,4 +1,4 @@
-"""What is measured, one table after the other, and the page that shows them."""
+"""The measurements, one table each, and the page that shows them."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from runs.studies.framework.tables import markdown, save_csv
 GRIDS = (256, 512, 1024)
 COUNTS = (9, 100, 300, 1000)
 KEPT = "benchmarks.json"
-"""File of the study's folder with what was measured, and when."""
+"""File of the study's folder with the measurements and their conditions."""
 TITLES = {
     "sphere": "One sphere on a half-space, tolerance 1e-8, one thread: time and relative errors against Hertz",
-    "kernel_table": "The kernel's table, once per pair of materials",
+    "kernel_table": "Kernel table, computed once per pair of materials",
     "pair": "The paper's pair: best time to T, its error and the solver's own estimate",
     "growth": "Touching balls under one holder, T to 1e-3",
 }
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Measure all; nothing is taken from an earlier run."""
+    """Measure everything; earlier results are not reused."""
     before = os.getloadavg()[0]
     rows: list[dict[str, Any]] = []
     for cells in GRIDS[:1] if options.quick else GRIDS:
@@ -47,9 +47,9 @@ def compute(folder: Path, options: Options) -> None:
         "growth": pair.growth(list(COUNTS[:2] if options.quick else COUNTS)),
     }
     words = (
-        f"One run on one thread of {os.cpu_count()} cores; load of the machine over the last minute "
-        f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, something else ran too, and "
-        f"ratios tell more than seconds. Codes: {', '.join(_versions())}."
+        f"One run on one thread of {os.cpu_count()} cores; machine load over the last minute "
+        f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, other programs ran too, and "
+        f"ratios are more reliable than seconds. Codes: {', '.join(_versions())}."
     )
     write(folder / KEPT, json.dumps({"words": words, "tables": tables}, indent=1))
 
@@ -66,7 +66,7 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def _versions() -> list[str]:
-    """Return the codes and the libraries they stand on with their versions, where they are installed."""
+    """Return the installed codes and their libraries, with versions."""
     found = []
     for name in ("thirdbody", "tamaas", "aspher", "numpy", "scipy"):
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -1,4 +1,4 @@
-"""Time to a T of given accuracy for the paper's pair, once the kernel's table is there; growth with many balls."""
+"""Time to T of given accuracy for the paper's pair, without the kernel table; scaling with the number of balls."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def paper_pair() -> Problem:
 
 
 def table_seconds() -> float:
-    """Return the time that the kernel's table takes from nothing."""
+    """Return the time [s] to compute the kernel table with empty caches."""
     for cache in (_table, far_rule, near_rule):
         cache.cache_clear()
     begun = time.perf_counter()
@@ -42,7 +42,7 @@ def table_seconds() -> float:
 
 
 def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
-    """Return the best time to T within 1e-2 to 1e-5, and the error against an answer asked to 1e-9."""
+    """Return the best time to T within 1e-2 to 1e-5, and the error against an answer to 1e-9."""
     problem = paper_pair()
     exact = solve(problem, 1e-9).balls[0].tangential_force[0]
     rows = []
@@ -60,14 +60,14 @@ def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
 
 
 def growth(counts: list[int]) -> list[dict[str, Any]]:
-    """Return time and memory for lattices of balls, T asked to 1e-3; each count in a process of its own.
+    """Return time and memory for lattices of balls, T to 1e-3; each count in a process of its own.
 
-    ``GiB`` is the peak of that process, ``GiB_of_it_before`` what Python, numpy and the kernel's table take;
-    ``time_goes_like`` the power of the count that the time went like since the row before.
+    ``GiB`` is the peak of that process, ``GiB_of_it_before`` that of Python, numpy and the kernel table;
+    ``time_goes_like`` is the exponent of time over count since the previous row.
     """
     rows: list[dict[str, Any]] = []
     for count in counts:
-        # spawned, not forked: a fork would start with this process's memory
+        # spawned, because a fork would start with this process's memory
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             row = process.submit(_measured, count).result()
         power = np.nan

@@ -94,7 +94,7 @@ CODES: dict[str, tuple[str, Callable[[int], Array]]] = {
 
 
 def measure(code: str, cells: int) -> Row:
-    """Return time and errors of one code; a code that cannot be imported says how to get it."""
+    """Return time and errors of one code; for a missing code, the remark says how to install it."""
     package, solver = CODES[code]
     try:
         if package:

@@ -1,1 +1,1 @@
-"""The study ``discretisations``: work against precision of the elements' order and size, on five unlike scenes."""
+"""The study ``discretisations``: work against precision by element order and size, on five different scenes."""

@@ -1,4 +1,4 @@
-"""Error against processor time of every discretisation, with the small-strain pair and without."""
+"""Error against processor time of every discretisation, with and without the small-strain pair."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 
-BY_ITSELF, PAIRED, BAR = "T off by itself [%]", "T off, paired [%]", "its error bar [%]"
+BY_ITSELF, PAIRED, BAR = "error of T, unpaired [%]", "error of T, paired [%]", "error bar of T [%]"
 
 
 def present(found: Found, folder: Path) -> str:
@@ -21,16 +21,16 @@ def present(found: Found, folder: Path) -> str:
     rows = [row for case in found.cases for row in _rows(case, found)]
     save_csv(folder / "discretisations.csv", rows)
     text = (
-        "Finite strain at full load, on the ball with the largest T. *By itself* is what the discretisation says, "
-        "*paired* what it says with the small-strain problem beside it; both against the paired answer of the finest, "
-        "whose bar is its own. Seconds are those of the load step, pair included; the coarsest one's also hold the "
-        "load path that leads to it."
+        "Finite strain at full load, for the ball with the largest T. *Unpaired* is T of the finite-strain problem "
+        "alone, *paired* T corrected by the small-strain problem on the same mesh; the reference for both is the "
+        "paired answer of the finest discretisation. Seconds are those of the load step, pair included; those of the "
+        "coarsest discretisation include the load path."
     )
     return "\n".join(["# Work against precision of the elements", "", text, "", *markdown(rows)])
 
 
 def _rows(case: Case, found: Found) -> list[dict[str, Any]]:
-    """Return one row per discretisation that a case has answered on."""
+    """Return one row per finished discretisation of a case."""
     steps = found.steps(case.name)
     if not steps:
         return []

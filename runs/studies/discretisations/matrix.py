@@ -1,4 +1,4 @@
-"""Five scenes at full load, each on the same row of discretisations; the last one is the others' reference."""
+"""Five scenes at full load, each on the same discretisations; the last is the reference for the others."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import THICK, pair
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(4, 1.0))
-"""From coarse to fine; every one starts from the states of the one before."""
+"""Coarse to fine; the states on each are the initial guesses on the next."""
 
 
 def _scene(layer: Layer, approach: float, *balls: Ball) -> Problem:
@@ -26,7 +26,7 @@ SCENES = {
         Layer(1.0, 0.48, 1.16), 0.1, *(Ball((x, y), 1.0) for x in (-2.2, 0.0, 2.2) for y in (-2.2, 0.0, 2.2))
     ),
 }
-"""The nine have two mirror planes, the three unlike balls none."""
+"""Nine balls have two mirror planes, the three unlike balls none."""
 
 
 def cases(quick: bool) -> list[Case]:

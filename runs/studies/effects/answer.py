@@ -1,4 +1,4 @@
-"""The study's table: every effect with its price, and the proof that its absence costs nothing."""
+"""The study's tables: the cost of every effect, and the proof that a scene without it pays nothing."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from runs.studies.framework.study import Study, command, write
 from runs.studies.framework.tables import markdown, save_csv
 
 REPEATS = 3
-"""Runs of each scene in the full version: its cost is that of the shortest."""
+"""Runs of each scene in the full version; the shortest gives its cost."""
 KEPT = "effects.json"
 """File of the study's folder with one row per effect."""
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Measure all; nothing is taken from an earlier run."""
+    """Measure everything; earlier results are not reused."""
     write(folder / KEPT, json.dumps(measure(effects(), quick=options.quick), indent=1))
 
 
@@ -41,9 +41,9 @@ def page(folder: Path, quick: bool) -> str:
 def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
     """Return one row per effect.
 
-    Runs are two at a time and watched in the quick version, whose seconds are then only rough, and one after the other
-    in the full one, which watches one run more. The quick version takes away the code of all effects at once, the full
-    one that of each.
+    The quick version runs two scenes at a time with call tracing, so that its seconds are rough, and blocks the code of
+    all effects at once. The full version runs one scene at a time, traces an extra run, and blocks the code of each
+    effect separately.
     """
     repeats, workers = (0, 2) if quick else (REPEATS, 1)
     texts = {toml(e.without): e.without for e in chosen}
@@ -117,7 +117,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     paying = [row["effect"] for row in rows if not row["pays nothing without"]]
     bare = [r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]]
     price = {
-        "effect": "effect", "called for by": "called for by", "unknowns without": "unknowns without",
+        "effect": "effect", "called for by": "requested by", "unknowns without": "unknowns without",
         "unknowns with": "with", "forms without": "forms without", "forms of its own": "forms of its own",
         "expressions of its own": "expressions",
         "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
@@ -130,8 +130,8 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
     proof = [
         {
             "effect": row["effect"],
-            "modules taken away": len(row["modules of its own"].split()),
-            "functions taken away": len(row["functions of its own elsewhere"].split()),
+            "blocked modules": len(row["modules of its own"].split()),
+            "blocked functions": len(row["functions of its own elsewhere"].split()),
             "same forms, unknowns, modules, answer": "yes" if row["pays nothing without"] else "NO",
             "largest relative difference": row["difference of T with its code absent"],
         }
@@ -142,28 +142,28 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         return [*lines, "Nothing has been measured yet."]
     lines += [
         f"**A scene without an effect runs as if its code did not exist: {len(free)} of {len(rows)} effects.**"
-        + (f" Not so: {', '.join(paying)}." if paying else "")
-        + (f" No code of their own, only other numbers, have: {', '.join(bare)}." if bare else ""),
+        + (f" Exceptions: {', '.join(paying)}." if paying else "")
+        + (f" These have no code of their own, only other values: {', '.join(bare)}." if bare else ""),
         "",
         f"Made by `{command('effects', quick)}`, thirdbody {importlib.metadata.version('thirdbody')}. "
         f"{_of_seconds(rows, quick=quick)}",
-        "", "## The price of having it", "", *markdown(rows, price),
-        "", "## What it alone brings in", "", *markdown(own),
-        "", "## Proof: the scene without it, run where its modules cannot be imported nor its functions called", "",
-        "Compared with the same scene run where they can: signatures of all compiled forms, number of unknowns, the "
+        "", "## Cost of each effect", "", *markdown(rows, price),
+        "", "## Code, libraries and result entries of its own", "", *markdown(own),
+        "", "## Proof: the scene without the effect, run with its modules and functions blocked", "",
+        "Compared with the same scene without blocking: signatures of all compiled forms, number of unknowns, the "
         "project's modules and libraries loaded, and every entry of the result.", "", *markdown(proof),
     ]  # fmt: skip
     return lines
 
 
 def _of_seconds(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
-    """Return what the table's seconds are, and how well they are known."""
+    """Return a sentence on what the table's seconds are, and their scatter."""
     if quick:
-        return "Seconds are processor time of one process, imports included, two at a time and watched: rough."
+        return "Seconds are processor time of one process, imports included, two at a time with call tracing: rough."
     spread = max(row["spread of seconds"] for row in rows)
     return (
         f"Seconds are processor time of one process, imports included, the best of {REPEATS}; the longest "
-        f"took up to {100.0 * spread:.0f} % more: smaller differences are the machine's."
+        f"took up to {100.0 * spread:.0f} % more: smaller differences are noise."
     )
 
 

@@ -1,7 +1,7 @@
-"""A child process that runs one command and says what it loaded, compiled, solved and answered.
+"""Child process that runs one command and reports modules, forms and functions used, time and memory.
 
-Modules named on its command line cannot be imported in it, and functions ("module:name") not be called, as if their
-code did not exist. Run as a file, so that nothing of the project is loaded before:
+Modules and functions ("module:name") named on its command line are blocked, as if their code did not exist. It is run
+as a file, so that nothing of the project is imported earlier:
 ``python -P probe.py ACCOUNT BLOCKED COMMAND...``, BLOCKED separated by commas.
 """
 
@@ -22,31 +22,31 @@ OURS = ("linear_bem", "meshes", "finite_strain", "runs")
 
 
 class Absent:
-    """A finder that refuses modules, so that importing one fails as it does where its file is not there."""
+    """An import finder that blocks modules: importing one fails as if its file were missing."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = frozenset(names)
 
     def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """Raise for a refused module; leave every other to the next finder."""
+        """Raise for a blocked module; leave all others to the next finder."""
         if name in self.names:
             raise ModuleNotFoundError(f"No module named {name!r} (refused by the study effects)", name=name)
         return None
 
 
 class Calls:
-    """A profiler that notes which of the project's functions are called, and refuses some."""
+    """A profiler that records which of the project's functions are called, and blocks some."""
 
     def __init__(self, refused: Sequence[str]) -> None:
         self.refused = frozenset(refused)
         self.names: dict[CodeType, str] = {}
 
     def __call__(self, frame: FrameType, event: str, _argument: Any) -> None:
-        """Note a call; raise where the function is a refused one."""
+        """Record a call; raise if the function is blocked."""
         if event == "call" and frame.f_code not in self.names:
             code, module = frame.f_code, frame.f_globals.get("__name__", "")
             ours = module.split(".")[0] in OURS and not module.startswith("runs.studies")
-            # bodies of modules and classes run on import, which the list of modules shows
+            # module and class bodies run on import, which the list of modules covers
             named = code.co_flags & CO_OPTIMIZED and not code.co_qualname.endswith(">")
             self.names[code] = f"{module}:{code.co_qualname}" if ours and named else ""
             if self.names[code] in self.refused:
@@ -58,7 +58,7 @@ class Calls:
 
 
 def watch_forms(signatures: list[str]) -> None:
-    """Note the signature of every variational form that finite_strain compiles from now on."""
+    """Record the signature of every variational form that finite_strain compiles from now on."""
     from finite_strain import compat  # noqa: PLC0415  (imports DOLFINx)
 
     compile_form = compat.compile_form

@@ -1,4 +1,4 @@
-"""The effects that the study looks at: for each a scene without it and the same scene with it, and what adds it."""
+"""The effects studied: for each, a scene without it, the same scene with it, and the entry that adds it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ ELEMENTS = {
     "accuracy": {"tangential_force": 0.2},
     "output": {"fields": ["displacement"]},
 }
-"""One load step on coarse meshes, and as little written as a run writes."""
+"""One load step on coarse meshes, with minimal output."""
 STIFF = {"young": 1e3, "poisson": 0.3}
 SLIDING = {"amplitude": 5.0, "cycles": 5, "friction": 0.3, "forces": "direct"}
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect: ``without`` and ``with_`` are scenes, ``command`` the one that the latter needs."""
+    """An effect: scenes ``without`` and ``with_`` it; ``command`` runs the one with it."""
 
     name: str
     adds: str
@@ -58,12 +58,12 @@ def _sphere(scene: Mapping[str, Mapping[str, object]]) -> dict[str, Mapping[str,
 
 
 def _form(form: str) -> dict[str, Mapping[str, object]]:
-    """Return the scene with a form of the elements, at a Poisson's ratio that allows both."""
+    """Return the scene with an element form, at a Poisson's ratio that allows both forms."""
     return ELEMENTS | {"layer": {**LAYER, "poisson": 0.48}, "elements": {"form": form}}
 
 
 def toml(scene: Mapping[str, Mapping[str, object]]) -> str:
-    """Return a scene file's text; JSON's strings, numbers and lists are TOML's."""
+    """Return a scene file's text; JSON strings, numbers and lists are valid TOML."""
     lines = []
     for name, table in scene.items():
         lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in table.items()), ""]

@@ -1,1 +1,1 @@
-"""The study ``experiments``: the source's balls that gather and scatter, beside what it reports of them."""
+"""The study ``experiments``: the paper's drifting balls simulated, and compared with what it reports."""

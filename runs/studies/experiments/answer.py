@@ -1,4 +1,4 @@
-"""Every run in both models, and what they answer: text, table and figures."""
+"""All runs in both models, and the resulting text, tables and figures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STYLES = {"linear_bem": "-", "finite_strain": "--"}
 
 
 class Judged(NamedTuple):
-    """A point with what the runs of each model show of it; None where runs are missing."""
+    """An observation and what the runs of each model show; None where runs are missing."""
 
     point: Point
     small: Finding | None
@@ -35,7 +35,7 @@ class Judged(NamedTuple):
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Evolve every case by small strain, and by finite strain where its table is there."""
+    """Evolve every case at small strain, and at finite strain where its pair table is complete."""
     for case in cases.chosen(options.quick):
         for model, scene in cases.runs_of(case, options.quick):
             signals.check()
@@ -70,9 +70,9 @@ def findings(point: Point, documents: Documents) -> Finding | None:
 
 
 def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Sequence[Comparison], by: str) -> str:
-    """Return the answer in Markdown; ``missing`` names the command that makes each absent finite-strain table.
+    """Return the answer in Markdown; ``missing`` gives the command for each missing finite-strain table.
 
-    ``pairs``: what moves two balls in both models.
+    ``pairs`` compares the forces on two balls in both models.
     """
     judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
     turned = [one.point.title for one in judged if one.small and one.large and one.small.verdict != one.large.verdict]
@@ -86,17 +86,17 @@ def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Se
             numbers.append(point.reason)
         cells = (f.verdict if f is not None else "no table yet" for f in (small, large))
         words = (point.title, *cells, ". ".join(n for n in numbers if n))
-        rows.append(dict(zip(("the source reports", *MODELS.values(), "numbers, and why"), words, strict=True)))
+        rows.append(dict(zip(("the paper reports", *MODELS.values(), "numbers and reasons"), words, strict=True)))
     lines = [_sentence(judged, turned), "", *markdown(rows, aligned=False), ""]
     if pairs:
         lines += [side_by_side.sentence(pairs, turned), "", *side_by_side.force_table(pairs)]
-    lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**How well this is known.**", ""]
+    lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**Errors.**", ""]
     lines += _errors(found)
     if missing:
-        lines += ["", "Finite-strain tables that are not there (each about 14 finite-element runs; resumable):", ""]
+        lines += ["", "Missing finite-strain tables (each about 14 finite-element runs; resumable):", ""]
         lines += [f"- {', '.join(names)}: `{one}`" for one, names in _by_command(missing).items()]
     seconds = sum(document["solved"]["seconds"] for model in MODELS for document in found[model].values())
-    lines += ["", f"Made by `{by}` in {seconds:.0f} s of processor time (tables of pairs not counted)."]
+    lines += ["", f"Made by `{by}` in {seconds:.0f} s of processor time (pair tables excluded)."]
     return "\n".join(lines)
 
 
@@ -111,7 +111,7 @@ def _sentence(judged: Sequence[Judged], turned: Sequence[str]) -> str:
     small = [one.small.verdict for one in judged if one.small is not None]
     counts = {verdict: small.count(verdict) for verdict in (YES, NO, OPEN)}
     text = (
-        f"Of {len(small)} reports, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
+        f"Of {len(small)} observations, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
         f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
     )
     both = sum(one.small is not None and one.large is not None for one in judged)
@@ -123,11 +123,11 @@ def _sentence(judged: Sequence[Judged], turned: Sequence[str]) -> str:
 
 def _errors(found: Mapping[str, Documents]) -> list[str]:
     lines = [
-        "Pairwise additivity: T by the pair table against the full model on touching balls, largest difference over "
-        "largest T. The table knows one ball and two balls alone and couples them through the load that each takes "
-        "from its neighbours (`pair_forces.py`); nothing in it is fitted to three or four balls, so these are tests, "
-        "and touching balls the hardest. The runs on rubber (R below 10 mm) are pairs, for which the table is exact: "
-        "there the numbers tell what a scene of more balls would meet.",
+        "Pairwise additivity: T by the pair table against the full model for touching balls, largest difference over "
+        "largest T. The table holds results for one ball and for two, and couples them through the load that each "
+        "ball takes from its neighbours (`pair_forces.py`). Nothing in it is fitted to three or four balls, so these "
+        "are tests, and touching balls are the hardest. The runs on rubber (R below 10 mm) are pairs, for which the "
+        "table is exact; there the numbers apply to scenes of more balls.",
         "",
     ]
     for model, name in MODELS.items():
@@ -150,17 +150,17 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
         ]
         if shares:
             share, case, where = max(shares)
-            lines.append(f"- {name}: on the runs' own starts and ends at most {100 * share:.2g} % ({case}, {where})")
+            lines.append(f"- {name}: at starts and ends of the runs at most {100 * share:.2g} % ({case}, {where})")
         worst = max(
             ((d["position_error"], case) for case, d in found[model].items() if d["path"][-1]["sigma"] > 0.0),
             default=None,
         )
         if worst:
-            lines.append(f"- {name}: positions are known to {1e3 * worst[0]:.2g} mm in time steps ({worst[1]})")
+            lines.append(f"- {name}: error of positions from time steps at most {1e3 * worst[0]:.2g} mm ({worst[1]})")
         for case, document in found[model].items():
             balance = document["equilibrium"]
             if document["rest"]["at_rest"] and balance is not None and balance["verdict"] != "stable":
-                lines.append(f"- {name}, {case}: the path ends next to an equilibrium that is {balance['verdict']}")
+                lines.append(f"- {name}, {case}: the path ends near an equilibrium that is {balance['verdict']}")
     stable = [
         d["equilibrium"]["distance_from_end"]
         for model in MODELS
@@ -170,8 +170,8 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
     lines += _speeds(found["linear_bem"])
     if stable:
         lines.append(
-            f"- {len(stable)} paths that came to rest end at a stable equilibrium found by Newton's method, "
-            f"{1e3 * max(stable):.1e} mm from it at most"
+            f"- {len(stable)} paths that came to rest end at most {1e3 * max(stable):.1e} mm from a stable equilibrium "
+            "found by Newton's method"
         )
     return lines
 
@@ -184,7 +184,7 @@ def _speeds(documents: Documents) -> list[str]:
             solved, members = documents[name]["solved"], len(documents[name]["ensemble"])
             texts.append(
                 f"{words} {solved['iterations']} steps of {members} member(s) in {solved['seconds']:.3g} s of "
-                "processor time with all checks of the end, "
+                "processor time with all final checks, "
                 f"{round(60.0 * solved['iterations'] / solved['seconds'], -2):.0f} a minute"
             )
     return [f"- nine balls, small strain: {'; '.join(texts)}"] if texts else []

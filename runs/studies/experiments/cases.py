@@ -1,4 +1,4 @@
-"""The runs of the study: the source's experiments, and other readings of what it leaves open, in either model."""
+"""The runs of the study: the paper's experiments, and variants of what it leaves open, in either model."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from runs.session.session import Options
 SCENES = Path(__file__).resolve().parent.parent.parent / "scenes"
 QUICK_ENSEMBLE = 3
 DIRECT_TOLERANCE = 1e-5
-"""Of a step, in radii, where T is only known to a hundredth."""
+"""Tolerance of a time step [radii] with the full model, whose T is accurate to 1 %."""
 
 Place = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Case:
-    """An experiment: scene, positions [m] where a reading changes them, and the scene that makes its finite table.
+    """A run: its scene, the scene of its finite-strain table, and ``positions`` [m] if a variant changes them.
 
     ``poisson`` and ``perturbation`` [m] replace the scene's; ``direct``: one member, the full model at every step;
     ``essential`` cases run in the quick version too.
@@ -44,7 +44,7 @@ class Case:
     essential: bool = True
 
     def read(self, quick: bool) -> Scene:
-        """Return the scene with this reading's positions."""
+        """Return the scene with the changes of this variant."""
         scene = read_scene(SCENES / f"experiment_{self.scene}.toml")
         sliding = scene.reciprocation
         assert sliding is not None
@@ -61,7 +61,7 @@ class Case:
 
 
 def line(count: int, distance: float, out: int | None = None, aside: float = 0.0) -> list[Place]:
-    """Return positions [m] in a line along x about the origin; ball ``out`` stands ``aside``."""
+    """Return positions [m] in a line along x about the origin; ball ``out`` is offset by ``aside`` along y."""
     return [((i - 0.5 * (count - 1)) * distance, aside if i == out else 0.0) for i in range(count)]
 
 
@@ -94,7 +94,7 @@ def chosen(quick: bool) -> list[Case]:
 
 
 def finite(case: Case, scene: Scene) -> Scene:
-    """Return ``scene`` with the effect of finite strain, at the accuracy of the scene that makes its table."""
+    """Return ``scene`` with finite strain, at the accuracy of the scene that computes its table."""
     written = read_scene(SCENES / f"experiment_{case.finite}.toml")
     return dataclasses.replace(
         scene,
@@ -106,7 +106,7 @@ def finite(case: Case, scene: Scene) -> Scene:
 
 
 def table(model: str, scene: Scene) -> PairTable:
-    """Return a model's table of pairs for a scene, as far as it is there; nothing is computed."""
+    """Return a model's saved pair table for a scene, complete or not; computes nothing."""
     asked = standing(scene)
     budget = asked.budget if model == "finite_strain" else None
     return table_of(MODELS[model], asked.problem, asked.tangential_force, TABLES, budget=budget)
@@ -118,7 +118,7 @@ def has_table(case: Case, scene: Scene) -> bool:
 
 
 def runs_of(case: Case, quick: bool) -> list[tuple[str, Scene]]:
-    """Return the models that a case is evolved by, each with its scene; finite strain where its table is complete."""
+    """Return the models that evolve a case, each with its scene; finite strain only if its table is complete."""
     scene = case.read(quick)
     found = [("linear_bem", scene)]
     if case.finite is not None and has_table(case, scene):
@@ -130,10 +130,7 @@ def evolve(
     case: Case, scene: Scene, model: str, folder: Path, *, fresh: bool = False, pictures: bool = False,
     compute: bool = True,
 ) -> dict[str, Any] | None:  # fmt: skip
-    """Return the finished document of one run; one that is there is not computed again.
-
-    None where it is not there and ``compute`` is false.
-    """
+    """Return the finished document of one run, computed if it is missing; None if missing and not ``compute``."""
     stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
     with open_session(scene, model, Options(False, folder / stem, fresh)) as session:
         if session.complete:

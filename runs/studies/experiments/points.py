@@ -1,4 +1,4 @@
-"""What the source reports of its experiments, point by point, and what a run has to show for each."""
+"""The paper's observations, one by one, and the criterion by which runs reproduce each."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Documents = Mapping[str, Mapping[str, Any]]
 
 YES, NO, OPEN = "reproduced", "not reproduced", "not decidable"
 MOST = 0.9
-"""Share of an ensemble that must show a point."""
+"""Fraction of an ensemble that must show an observation."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What the runs of one model show of a point."""
+    """What the runs of one model show of an observation."""
 
     verdict: str
     numbers: str
@@ -29,7 +29,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Point:
-    """A report of the source (in our words), the cases that bear on it, the judge, and what the model leaves out."""
+    """An observation of the paper (paraphrased), the cases that test it, the criterion, and what the model lacks."""
 
     title: str
     cases: Sequence[str]
@@ -43,7 +43,7 @@ def _share(document: Mapping[str, Any], shows: Callable[[Mapping[str, Any]], boo
 
 
 def of_members(title: str, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]) -> Point:
-    """Return a point that most members of the first ``decisive`` cases must show; the others are other readings."""
+    """Return an observation that most members of the first ``decisive`` cases must show; the others are variants."""
 
     def judge(documents: Documents) -> Finding:
         found = {name: _share(documents[name], shows) for name in names if name in documents}
@@ -101,7 +101,7 @@ def _threes_then_one(member: Mapping[str, Any]) -> bool:
 
 
 def _closest_packing(member: Mapping[str, Any]) -> bool:
-    # so many contacts has one group alone
+    # only a single group has this many contacts
     return bool(member["contacts"] == MOST_CONTACTS[len(member["positions"])])
 
 
@@ -138,7 +138,7 @@ def _dense_keeps_order(documents: Documents) -> Finding:
             more.append(kept[0] > kept[1] + 0.02)
             texts.append(f"shaken by {noise}: {100 * kept[0]:.0f} % from 20 mm, {100 * kept[1]:.0f} % from 30 mm")
     verdict = YES if all(more) else OPEN if any(more) else NO
-    return Finding(verdict, f"starting neighbours that touch at the end, {'; '.join(texts)}")
+    return Finding(verdict, f"initial neighbours that touch at the end, {'; '.join(texts)}")
 
 
 def _kept(document: Mapping[str, Any]) -> float:
@@ -146,7 +146,7 @@ def _kept(document: Mapping[str, Any]) -> float:
 
 
 TIP = 0.2
-"""Lead of one ball over all others along the group's longer side, over the touching distance, that makes a tip."""
+"""Smallest lead of one ball along the group's longer side, over the touching distance, that counts as a tip."""
 
 
 def _direction(documents: Documents) -> Finding:
@@ -175,7 +175,7 @@ def _separate(documents: Documents) -> Finding:
     document = documents[PAIR]
     ratio = [m["tangential_force"][0][0] / m["normal_force"][0] for m in document["path"]]
     places = ", ".join(f"{1e3 * at_cycles(document, n):.0f} mm after {n}" for n in (10, 50))
-    return Finding(YES if at_cycles(document, 50) > 0.03 else NO, f"T/Q in touch {ratio[0]:.2e}; {places} cycles")
+    return Finding(YES if at_cycles(document, 50) > 0.03 else NO, f"T/Q when touching {ratio[0]:.2e}; {places} cycles")
 
 
 def _stay_apart(documents: Documents) -> Finding:
@@ -185,7 +185,7 @@ def _stay_apart(documents: Documents) -> Finding:
     left = math.exp(float(np.interp(0.05, distance, np.log(ratio)))) if distance[-1] >= 0.05 else math.nan
     more = 1e3 * (at_cycles(document, 100) - at_cycles(document, 50))
     text = (
-        f"T/Q at 50 mm is {left:.1e}, 1/{ratio[0] / left:.0f} of that in touch; "
+        f"T/Q at 50 mm is {left:.1e}, 1/{ratio[0] / left:.0f} of that when touching; "
         f"from 50 to 100 cycles {more:.1f} mm more, to 200 cycles {1e3 * at_cycles(document, 200):.0f} mm"
     )
     return Finding(NO if not document["rest"]["at_rest"] else YES, text)
@@ -200,13 +200,13 @@ def _small_stay(documents: Documents) -> Finding:
         good.append(touching)
         beyond = [f"{1e3 * p['distance']:.1f} mm" for p in document["pair_equilibria"] if p["verdict"] == "unstable"]
         ratio = first["tangential_force"][0][0] / first["normal_force"][0]
-        more = f", would separate from beyond {', '.join(beyond)}" if beyond else ""
-        texts.append(f"{name}: T/Q = {ratio:+.2e} in touch{more}")
+        more = f", separate only beyond {', '.join(beyond)}" if beyond else ""
+        texts.append(f"{name}: T/Q = {ratio:+.2e} when touching{more}")
     return Finding(YES if all(good) else NO, "; ".join(texts))
 
 
 def fitted_friction(document: Mapping[str, Any], sigma: float, cycles: float) -> float:
-    """Return the coefficient at which sigma [m] of path over friction takes ``cycles``."""
+    """Return the friction coefficient at which ``sigma`` [m], sliding path over friction, takes ``cycles``."""
     last = document["path"][-1]
     per_cycle = last["sigma"] / last["cycle"] if last["cycle"] else math.nan
     # sigma per cycle is 4 A / f with the f of the scene
@@ -222,7 +222,7 @@ def _clock(documents: Documents) -> Finding:
     distance = distances(pair, 0, 1)[1]
     sigma = np.array([m["sigma"] for m in pair["path"]])
     thin = fitted_friction(pair, float(np.interp(0.05, distance, sigma)), 50.0)
-    text = f"f that fits the clock: {thick:.3g} on foam (30 cycles to the edge pairs), {thin:.2g} on rubber (50 cycles)"
+    text = f"f fitted to cycles: {thick:.3g} on foam (30 cycles to the edge pairs), {thin:.2g} on rubber (50 cycles)"
     return Finding(OPEN if thick > 1.0 else YES, text)
 
 
@@ -241,24 +241,24 @@ POINTS = (
     ),
     Point(
         "the denser start keeps more of its order", NINES, _dense_keeps_order,
-        "the lattice of 30 mm shrinks to the touching one before it shears; the source suspects random factors on the "
-        "way, which the model has at the start alone",
+        "the lattice of 30 mm shrinks to the touching one before it shears; the paper suspects random factors on the "
+        "way, which the model has only at the start",
     ),
     Point(
         "convergence is faster along the main motion, and the group gets a tip that way", NINES, _direction,
-        "the tip comes of packing alone, which way it points is chance: the drift law has no direction, as the source "
-        "states that the rate does not depend on it; rolling and sliding may resist differently along and across",
+        "the tip results from packing alone and its direction is random: the drift law has no direction, because the "
+        "paper states that the rate does not depend on it; rolling and sliding resistance may differ along and across",
     ),
-    Point("16 mm balls separate to about 50 mm", (PAIR,), _separate, "where they are after 50 cycles was fitted by f"),
+    Point("16 mm balls separate to about 50 mm", (PAIR,), _separate, "their distance after 50 cycles was fitted by f"),
     Point(
         "they stay there", (PAIR,), _stay_apart,
-        "the model slows down and does not stop: no threshold of rolling resistance or of adhesion is in it",
+        "the drift slows down but does not stop: the model has no threshold of rolling resistance or adhesion",
     ),
     Point("10 mm and 7 mm balls do not separate", ("pair, 10 mm balls", "pair, 7 mm balls"), _small_stay),
     Point(
         "the number of cycles", ("line of six, 25 mm", PAIR), _clock,
-        "f only sets the clock; no coefficient of friction is as large as the foam's clock asks for, so T in "
-        "the real foam is smaller, or drift while rolling is slower, than the model has it",
+        "f changes only the time scale; no coefficient of friction is as large as the one fitted for foam, so T in "
+        "the real foam is smaller, or drift while rolling slower, than in the model",
     ),
 )  # fmt: skip
-"""Every point, with the reason why model and experiment may differ where they do."""
+"""Every observation, with the reason for a difference between model and experiment."""

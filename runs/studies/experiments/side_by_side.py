@@ -1,4 +1,4 @@
-"""Small strain and finite strain side by side: what moves two balls, and what comes of each run."""
+"""Small strain against finite strain: the forces on two balls, and the outcome of each run."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Array = NDArray[np.float64]
 KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls")
 """One case for every kind of ball and layer."""
 PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
-"""Distances over the touching one; a finite-strain table has a run at each."""
+"""Distances over the touching distance; a finite-strain table has a run at each."""
 
 NEAR = 0.1
-"""Part of the distance at which T changes sign within which no ratio of T is given."""
+"""Relative distance from a change of sign of T within which no ratio of T is given."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A pair of balls in both models at `PLACES`: T/Q, error of T/Q, T and Q finite over small, distances of rest [m].
+    """A pair of balls in both models at `PLACES`: T/Q, its error, ratios finite / small of T and Q, equilibria [m].
 
-    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to where the finite-strain
-    table ends.
+    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to the end of the
+    finite-strain table.
     """
 
     radius: float
@@ -49,7 +49,7 @@ class Comparison:
 
 
 def comparisons() -> list[Comparison]:
-    """Return every kind of pair whose tables are complete in both models; nothing is computed by finite elements."""
+    """Return every kind of pair whose tables are complete in both models; runs no finite elements."""
     found = []
     for case in (case for case in CASES if case.name in KINDS):
         scene = case.read(quick=True)
@@ -87,7 +87,7 @@ def _apart(distance: float) -> Array:
 
 
 def _pair(table: PairTable) -> Any:
-    """Return the forces of two balls alone; a table serves scenes of any number."""
+    """Return the forces of two balls by a table, which serves any number of balls."""
     balls = (table.problem.balls[0],) * 2
     load = dataclasses.replace(table.problem.load, values=(table.approach,) * 2)
     apart = [dataclasses.replace(ball, position=tuple(x)) for ball, x in zip(balls, _apart(table.touch), strict=True)]
@@ -108,46 +108,46 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
             PLACES, one.small, one.finite, one.error, one.strength, strict=True
         ):
             cell = f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
-            # a ratio to what vanishes nearby means nothing
+            # the ratio is meaningless near a zero of T
             if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
                 cell += f" ({strength:.2f})"
             row[f"L = {place:g} L0"] = cell
-        row["no force at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        row["T = 0 at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
         rows.append(row)
     return [
-        "**Forces side by side.** T/Q of two balls (> 0: attraction) under the experiment's approach D, small strain / "
-        "finite strain, and in brackets how T itself changes (finite over small, at equal approach):",
+        "**Forces side by side.** T/Q of two balls (> 0: attraction) at the experiment's approach D, small strain / "
+        "finite strain, and in brackets the ratio of T (finite / small, at equal approach):",
         "",
         *markdown(rows, {key: key for key in rows[0]}, aligned=False),
         "",
-        "L0: touching distance; no force: T changes sign there, looked for up to 3.7 L0, where the finite-strain "
-        "tables end; ±: the elements' own estimate.",
+        "L0: touching distance; T = 0: changes of sign up to 3.7 L0, where the finite-strain tables end; ±: error "
+        "estimate of the finite elements.",
         "",
     ]
 
 
 def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
-    """Return whether finite strain changes what is predicted; ``changed`` names the reports whose verdict it turns."""
+    """Return whether finite strain changes what is predicted; ``changed`` names the changed verdicts."""
     parts = []
     for one in found:
         touch = 2.0 * one.radius
         small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
         words = (
-            f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q in touch {one.small[0]:+.2e} becomes "
+            f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q when touching {one.small[0]:+.2e} becomes "
             f"{one.finite[0]:+.2e} ± {one.error[0]:.0e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
             f"{100.0 * (one.load[0] - 1.0):+.0f} %"
         )
         if small and finite:
-            words += f", T changes sign at {1e3 * finite[0]:.1f} mm in place of {1e3 * small[0]:.1f} mm"
+            words += f", T changes sign at {1e3 * finite[0]:.1f} mm instead of {1e3 * small[0]:.1f} mm"
         elif small or finite:
-            words += ", and a change of sign of T appears or goes"
+            words += ", and a change of sign of T appears or disappears"
         parts.append(words)
-    verdict = f"Yes, on: {'; '.join(changed)}" if changed else "No report is judged otherwise"
-    return f"**Does finite strain change what is predicted?** {verdict}. By number it does: {'; '.join(parts)}."
+    verdict = f"Yes, on: {'; '.join(changed)}" if changed else "No verdict changes"
+    return f"**Does finite strain change what is predicted?** {verdict}. The numbers change: {'; '.join(parts)}."
 
 
 def _kind(one: Comparison) -> str:
-    """Return ball and layer in words; of the source's two layers the thick one is foam."""
+    """Return ball and layer in words; the thicker of the paper's two layers is foam."""
     return (
         f"{2e3 * one.radius:g} mm balls on {1e3 * one.thickness:g} mm of {'foam' if one.thickness > 0.05 else 'rubber'}"
     )
@@ -159,7 +159,7 @@ def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
 
 
 def run_table(small: Documents, finite: Documents) -> list[str]:
-    """Return what comes of each run in both models as lines of Markdown."""
+    """Return the outcome of each run in both models as lines of Markdown."""
     both = [name for name in small if name in finite]
     if not both:
         return []

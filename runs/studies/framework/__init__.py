@@ -1,1 +1,1 @@
-"""What a study of cases is made of: cases, records, the run over them, tables and pages."""
+"""Framework of the studies: cases, their records, the runner, tables and pages."""

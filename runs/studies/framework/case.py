@@ -1,4 +1,4 @@
-"""One case of a study: a problem, the model that solves it, and which numbers of the method are varied."""
+"""One case of a study: a problem, the model that solves it, and the numerical parameters that are varied."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "p
 
 @dataclass(frozen=True)
 class Case:
-    """What is solved once: ``name`` is unique in the study and names the case's file.
+    """One solve; ``name`` is unique in the study and names the case's file.
 
-    ``accuracy`` is the relative one asked of T; ``constants`` sets "module.NAME" of the linear model to another value,
-    ``numerics`` a field of `finite_strain.Numerics`; ``labels`` say what the case is in the study's tables; ``steps``
-    are the load fractions answered (None: those of a whole load path); ``stop_after`` interrupts the run after that
-    many load steps and resumes it from disk; ``budget`` bounds a refinement ("unknowns", "seconds"); ``alone`` has one
-    rank solve it where several are there; ``same_as`` names a study and its case that is the same: an answer in that
-    study's folder, beside this study's, is taken.
+    ``accuracy`` is the relative accuracy requested of T; ``constants`` overrides "module.NAME" of the linear model,
+    ``numerics`` fields of `finite_strain.Numerics`; ``labels`` describe the case in the study's tables; ``steps`` are
+    the load fractions to answer (None: those of a whole load path); ``stop_after`` interrupts the run after that many
+    load steps and resumes it from disk; ``budget`` limits refinement ("unknowns", "seconds"); ``alone`` solves on one
+    rank even if there are more; ``same_as`` (study, case) names an identical case, whose answer is reused if that
+    study's folder lies beside this one's.
     """
 
     name: str
@@ -51,11 +51,11 @@ class Case:
         return MODELS[self.model].parallel
 
     def solve(self, run: Run) -> Result:
-        """Return the answer (collective where it is `parallel`); a study may have cases that find theirs otherwise."""
+        """Return the answer (collective if `parallel`); subclasses may compute it differently."""
         return MODELS[self.model].solve(self.problem, run)
 
     def key(self) -> str:
-        """Return a digest that changes whenever a saved answer no longer answers this case."""
+        """Return a digest that changes whenever a saved answer is no longer valid for this case."""
         varied = sorted({**self.constants, **self.numerics}.items())
         code = _element_format() if self.parallel else _linear_code()
         budget = sorted(self.budget.items())
@@ -66,14 +66,14 @@ class Case:
 
 @contextmanager
 def varied(constants: Mapping[str, float]) -> Iterator[None]:
-    """Set constants of modules, named "package.module.NAME", while the block runs; raises `InvalidProblem`."""
+    """Override module constants, named "package.module.NAME", within the block; raises `InvalidProblem`."""
     before: list[tuple[Any, str, Any]] = []
     try:
         for place, value in constants.items():
             module_name, _, name = place.rpartition(".")
             module = importlib.import_module(module_name)
             if not hasattr(module, name):
-                raise InvalidProblem(f"{place}: there is no such constant to vary; the study's case must be mended")
+                raise InvalidProblem(f"{place}: there is no such constant to vary; correct the study's case")
             before.append((module, name, getattr(module, name)))
             setattr(module, name, value)
         yield
@@ -83,7 +83,7 @@ def varied(constants: Mapping[str, float]) -> Iterator[None]:
 
 
 def _element_format() -> str:
-    from finite_strain import FORMAT  # noqa: PLC0415  (only a case with finite elements asks)
+    from finite_strain import FORMAT  # noqa: PLC0415  (finite-element cases only)
 
     return f"elements {FORMAT}"
 
@@ -96,7 +96,7 @@ def _linear_code() -> str:
 
 @cache
 def code_of(*folders: Path) -> str:
-    """Return a digest of the code and scenes in folders as this process found them."""
+    """Return a digest of the code and scenes in ``folders``, computed once per process."""
     digest = hashlib.sha256()
     for folder in folders:
         for file in sorted(folder.rglob("*")):

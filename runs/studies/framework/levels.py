@@ -1,7 +1,7 @@
-"""A case on stated discretisations, one after the other, and none beyond: their steps all kept, each as its own answer.
+"""A case on a fixed list of discretisations; the load steps of each are kept as separate answers.
 
-The balls may be moved together with the mesh: energies of two such runs differ by the balls' distance alone, and what
-the mesh adds to both cancels in their difference.
+The mesh may be moved with the balls: the energies of two such runs then differ only by the change of distance, because
+the mesh's contribution cancels.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from meshes.box import Zone
 
 STILL = 0.7
-"""Part of a block's half-width about a ball's axis in which the mesh moves with the ball as a whole."""
+"""Fraction of a mesh block's half-width about the ball's axis within which the mesh moves rigidly with the ball."""
 Seen = dict[tuple[str, float], "Snapshot"]
-"""States by model and load fraction, from which the next discretisation's are predicted."""
+"""States by model and load fraction: initial guesses for the next discretisation."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """A discretisation as a case states it, without the solver; see `finite_strain.planning.records.Discretisation`."""
+    """A discretisation without the solver; see `finite_strain.planning.records.Discretisation`."""
 
     order: int = 3
     fineness: float = 1.0
@@ -46,7 +46,7 @@ class Level:
     penalty: float = 1.0
 
     def discretisation(self) -> Discretisation:
-        """Return it as the solver takes it."""
+        """Return the solver's record of it."""
         from finite_strain.planning.records import Discretisation  # noqa: PLC0415
 
         return Discretisation(**dataclasses.asdict(self))
@@ -54,21 +54,21 @@ class Level:
 
 @dataclass(frozen=True)
 class LevelCase(Case):
-    """A case solved on ``levels``; a step's discretisation error is what it changed by since the level before.
+    """A case solved on ``levels``; the discretisation error of a step comes from its change since the previous level.
 
-    ``shift`` [m] moves each ball of a pair away from the other, and the mesh with it.
+    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it.
     """
 
     levels: tuple[Level, ...] = (Level(),)
     shift: float = 0.0
 
     def key(self) -> str:
-        """Return the key of `Case`, which changes with levels and shift too."""
+        """Return the key of `Case`, extended by levels and shift."""
         return hashlib.sha256(f"{super().key()} {self.levels} {self.shift}".encode()).hexdigest()[:20]
 
     def solve(self, run: Run) -> Result:
-        """Press the balls in on every level (collective)."""
-        from finite_strain import Numerics, compat  # noqa: PLC0415  (a case of finite elements)
+        """Solve the load path on every level (collective)."""
+        from finite_strain import Numerics, compat  # noqa: PLC0415  (finite-element cases only)
         from finite_strain.mpi import working_folder  # noqa: PLC0415
         from finite_strain.planning.records import Record  # noqa: PLC0415
         from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
@@ -95,7 +95,7 @@ class LevelCase(Case):
 
 
 def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run) -> list[Step]:
-    """Return the answers of one discretisation, paired as those of a whole run are (collective)."""
+    """Return the answers on one discretisation, with the small-strain pair as in a full run (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
     from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
@@ -127,7 +127,7 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
 
 
 def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[StepRecord]:
-    """Yield each equilibrium with its multipliers, predicted from the level before; it is remembered for the next."""
+    """Yield each equilibrium with its multipliers, started from the previous level's, and save it for the next."""
 
     def predicted(fraction: float) -> State | None:
         known = seen.get((model, fraction))
@@ -140,7 +140,7 @@ def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[St
 
 
 def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) -> list[Step]:
-    """Return energies and forces on a mesh that is moved with the balls (collective)."""
+    """Return energies and forces on a mesh moved with the balls (collective)."""
     from finite_strain import compat  # noqa: PLC0415
     from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
@@ -173,7 +173,7 @@ def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) ->
 
 
 def _energies(problem: Problem, force: float, done: StepRecord, of: dict[str, Any]) -> Step:
-    """Return a step that holds the force on either ball and the energies; T is not asked for."""
+    """Return a step with the normal force and the energies; T is not computed."""
     nan = float("nan")
     balls = tuple(
         BallResult(ball.position, ball.radius, done.fraction * value, force, (nan, nan), nan, nan, nan)
@@ -184,7 +184,7 @@ def _energies(problem: Problem, force: float, done: StepRecord, of: dict[str, An
 
 
 def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
-    """Return what a step's discretisation is, and the energies [J] of the whole scene."""
+    """Return a step's discretisation and the energies [J] of the whole scene."""
     copies = 2 ** len(plan.reduction.planes)
     return {
         "order": record.level.order, "fineness": record.level.fineness, "unknowns": run.model.unknowns,
@@ -193,7 +193,7 @@ def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
 
 
 def moved(problem: Problem, shift: float) -> Problem:
-    """Return a pair on the x axis with each ball ``shift`` [m] farther from the other."""
+    """Return a pair on the x axis with each ball moved outwards by ``shift`` [m]."""
     balls = tuple(
         dataclasses.replace(b, position=(b.position[0] + np.sign(b.position[0]) * shift, b.position[1]))
         for b in problem.balls
@@ -202,10 +202,10 @@ def moved(problem: Problem, shift: float) -> Problem:
 
 
 def move_mesh(file: Path, zone: Zone, shift: float) -> None:
-    """Shift the nodes of a mesh file near a ball's axis by ``shift`` [m] along x, those farther out by less.
+    """Shift the nodes of a mesh file near a ball's axis by ``shift`` [m] along x, tapering to zero.
 
-    From the edge of the ball's block on, nodes stay. The move is as symmetric about the axis as the mesh: the ball's
-    own energy, larger by orders of magnitude than what the distance changes, does not feel it.
+    Nodes outside the ball's block stay. The shift is symmetric about the axis, like the mesh, so it does not disturb
+    the ball's own energy, which is orders of magnitude larger than the change with distance.
     """
     import gmsh  # noqa: PLC0415
 

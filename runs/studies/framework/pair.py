@@ -18,14 +18,14 @@ def pair(
     approach: float | Sequence[float], thickness: float = THIN, *, distance: float = 2.0, poisson: float = POISSON,
     substrate: Elastic | None = STIFF, shape: str = "sphere",
 ) -> Problem:  # fmt: skip
-    """Return two balls ``distance`` apart at finite strain; one approach presses both in."""
+    """Return two balls ``distance`` apart at finite strain; a single approach applies to both."""
     depths = (approach, approach) if isinstance(approach, int | float) else tuple(approach)
     balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
     return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", depths), substrate, FiniteStrain())
 
 
 def as_seen_by(model: str, problem: Problem) -> Problem:
-    """Return the problem without the effect that a small-strain model lacks."""
+    """Return the problem that ``model`` can solve: without finite strain unless the model has it."""
     if model == "finite_strain":
         return problem
     return Problem(problem.layer, problem.balls, problem.load, problem.substrate)

@@ -1,4 +1,4 @@
-"""How a study's answer gets onto its page: the part of its README between two marks, and the figures beside it."""
+"""Publish a study's answer: replace the part of its README between two marks, and copy figures beside it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BEGIN, END = "<!-- answer: written by thirdbody study --publish -->", "<!-- end 
 
 
 def publish(name: str, answer: str, files: Sequence[Path], home: Path | None = None) -> Path:
-    """Put ``answer`` and copies of ``files`` onto the study's page and return it; raises `OutputUnusable`."""
+    """Write ``answer`` into the study's README, copy ``files`` beside it, return its path; raises `OutputUnusable`."""
     page = (home or Path(__file__).parents[1] / name) / "README.md"
     try:
         text = page.read_text(encoding="utf-8")

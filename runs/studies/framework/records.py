@@ -1,4 +1,4 @@
-"""What a study's folder holds: one JSON file per case, written while the case runs and valid as long as its key."""
+"""Records of a study's cases: one JSON file each, written while the case runs, valid while its key is current."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.study import CASES, read_json, write
 
 DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
-"""States of a record; every other one names how the case ended without an answer."""
+"""States of a record; all others say how the case ended without an answer."""
 ENDED = (DONE, "refused", "not converged", "failed")
-"""Those that tell how a case ended."""
+"""Final states."""
 
 
 class StudyFolder:
-    """The cases in the output folder of ``study``, which several runs may share. Use on rank 0 alone."""
+    """The saved cases in the output folder of ``study``, which several runs may share; use on rank 0 only."""
 
     def __init__(self, path: Path, study: str) -> None:
         self.path, self.study = path, study
         (path / CASES).mkdir(exist_ok=True)
 
     def workspace(self, case: Case) -> Path:
-        """Return where the case's own files go until it is done."""
+        """Return the folder for the case's working files."""
         return self.path / CASES / case.name
 
     def record(self, case: Case) -> dict[str, Any] | None:
-        """Return what is saved of a case under its present key, here or by the study that has the same case."""
+        """Return the case's record if its key is current, from this study or from the one with the same case."""
         saved = _valid(self.path, case.name, case)
         if saved is None and case.same_as is not None:
             study, name = case.same_as
@@ -42,19 +42,19 @@ class StudyFolder:
         return saved
 
     def save(self, case: Case, record: Mapping[str, Any]) -> None:
-        """Write a case's record; drop its own files once it is no longer running."""
+        """Write a case's record; delete its working files unless it is still running."""
         write(self.path / CASES / f"{case.name}.json", to_json({"key": case.key(), **record}))
         if record["state"] != RUNNING:
             shutil.rmtree(self.workspace(case), ignore_errors=True)
 
     def forget(self, case: Case) -> None:
-        """Drop everything that is saved of a case."""
+        """Delete everything saved for a case."""
         (self.path / CASES / f"{case.name}.json").unlink(missing_ok=True)
         shutil.rmtree(self.workspace(case), ignore_errors=True)
 
     @contextmanager
     def claim(self, case: Case) -> Iterator[bool]:
-        """Yield whether this run alone may compute the case now."""
+        """Yield whether this run may compute the case; False if another run has locked it."""
         with open(self.path / CASES / f".{case.name}.lock", "w", encoding="utf-8") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -68,7 +68,7 @@ class StudyFolder:
 
 @dataclass(frozen=True)
 class Found:
-    """The cases of a study and what is known of each: ``records`` by name, complete or not."""
+    """The cases of a study and their ``records`` by name, complete or not."""
 
     cases: tuple[Case, ...]
     records: Mapping[str, Mapping[str, Any]]
@@ -80,7 +80,7 @@ class Found:
         return cls(tuple(cases), {name: record for name, record in saved.items() if record is not None})
 
     def steps(self, name: str) -> list[dict[str, Any]]:
-        """Return the load steps that a case has reached; none where it has not been run."""
+        """Return the load steps that a case has finished; empty if it has not run."""
         return list(self.records.get(name, {}).get("steps", []))
 
     def state(self, name: str) -> str:
@@ -92,7 +92,7 @@ class Found:
         return [case for case in self.of_part(part) if self.state(case.name) == DONE]
 
     def of_part(self, part: str) -> list[Case]:
-        """Return the cases of one part of the study, which their label "part" names."""
+        """Return the cases whose label "part" is ``part``."""
         return [case for case in self.cases if case.labels["part"] == part]
 
     def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
@@ -115,7 +115,7 @@ class Found:
         return float(sum(record.get("cpu_seconds", 0.0) for record in self.records.values()))
 
     def versions(self) -> dict[str, str]:
-        """Return the library versions that the answers were made with."""
+        """Return the library versions that produced the answers."""
         found: dict[str, str] = {}
         for record in self.records.values():
             found |= record.get("solved", {}).get("versions", {})

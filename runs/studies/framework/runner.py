@@ -1,7 +1,7 @@
-"""How a study of many cases is run: shared out, resumed after a kill, one failing case recorded and passed over.
+"""Run a study of many cases: split into shards, resumed after an interruption, failed cases recorded and skipped.
 
-Every rank runs this. Cases of finite elements are solved by all ranks together, others by rank 0; each record is
-written while its case runs, and tables and figures are made from whatever is there.
+Every rank runs this. All ranks solve finite-element cases together, rank 0 solves the others. Each record is written
+while its case runs; tables and figures are made from the records that exist.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ def study_of_cases(
     publishes: Sequence[str] = (),
     answers: Sequence[str] = (DONE,),
 ) -> Study:
-    """Return a study of ``cases`` (quick or not), whose ``present`` makes tables and figures and returns the text.
+    """Return a study of ``cases`` (quick or full); ``present`` makes tables and figures and returns the text.
 
-    ``answers`` are the states of a case that answer the study's question.
+    ``answers`` are the states that count as an answer to the study's question.
     """
 
     def compute(path: Path, options: Options) -> None:
@@ -62,7 +62,7 @@ def study_of_cases(
 
 
 def made_by(found: Found, by: str) -> str:
-    """Return the sentence that says how the numbers were made."""
+    """Return a sentence on how the numbers were produced."""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
     states = [found.state(case.name) for case in found.cases]
     ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
@@ -92,17 +92,17 @@ def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> 
 
 
 def _alone() -> Any:
-    from mpi4py import MPI  # noqa: PLC0415  (a case of finite elements has loaded it)
+    from mpi4py import MPI  # noqa: PLC0415  (finite-element cases have imported it)
 
     return MPI.COMM_SELF
 
 
 class _Stopped(Exception):
-    """A run that is interrupted on purpose."""
+    """Interrupts a run on purpose."""
 
 
 class _Attempt:
-    """One go at a case: keeps its record on disk while it runs."""
+    """One attempt at a case, which keeps its record on disk up to date."""
 
     def __init__(self, case: Case, folder: StudyFolder | None, comm: Any, saved: dict[str, Any] | None) -> None:
         self.case, self.folder, self.comm = case, folder, comm
@@ -112,7 +112,7 @@ class _Attempt:
         self.stop_after = case.stop_after
 
     def run(self) -> None:
-        """Solve the case and save what came of it; raises only what would fail every other case too."""
+        """Solve the case and save the outcome; raises only what stops the whole study."""
         state, reason, result = DONE, None, None
         try:
             with varied(self.case.constants):
@@ -171,12 +171,12 @@ class _Attempt:
         }
 
     def _cpu_seconds(self) -> float:
-        """Return the processor time [s] spent on the case by all ranks, earlier runs of it included (collective)."""
+        """Return the processor time [s] of all ranks on the case, interrupted runs included (collective)."""
         mine = time.process_time() - self.began[0]
         return self.spent[0] + (mine if self.comm is None else self.comm.allreduce(mine))
 
     def _all_failed(self) -> bool:
-        """Return whether all ranks have come here: only then can the others be asked to go on (collective)."""
+        """Return whether all ranks failed: only then can they go on to the next case together (collective)."""
         if self.comm is None or self.comm.size == 1:
             return True
         request = self.comm.Ibarrier()
@@ -194,7 +194,7 @@ class _Stopper(Progress):
     left: int | None = None
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
-        """Take the step; raise after the last one wanted."""
+        """Record the step; interrupt the run after the requested number."""
         super().step_done(step, surface)
         if self.left is not None:
             self.left -= 1

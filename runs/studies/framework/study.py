@@ -1,4 +1,4 @@
-"""What every study is: answers computed into a folder, and a page made of whatever answers are there."""
+"""What every study does: compute answers into a folder, and make a page from those that exist."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ CASES = "cases"
 
 @dataclass(frozen=True)
 class Study:
-    """A study: ``compute`` saves answers in its folder (on every rank), ``page`` makes tables and figures of them.
+    """A study: ``compute`` saves answers in its folder (on every rank), ``page`` makes tables and figures from them.
 
-    ``page`` gets the folder and whether this is the quick version, and returns Markdown.
+    ``page`` takes the folder and whether this is the quick version, and returns Markdown.
     """
 
     name: str
@@ -35,13 +35,13 @@ class Study:
     text: str = "answer.md"
     """File of the output folder with the page."""
     saves: str = f"{CASES}/*"
-    """Files by which a folder is known as the study's though nothing in it says so."""
+    """Pattern of files that identify an unmarked folder as the study's."""
 
 
 def run(study: Study, options: Options) -> None:
-    """Compute what the folder has no answer to, then make the page; raises `OutputUnusable`."""
+    """Compute the missing answers, then make the page; raises `OutputUnusable`."""
     folder = options.out or Path("out") / f"study-{study.name}{'-quick' if options.quick else ''}"
-    if ranks.is_root():  # before MPI starts: a folder that cannot be used ends the run at once
+    if ranks.is_root():  # before MPI starts, so that an unusable folder ends the run at once
         _open(folder, study, {"command": "study", "study": study.name, "quick": options.quick})
     if not options.tables:
         study.compute(folder, options)
@@ -61,13 +61,13 @@ def command(name: str, quick: bool) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file atomically."""
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """Return the object that a file holds; None where it is not there or not whole."""
+    """Return the JSON object in a file; None if it is missing or incomplete."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -76,7 +76,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
-    """Make the folder and mark it as the study's; several runs may share it."""
+    """Create the folder and mark it as the study's; several runs may share it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         mark = read_json(folder / MARK)

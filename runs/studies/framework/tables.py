@@ -1,4 +1,4 @@
-"""Tables of a study, twice: Markdown for its text and CSV for other programs."""
+"""Tables of a study: Markdown for its page, CSV for other programs."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def markdown(
     digits: int = 4,
     aligned: bool = True,
 ) -> list[str]:
-    """Return lines of a table; ``columns`` maps keys to headings, by default the keys of the first row.
+    """Return the lines of a table; ``columns`` maps keys to headings (default: the keys of the first row).
 
-    A pair (value, error) is written to the place of its error. ``aligned`` tables have their numbers on the right.
+    A pair (value, error) is rounded to its error. ``aligned`` right-aligns numbers.
     """
     if not rows:
         return ["(no rows yet)"]
@@ -33,7 +33,7 @@ def markdown(
 
 
 def written(value: Any, digits: int = 4) -> str:
-    """Return one cell: the leading digits of a number, a dash for none, value and error for a pair."""
+    """Return one cell: a number to ``digits``, a dash for None or nan, value and error for a pair."""
     if isinstance(value, tuple):
         return with_error(*value)
     if value is None or (isinstance(value, float) and math.isnan(value)):

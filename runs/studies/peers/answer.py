@@ -1,4 +1,4 @@
-"""Every code at every size, each answer kept as JSON, and the table of their errors."""
+"""Run every code at every size, keep each answer as JSON, and tabulate the errors."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "getfem": ("getfem", SIZES[:2]),
     "calculix": ("numpy", ("C3D20Rx1", "C3D20x1")),
 }
-"""Scripts, the package that a Python needs to run one, and the sizes it is given."""
+"""By code: the Python package that it needs, and the sizes it runs."""
 REFERENCE = {0.1: (0.0771335, 9.6459e-5), 0.32: (0.600895, 5.1238e-3)}
-"""Q and T by the approach from NGSolve with elements of orders 4 and 5; T is known to 2e-4 to 5e-4."""
+"""Q and T by approach, from NGSolve with elements of orders 4 and 5; relative error of T: 2e-4 to 5e-4."""
 
 
 def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, str, float, str]]:
-    """Yield file, code, approach and size of every answer."""
+    """Yield file, code, approach and size of every case."""
     for code, (_, sizes) in CASES.items():
         for size in sizes[:1] if quick else sizes:
             for approach in REFERENCE:
@@ -36,7 +36,7 @@ def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, str, float, str]]:
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Run what the folder has no answer of yet, in every Python of PEERS_PYTHON (a:b:c)."""
+    """Run the cases without a saved answer, in this Python or those of PEERS_PYTHON (a:b:c)."""
     for file, code, approach, size in cases(folder, options.quick):
         if options.fresh or not file.exists():
             tell(_solve(code, approach, size, file))
@@ -59,7 +59,7 @@ def _row(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _solve(code: str, approach: float, size: str, file: Path) -> str:
-    """Run one script on one thread in the first Python that has its package; return what came of it."""
+    """Run one case on one thread in the first Python that has the package; return a line on the outcome."""
     root, package = Path(__file__).parents[3], CASES[code][0]
     env = os.environ | {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     for python in [sys.executable, *filter(None, os.environ.get("PEERS_PYTHON", "").split(":"))]:

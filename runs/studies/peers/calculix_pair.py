@@ -18,13 +18,13 @@ LEVELS = ((CORNERS, 0), (CORNERS, 2), (MIDDLES, 0), (MIDDLES, 2), (CORNERS, 1))
 PLACES = np.array([(*flat, level) for flats, level in LEVELS for flat in flats])
 """Nodes of CalculiX's 20-node hexahedron, in halves of its edges."""
 FACETS, ANGLE = 16, 0.95
-"""Half the number of the sphere's elements along x, and the angle [rad] from the axis up to which it is meshed."""
+"""Half the number of elements of the sphere along x, and the largest meshed angle [rad] from its axis."""
 BULK = LAME + 2 / 3 * SHEAR
 """Bulk modulus of CalculiX's law mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, which equals the study's to first order."""
 
 
 def mesh(axes: Iterable[Array], first: int) -> tuple[dict[int, tuple[float, ...]], list[list[int]]]:
-    """Return places of nodes by number from ``first`` on, and elements, of a grid with ``axes`` as its planes."""
+    """Return node coordinates by number, counted from ``first``, and elements of a grid with planes ``axes``."""
     fine = [np.interp(np.arange(2 * len(a) - 1) / 2, range(len(a)), a) for a in axes]
     number: dict[tuple[int, ...], int] = {}
     elements = [
@@ -35,7 +35,7 @@ def mesh(axes: Iterable[Array], first: int) -> tuple[dict[int, tuple[float, ...]
 
 
 def deck(approach: float, kind: str, layer: tuple, ball: tuple, fixed: dict[str, list[int]]) -> str:
-    """Return CalculiX's input."""
+    """Return the CalculiX input file."""
 
     def rows(numbers: Iterable[Iterable[object]]) -> str:
         return "\n".join(", ".join(map(str, row)) for row in numbers)
@@ -88,7 +88,7 @@ U
 
 
 def integrals(nodes: Array, u: Array, slope: Callable[[Array], Array], count: int) -> tuple[float, float]:
-    """Return half a ball's Q and T by integrals of ``count``^3 points; ``nodes`` and ``u`` are (elements, 20, 3)."""
+    """Return half a ball's Q and T, with ``count``^3 points per element; ``nodes`` and ``u`` are (elements, 20, 3)."""
     points, weights = np.polynomial.legendre.leggauss(count)
     sides = nodes[:, 6] - nodes[:, 0]
     normal = tangential = 0.0
@@ -100,7 +100,7 @@ def integrals(nodes: Array, u: Array, slope: Callable[[Array], Array], count: in
 
     for index in itertools.product(range(count), repeat=3):
         at = points[list(index)]
-        # derivatives by a complex step are exact
+        # complex-step derivatives are exact
         gradient = np.stack([shapes(at + 1e-30j * np.eye(3)[k]).imag / 1e-30 for k in range(3)], axis=1)
         H = np.einsum("eai,aj->eij", u, gradient) * 2 / sides[:, None, :]
         F = H + np.eye(3)
@@ -117,7 +117,7 @@ def integrals(nodes: Array, u: Array, slope: Callable[[Array], Array], count: in
 
 
 def main(approach: float, size: str) -> None:
-    """Solve with elements such as C3D20R on the grid of fineness n, ``size`` being "C3D20Rxn", and print the answer."""
+    """Solve with the element type and grid fineness n of ``size``, such as "C3D20Rxn", and print the answer."""
     kind, fineness = size.split("x")
     grid = lines(approach, int(fineness))
     layer = mesh(grid, 1)

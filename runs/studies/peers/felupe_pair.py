@@ -1,4 +1,4 @@
-"""The pair in FElupe (https://felupe.readthedocs.io): Lagrange hexahedra of any order, contact as an own item."""
+"""The pair in FElupe (https://felupe.readthedocs.io): Lagrange hexahedra of any order, contact as a custom item."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array
 
 
 class Contact:
-    """An item: the penalty k/2 <-g>^2 on the top, with a multiplier at its quadrature points."""
+    """Custom item: penalty k/2 <-g>^2 on the top surface, with a multiplier at its quadrature points."""
 
     def __init__(self, top: Any) -> None:
         region = top.region
@@ -48,7 +48,7 @@ class Contact:
 
 
 class Layer:
-    """The layer of elements of one order under the ball."""
+    """The layer and its contact, with elements of one order."""
 
     def __init__(self, grid: tuple[Array, ...], order: int) -> None:
         counts = [order * (len(g) - 1) + 1 for g in grid]
@@ -74,7 +74,7 @@ class Layer:
         self.dof0, self.dof1 = fem.dof.partition(self.field, sides)
 
     def attempt(self, approach: float, damping: float = 1.0) -> bool:
-        """Solve at an approach, the first steps scaled by ``damping`` times their number; whether that went well."""
+        """Solve at an approach and return success; Newton step n is scaled by min(1, n ``damping``)."""
         number = itertools.count(1)
 
         def update(field: Any, change: Any) -> Any:
@@ -97,13 +97,13 @@ def main(approach: float, size: str) -> None:
     order, fineness = map(int, size.split("x"))
     grid = scene.lines(approach, fineness)
     coarse, layer = Layer(grid, 2), Layer(grid, order)
-    scene.follow(approach, coarse.attempt)  # elements of order 2 follow the load, the contact still soft
+    scene.follow(approach, coarse.attempt)  # load path with elements of order 2 and a soft penalty
     values = coarse.field[0].values.reshape(*map(len, coarse.axes[::-1]), 3)
     layer.field[0].values[:] = RegularGridInterpolator(coarse.axes[::-1], values)(layer.region.mesh.points[:, ::-1])
     solved = layer.attempt(approach, 0.25)
     layer.contact.stiffness = scene.MIDDLE
     solved = solved and layer.attempt(approach, 0.25)
-    layer.contact.multiplier = layer.contact.pressure()[0]  # to close what the penalty left open
+    layer.contact.multiplier = layer.contact.pressure()[0]  # removes the remaining penetration
     layer.contact.stiffness = scene.STIFF
     if not solved or not layer.attempt(approach, 0.25):
         raise RuntimeError("Newton's method fails at full load")

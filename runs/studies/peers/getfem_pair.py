@@ -1,4 +1,4 @@
-"""The pair in GetFEM (https://getfem.org): hexahedra of any order, layer and contact as potentials of its language."""
+"""The pair in GetFEM (https://getfem.org): hexahedra of any order, layer and contact as potentials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ gf.util_trace_level(0)
 
 
 class Layer:
-    """The layer of elements of one order under the ball."""
+    """The layer and its contact, with elements of one order."""
 
     def __init__(self, grid: tuple[Array, ...], order: int) -> None:
         self.mesh = gf.Mesh("cartesian", *grid)
@@ -25,7 +25,7 @@ class Layer:
         self.full.set_fem(gf.Fem(f"FEM_QK(3,{order})"))
         place, component = self.full.basic_dof_nodes(), np.arange(self.full.nbdof()) % 3
         fixed = np.isclose(place[2], -THICKNESS)
-        for k in (0, 1):  # the planes of symmetry and the layer's end
+        for k in (0, 1):  # symmetry planes and lateral boundary
             fixed |= (component == k) & np.any(np.isclose(place[k][:, None], grid[k][[0, -1]]), axis=1)
         self.kept = np.flatnonzero(~fixed)
         self.space = gf.MeshFem("partial", self.full, self.kept)
@@ -42,7 +42,7 @@ class Layer:
         self.model.add_nonlinear_term(surface, f"k*half_sqr_pos_part({pressed})", TOP)
 
     def attempt(self, approach: float, damping: float = 1.0) -> bool:
-        """Solve at an approach, the first steps scaled by ``damping`` times their number; whether that went well."""
+        """Solve at an approach and return success; Newton step n is scaled by min(1, n ``damping``)."""
         before = u = self.model.variable("u")
         self.model.set_variable("D", [approach])
         for number in range(1, 17):
@@ -63,18 +63,18 @@ class Layer:
 
 
 def main(approach: float, size: str) -> None:
-    """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer."""
+    """Solve with elements of order p on a grid of fineness n, where ``size`` is "pxn", and print the answer."""
     order, fineness = map(int, size.split("x"))
     grid = scene.lines(approach, fineness)
     coarse, layer = Layer(grid, 2), Layer(grid, order)
-    scene.follow(approach, coarse.attempt)  # elements of order 2 follow the load, the contact still soft
+    scene.follow(approach, coarse.attempt)  # load path with elements of order 2 and a soft penalty
     start = gf.compute_interpolate_on(coarse.space, coarse.model.variable("u"), layer.full)
     layer.model.set_variable("u", start[layer.kept])
     solved = layer.attempt(approach, 0.25)
     layer.model.set_variable("k", [MIDDLE])
     solved = solved and layer.attempt(approach, 0.25)
     layer.model.set_variable("before", layer.model.variable("u"))
-    layer.model.set_variable("multiplier", [MIDDLE])  # the penalty's pressure, to close what it left open
+    layer.model.set_variable("multiplier", [MIDDLE])  # the penalty pressure; removes the remaining penetration
     layer.model.set_variable("k", [STIFF])
     if not solved or not layer.attempt(approach, 0.25):
         raise RuntimeError("Newton's method fails at full load")

@@ -13,17 +13,17 @@ from ngsolve.nonlinearsolvers import NewtonSolver
 from runs.studies.peers.scene import LAME, MIDDLE, SHEAR, SOFT, STIFF, THICKNESS, follow, lines, report, weight_slope
 
 FIXED = {"dirichletx": "back|front|bottom", "dirichlety": "left|right|bottom", "dirichletz": "bottom"}
-"""Planes of symmetry, the layer's end and its base, by NGSolve's names of a cube's sides."""
+"""Symmetry planes, lateral boundary and base, by NGSolve's names of a cube's sides."""
 
 
 def energy(H: Any) -> Any:
-    """Return the law's energy of the displacement gradient."""
+    """Return the strain energy density for a displacement gradient."""
     j = ng.Det(H + ng.Id(3)) - 1
     return SHEAR * (ng.InnerProduct(H, H) / 2 + ng.Trace(H) - ng.log(1 + j)) + LAME / 2 * j**2
 
 
 def main(approach: float, size: str) -> None:
-    """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer."""
+    """Solve with elements of order p on a grid of fineness n, where ``size`` is "pxn", and print the answer."""
     order, fineness = map(int, size.split("x"))
     grid = lines(approach, fineness)
 
@@ -56,11 +56,11 @@ def main(approach: float, size: str) -> None:
         return attempt
 
     coarse, first, u = (ng.GridFunction(ng.VectorH1(mesh, order=p, **FIXED)) for p in (2, order, order))
-    follow(approach, solver(coarse, SOFT, damping=1))  # elements of order 2 follow the load, the contact still soft
+    follow(approach, solver(coarse, SOFT, damping=1))  # load path with elements of order 2 and a soft penalty
     first.Set(coarse)
     solved = solver(first, SOFT)(approach) and solver(first, MIDDLE)(approach)
     u.vec.data = first.vec
-    # the penalty's pressure becomes a multiplier, so that a stiffer one closes what it left open
+    # the penalty pressure becomes the multiplier; a stiffer penalty removes the remaining penetration
     if not solved or not solver(u, STIFF, pressure(first, MIDDLE))(approach):
         raise RuntimeError("Newton's method fails at full load")
 

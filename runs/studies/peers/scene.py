@@ -1,6 +1,6 @@
-"""What every code of the study solves: one quarter of the pair, as a grid of hexahedra that all can take.
+"""The problem that every code solves: a quarter of the pair on a grid of hexahedra that all can read.
 
-Lengths in radii R, forces in E R². The ball is at x = 1, y = 0, z = 1 - D; x = 0 and y = 0 are planes of symmetry.
+Lengths in radii R, forces in E R². The ball is at x = 1, y = 0, z = 1 - D; x = 0 and y = 0 are symmetry planes.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 YOUNG, POISSON, THICKNESS, EXTENT = 1.0, 0.48, 1.16, 5.0
-"""Young's modulus, Poisson's ratio, thickness of the layer; how far it is meshed beyond the ball's axis."""
+"""Young's modulus, Poisson's ratio and thickness of the layer; distance meshed from the ball's axis."""
 SHEAR = YOUNG / (2 * (1 + POISSON))
 LAME = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
 """Lame's constants of the law psi = mu/2 (I1 - 3) - mu ln J + lambda/2 (J - 1)^2."""
 SOFT, MIDDLE, STIFF, STEP = 100.0, 500.0, 2000.0, 0.027
-"""Penalties of contact in E / R, used one after another; largest step of the approach."""
+"""Contact penalties in E / R, applied in this order; largest step of the approach."""
 
 
 def core(approach: float) -> float:
-    """Return the half width around the axis within which the domain integral's weight q is 1: all of the contact."""
+    """Return the half-width about the axis within which the weight q is 1; it covers the contact."""
     return 1.18 * float(np.sqrt(approach))
 
 
 def weight_slope(x: Any, approach: float, where: Callable[..., Any] = lambda a, b, c: np.where(a > 0, b, c)) -> Any:
-    """Return dq/dx: q rises from 0 at x = 0 to 1 at the core, and falls as its mirror image about x = 1.
+    """Return dq/dx: q rises from 0 at x = 0 to 1 at the core, mirrored about x = 1.
 
-    A q that is symmetric about the ball's axis on a mesh that is so takes out what the mesh does to a single ball.
-    ``where(a, b, c)`` is the code's own "b where a > 0, else c".
+    With q and mesh symmetric about the ball's axis, the mesh error of a single ball cancels.
+    ``where(a, b, c)`` is the code's own "b if a > 0, else c".
     """
     away = where(x - 1, x - 1, 1 - x)
     ramp = where(away - core(approach), where(1 - away, 1 / (1 - core(approach)), 0), 0)
@@ -43,7 +43,7 @@ def weight_slope(x: Any, approach: float, where: Callable[..., Any] = lambda a, 
 
 
 def lines(approach: float, fineness: int) -> tuple[Array, Array, Array]:
-    """Return the grid's planes in x, y and z: ``fineness`` times two elements from the axis to the core's edge."""
+    """Return the grid planes in x, y and z, with 2 ``fineness`` elements from the axis to the edge of the core."""
     c, n = core(approach), fineness
     near = np.concatenate([np.linspace(0, c, 2 * n + 1), np.linspace(c, 1, n + 1)[1:]])
     far = 1 + (EXTENT - 1) * (1.6 ** np.linspace(0, 3, 3 * n + 1) - 1) / (1.6**3 - 1)
@@ -52,7 +52,7 @@ def lines(approach: float, fineness: int) -> tuple[Array, Array, Array]:
 
 
 def follow(approach: float, attempt: Callable[[float], bool]) -> None:
-    """Go to ``approach`` by steps that ``attempt`` solves; it says whether it did, and forgets a failure itself."""
+    """Step to ``approach``, halving failed steps; ``attempt`` returns success and restores its state on failure."""
     done, step = 0.0, STEP
     while done < approach:
         if attempt(min(done + step, approach)):
@@ -64,7 +64,7 @@ def follow(approach: float, attempt: Callable[[float], bool]) -> None:
 
 
 def report(code: str, version: str, approach: float, discretisation: str, unknowns: int, Q: float, T: float) -> None:
-    """Print a code's line of JSON; ``T`` > 0 separates the balls. Seconds are of this process and its children."""
+    """Print the answer as a line of JSON; ``T`` > 0 separates. Seconds are processor time, children included."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     found = {"code": code, "version": version, "approach": approach, "discretisation": discretisation}
     found |= {"unknowns": unknowns, "seconds": sum(each.ru_utime + each.ru_stime for each in used)}

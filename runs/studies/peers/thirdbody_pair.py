@@ -1,4 +1,4 @@
-"""The pair by this project's command `thirdbody solve`, asked for a relative accuracy of T."""
+"""The pair by `thirdbody solve`, with a requested relative accuracy of T."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ tangential_force = {accuracy}
 
 
 def main(approach: float, size: str) -> None:
-    """Solve with T asked for to ``size``, and print the answer."""
+    """Solve for T to the relative accuracy ``size``, and print the answer."""
     with tempfile.TemporaryDirectory() as name:
         scene = Path(name) / "pair.toml"
         given = {"thickness": THICKNESS, "young": YOUNG, "poisson": POISSON, "approach": approach, "accuracy": size}

@@ -1,4 +1,4 @@
-"""One table per number of ranks, kept as CSV, and the page that shows all of them."""
+"""One table per number of ranks, saved as CSV, and the page that shows all of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runs.studies.framework.tables import markdown, save_csv, written
 from runs.studies.scaling.measuring import FORMS, measure
 
 SIZES = (12_000, 25_000, 60_000)
-"""Unknowns aimed at; meshes meet them within some 20 %."""
+"""Target numbers of unknowns, which meshes meet within about 20 %."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 HEADINGS = {
     "form": "form",
@@ -26,14 +26,14 @@ HEADINGS = {
     "first_seconds": "first solve [s]",
     "solve_seconds": "next solve [s]",
     "krylov_iterations": "Krylov iterations",
-    "fallbacks": "left to factors",
+    "fallbacks": "fallbacks to a direct solver",
     "kilobytes_per_unknown": "memory [kB per unknown, all ranks]",
-    "load": "load of the machine",
+    "load": "machine load",
 }
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Measure on the ranks that there are what their table lacks."""
+    """Measure what the table for the current number of ranks lacks."""
     comm = ranks.world()
     file = folder / f"ranks_{comm.size}.csv"
     rows = ranks.share([] if options.fresh or not ranks.is_root() else read([file]))
@@ -51,7 +51,7 @@ def compute(folder: Path, options: Options) -> None:
 
 
 def read(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Return the rows of those files that exist, sorted so that what is to be compared stands together."""
+    """Return the rows of the existing files, sorted so that comparable rows are adjacent."""
     rows: list[dict[str, Any]] = []
     for file in files:
         if not file.exists():
@@ -65,7 +65,7 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Return the table of every number of ranks, and what it says of many unknowns."""
+    """Return the table for all numbers of ranks, and the memory per unknown of the largest systems."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
     lines = markdown(rows, HEADINGS)
     largest = max((row["unknowns"] for row in rows), default=0)

@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from finite_strain.one_discretisation import ModelRun
 
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
-"""Poisson's ratio that each form of the elements is measured with."""
+"""Poisson's ratio used with each element form."""
 SOLVERS = {"MUMPS": "1e12", "multigrid": "0"}
-"""Unknowns up to which factors are taken."""
+"""Largest number of unknowns that is solved directly."""
 DEPTH = 0.1
 FINENESSES = np.arange(1.0, 4.1, 0.25).tolist()
 PATH = (0.2, 0.6, 1.0)
-"""Parts of the depth at which equilibrium is found before anything is measured."""
+"""Fractions of the depth at which equilibrium is solved before measuring."""
 
 
 def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     """Yield, per solver, times of the slowest rank [s of processor time] and memory of all ranks (collective).
 
-    Both solve the same system: the tangent where the balls are in equilibrium, pressed in by `DEPTH`.
+    Both solve the same system: the tangent at the equilibrium for approach `DEPTH`.
     """
     from finite_strain.observer import Silence  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (as all below, DOLFINx)
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (imports DOLFINx, like all below)
     from finite_strain.planning.records import Discretisation  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
@@ -73,7 +73,7 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     ksp, b, x = solver.linear.ksp, model.matrix.createVecRight(), model.matrix.createVecRight()
     model.border(np.ones(len(model.contact.balls)), b)
     spent, iterations, failed = [], 0, 0
-    for _ in range(2):  # the second finds the pattern analysed, as all but the first of a load path do
+    for _ in range(2):  # the second reuses the symbolic analysis, like all but the first of a load path
         assembled = _seconds(model.tangent, comm)
         ksp.setOperators(model.matrix)
         spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
@@ -104,7 +104,7 @@ def _seconds(work: Callable[[], Any], comm: MPI.Comm) -> float:
 
 
 def _forget_peak() -> None:
-    """Give back what was freed, and have Linux count this process's peak of memory anew."""
+    """Return freed memory to the system and reset this process's peak memory (Linux)."""
     ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 

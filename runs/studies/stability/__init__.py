@@ -1,1 +1,1 @@
-"""The study ``stability``: hard cases times models, each with a right answer and its check, or a named refusal."""
+"""The study ``stability``: hard cases times models, each with a checked answer or a refusal that gives its reason."""

@@ -1,4 +1,4 @@
-"""By how much a case's T agrees with that of another: at full load, in the limit of no load, or at the same force."""
+"""Difference of T between two cases: at full load, in the limit of zero load, or at the same force."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.matrix import NO_LOAD, SAME_FORCE
 
 FAR_ENOUGH = 4.0
-"""How many times as deep as at the first step two theories are compared, to extrapolate to no load."""
+"""Largest approach used to extrapolate to zero load, over that of the first step."""
 
 
 def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return by which part of T a case differs from the one it is checked against, and by which it may.
+    """Return the relative difference of T between a case and its reference, and the tolerance.
 
-    None where either has not come as far as the load compared at, or has no error there.
+    None if either did not reach the load compared at, or has no error estimate there.
     """
     other = check["other"]
     path, against = found.steps(name), found.steps(other)
@@ -32,7 +32,7 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
             return None
         theirs = at_force(against, mine)
     if any(ball["tangential_force_error"] is None for ball in (*mine, *theirs)):
-        return None  # saved as nan: an answer that does not know its error
+        return None  # saved as nan: no error estimate
     factor = check["factor"]
     worst, allowed = 0.0, check["within"]
     size = max(math.hypot(*ball["tangential_force"]) for ball in mine)
@@ -46,12 +46,11 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
 
 
 def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> tuple[float, float] | None:
-    """Return by which part T differs from another theory's in the limit of no load, and the tolerance of that.
+    """Return the relative difference of T between two theories in the limit of zero load, and its tolerance.
 
-    The ratio of the two, over the root of the approach, is continued to zero along a parabola through the first common
-    step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is what the error bars of these
-    steps make of it, and the difference from the straight line through the first and the last: what the continuation
-    leaves open.
+    The ratio of the two, as a function of the square root of the approach, is extrapolated by the parabola through the
+    first common step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is the error bars
+    carried through the extrapolation, plus the difference from the straight line through the first and the last step.
     """
     pairs = [
         (one, two)
@@ -76,27 +75,27 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
 
 
 def _at_zero(x: np.ndarray, y: np.ndarray, errors: np.ndarray, points: int) -> tuple[float, float]:
-    """Return what y tends to at x = 0 along the polynomial through first and last and those between, and its error."""
+    """Return the value at x = 0 of the polynomial through ``points`` data, both ends included, and its error."""
     chosen = np.unique(np.linspace(0, len(x) - 1, points).astype(int))
     weights = np.linalg.solve(np.vander(x[chosen], increasing=True).T, np.eye(len(chosen))[0])
     return float(weights @ y[chosen]), float(np.abs(weights) @ errors[chosen])
 
 
 def share_of_error(ball: Mapping[str, Any]) -> float:
-    """Return the error of a ball's T over T."""
+    """Return the relative error of a ball's T."""
     return float(ball["tangential_force_error"] / math.hypot(*ball["tangential_force"]))
 
 
 def _ratio(one: Mapping[str, Any], two: Mapping[str, Any]) -> float:
-    """Return one T over another, along the latter."""
+    """Return the component of one T along another, over the magnitude of the other."""
     (ax, ay), (bx, by) = one["tangential_force"], two["tangential_force"]
     return float((ax * bx + ay * by) / (bx * bx + by * by))
 
 
 def at_force(steps: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the balls of a load path where it passes the normal forces of ``balls``, along power laws.
+    """Return T and its error on a load path at the normal forces of ``balls``, interpolated by power laws.
 
-    The last two steps are continued where it ends before; errors keep their share of T.
+    Beyond the end of the path the last two steps are extrapolated; relative errors are those of the upper step.
     """
     found = []
     for number, ball in enumerate(balls):

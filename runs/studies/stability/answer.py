@@ -1,4 +1,4 @@
-"""The study's page: how every case ended and what it took, and whether the error bars hold along the load."""
+"""The study's page: outcome and cost of every case, and whether the error bars hold along the load."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from runs.studies.stability.judging import energy_balance, last_good, meshed_for
 from runs.studies.stability.matrix import cases
 
 BARS = (
-    "T of small_strain at every load step, held against linear_bem at the same approach (or force), which knows it at "
-    "least ten times as well as the bar says. The accuracy asked for is that of full load; where a contact is only few "
-    "elements wide, the bars of the steps before are estimates of a mesh that is too coarse to know better."
+    "T of small_strain at every load step, compared with linear_bem at the same approach (or force), whose error is at "
+    "most a tenth of the bar. The requested accuracy applies at full load; at earlier steps a contact may be only a "
+    "few elements wide, and the mesh too coarse for a reliable error bar."
 )
 
 
@@ -34,10 +34,10 @@ def present(found: Found, folder: Path) -> str:
         [
             "# Hard cases: a right answer or a named refusal", "",
             f"**Of {len(rows)} cases times models: {counts}.** {sentence(bars)}", "",
-            "## What it took", "", *markdown(rows, numbers), "",
-            "## What each case is, and why it is right", "",
-            *markdown(rows, {"case": "case", "words": "hard as", "ended": "ended", "why": "check"}), "",
-            "## Whether the error bars hold on the way", "", BARS, "", *markdown(bars),
+            "## Cost", "", *markdown(rows, numbers), "",
+            "## Cases and checks", "",
+            *markdown(rows, {"case": "case", "words": "difficulty", "ended": "ended", "why": "check"}), "",
+            "## Error bars along the load", "", BARS, "", *markdown(bars),
         ]
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Whether the error bars of every load step hold: small_strain against linear_bem, which knows T far better."""
+"""Check of the error bars at every load step: small_strain against linear_bem, which is far more accurate."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from runs.studies.framework.records import DONE, Found
 from runs.studies.stability.agreement import share_of_error
 
 WELL_KNOWN = 0.1
-"""Part of an error bar to which the linear answer must be known, to judge the bar."""
+"""Largest error of the linear answer over the error bar that it may judge."""
 
 
 def path_bars(found: Found) -> list[dict[str, Any]]:
-    """Return one row per small-strain case: how its errors along the load compare with the bars that came with them.
+    """Return one row per small-strain case: its errors along the load compared with its error bars.
 
-    None of a case whose linear twin does not know T better.
+    Cases whose linear reference is not accurate enough are left out.
     """
     rows = []
     for case in found.cases:
@@ -41,7 +41,7 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
 
 
 def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return in a sentence how many bars hold at full load and how many on the way; nothing where none are known."""
+    """Return a sentence on how many bars hold at full load and before; empty if none can be judged."""
     ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
     if not ends:
         return ""
@@ -51,14 +51,14 @@ def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
     worst = max(rows, key=lambda row: row["largest error over bar"])
     return (
         f"At full load {kept} of {len(ends)} error bars of small_strain hold (the largest error is {max(ends):.2g} of "
-        f"its bar); of {before} load steps on the way {beyond} are off by more than theirs, the worst by "
-        f"{worst['largest error over bar']:.2g} times as much ({worst['error there [%]']:.2g} % at D = "
+        f"its bar); of {before} earlier load steps {beyond} have an error above their bar, at worst by a factor "
+        f"of {worst['largest error over bar']:.2g} ({worst['error there [%]']:.2g} % at D = "
         f"{worst['at D / R']:.2g} R)."
     )
 
 
 def _shares(found: Found, name: str, twin: str) -> list[tuple[float, float, float]]:
-    """Return (approach over radius, error over bar, relative error) of T per load step, of the worst ball there."""
+    """Return (approach over radius, error over bar, relative error) of T per load step, for the worst ball."""
     known = {step["record"].get("fraction"): step["balls"] for step in found.steps(twin)}
     entries = []
     for step in found.steps(name):

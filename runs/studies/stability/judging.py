@@ -1,4 +1,4 @@
-"""Whether a case ended right: energy and force balance of its load path, and what it is checked against."""
+"""Verdict on a case: energy and force balance of its load path, and agreement with its reference."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from runs.studies.stability.agreement import compared
 from runs.studies.stability.matrix import NO_LOAD
 
 BALANCE = 0.02
-"""Largest relative difference of stored energy and work: the work is summed over load steps along power laws."""
+"""Largest relative difference of stored energy and work; the work is integrated by power laws between load steps."""
 FORCES = 1e-6
 """Largest relative difference of the forces on the balls and the reaction of the base."""
 RESIDUAL = 1e-3
 """Largest recomputed residual of a linear answer, over the approach, the peak pressure or the load."""
 SLOPE_ON_GRIDS = 1e-3
-"""Part of T by which the slope integral is off on a grid of 256 cells a ball: the check's noise, not the answer's."""
+"""Relative error of the slope integral on a grid of 256 cells per ball: noise of the check, not of the answer."""
 NOT_CONVERGED, NOT_RESOLVED = "not converged", "T not resolved"
 ROUNDOFF = 1e-14
-"""Part of the normal force that two routes to a T of zero may differ by."""
+"""Tolerance on the difference of two routes to a zero T, over the normal force."""
 
 
 def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = None) -> float:
-    """Return the work [J] that the balls did up to the last step: int Q dD, along power laws between steps.
+    """Return the work [J] that the balls did up to the last step: int Q dD, by power laws between steps.
 
-    ``meshed`` is by which factor the mesh's own Q is larger than the answer's at the last step, per ball: the answer
-    is freed from the mesh and from domain truncation, to first order in Q / D; the mesh's energy is not.
+    ``meshed`` is, per ball, the mesh's own Q over the answer's at the last step: the answer is corrected for mesh and
+    domain truncation, but the mesh's energy is not, so the path is scaled back to first order in Q / D.
     """
     total = 0.0
     for ball in range(len(steps[0]["balls"])):
@@ -42,7 +42,7 @@ def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = No
         excess = (meshed[ball] - 1.0) * path[-1][0] / path[-1][1] if meshed is not None else 0.0
         path = [(d, q * (1.0 + excess * q / d)) for d, q in path]
         depth, force = path[0]
-        # before the first step as in Hertz's contact, Q ~ D^(3/2)
+        # before the first step Q ~ D^(3/2), as in Hertz contact
         total += force * depth / 2.5
         for (d0, q0), (d1, q1) in pairwise(path):
             if d1 <= d0:
@@ -53,7 +53,7 @@ def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = No
 
 
 def energy_balance(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = None) -> float:
-    """Return the relative difference of strain energy and work at the last step; nan where a path has neither."""
+    """Return the relative difference of strain energy and work at the last step; nan for paths without them."""
     stored = steps[-1].get("record", {}).get("strain_energy") if steps else None
     if stored is None or len(steps) < 3:
         return math.nan
@@ -61,19 +61,19 @@ def energy_balance(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] |
 
 
 def meshed_forces(record: Mapping[str, Any]) -> list[float] | None:
-    """Return per ball by which factor the finest mesh's Q at full load is larger than the answer's; None: not known."""
+    """Return, per ball, Q of the finest mesh over Q of the answer at full load; None if unknown."""
     meshes = record.get("solved", {}).get("accuracy", {}).get("meshes", [])
     if not meshes or not record.get("steps"):
         return None
     forces, balls = meshes[-1]["normal_forces"], record["steps"][-1]["balls"]
     forces = forces * len(balls) if len(forces) == 1 else forces
     if len(forces) != len(balls):
-        return None  # some balls are others' images, and the record does not tell which
+        return None  # some balls are mirror images, and the record does not say which
     return [force / ball["normal_force"] for force, ball in zip(forces, balls, strict=True)]
 
 
 def took(found: Found, case: Case) -> dict[str, Any]:
-    """Return what a load path took: steps, those cut back, iterations; its smallest J and its penetration over R."""
+    """Return the cost of a load path (steps, cut-backs, iterations), its smallest J and its penetration over R."""
     steps = found.steps(case.name)
     counts: dict[str, Any] = dict.fromkeys(("steps", "cuts", "iterations"))
     if case.parallel:
@@ -85,13 +85,13 @@ def took(found: Found, case: Case) -> dict[str, Any]:
 
 
 def _recorded(steps: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    """Return a value of the steps' records, where it is there."""
+    """Return a value from the steps' records, where present."""
     return [value for step in steps if (value := step.get("record", {}).get(key)) is not None]
 
 
 @dataclass
 class Checks:
-    """What the checks of a case said."""
+    """Outcome of a case's checks."""
 
     faults: list[str] = field(default_factory=list)
     passed: list[str] = field(default_factory=list)
@@ -99,17 +99,17 @@ class Checks:
     resolved: bool = True
 
     def judge(self, holds: bool, text: str) -> None:
-        """Note one check."""
+        """Record one check."""
         (self.passed if holds else self.faults).append(text)
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
-    T is not resolved where its error bar, which holds, is larger than T.
+    T is not resolved if its error bar is larger than T and all checks pass.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
-    # what a case leaves on its way is cleared once it ends
+    # a case's working files are deleted when it ends
     reason = (record.get("reason") or "").split("; its finished steps are kept in ")[0]
     if state == "refused":
         return ("named refusal" if reason else "WRONG"), reason or "refused without a reason"
@@ -130,7 +130,7 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
 
 
 def _judge_agreement(checks: Checks, found: Found, name: str, check: Mapping[str, Any]) -> None:
-    """Judge a case by the one that it is checked against."""
+    """Check a case against its reference."""
     outcome = compared(found, name, check)
     if outcome is None:
         checks.notes.append(f"not compared with {check['other']}, which has no answer with an error")
@@ -144,7 +144,7 @@ def _judge_agreement(checks: Checks, found: Found, name: str, check: Mapping[str
 
 
 def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
-    """Judge a load path by itself."""
+    """Check a load path on its own."""
     steps, solved = record.get("steps", []), record.get("solved", {})
     energy = energy_balance(steps, meshed_forces(record))
     forces = max(_recorded(steps, "force_balance"), default=math.nan)
@@ -166,7 +166,7 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
 
 
 def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: int) -> None:
-    """Judge whether a linear answer's two routes to T agree within its error; elements have theirs in the error."""
+    """Check that the two routes to T of a linear answer agree within its error."""
     noise = SLOPE_ON_GRIDS if unknowns >= COARSEST**2 else 0.0
     for number, ball in enumerate(balls):
         routes = ball.get("tangential_force_routes", {})
@@ -179,7 +179,7 @@ def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: 
 
 
 def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]]) -> None:
-    """Judge whether unlike balls pull each other alike; it is symmetry where they are alike, and no check."""
+    """Check that T of all balls sums to zero; skipped for equal loads, where symmetry makes it trivial."""
     loads = [ball["normal_force"] for ball in balls]
     if len(balls) < 2 or min(loads) > (1.0 - 1e-6) * max(loads):
         return
@@ -196,12 +196,12 @@ def _size(ball: Mapping[str, Any]) -> float:
 
 
 def _error(ball: Mapping[str, Any]) -> float:
-    """Return the error of a ball's T; one that is not known is saved as None."""
+    """Return the error of a ball's T; an unknown one is saved as None."""
     return math.inf if ball["tangential_force_error"] is None else float(ball["tangential_force_error"])
 
 
 def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> float:
-    """Return the part of the load that was reached; a stop on the first mesh says it in words alone."""
+    """Return the load fraction reached; after a stop on the first mesh only the message contains it."""
     if steps:
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
     named = re.search(r"last good state is at (\S+) of the full load", reason)

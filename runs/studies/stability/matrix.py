@@ -1,8 +1,8 @@
-"""The hard cases: what makes each hard, which models are asked, and what its answer is checked against.
+"""The hard cases: why each is hard, the models that solve it, and the reference for its check.
 
-Dimensionless, R = 1 and E1 = 1, but for the scaled twin. A check names another case of the study that must give the
-same force by another route: another model, another path, a limit, the same problem in other units. The accuracy asked
-for is a low one: what is asked here is whether an answer stands within its own error bar.
+Dimensionless, R = 1 and E1 = 1, except for the scaled case. A check names another case of the study that must give the
+same force by other means: another model, another load path, a limit, the same problem in other units. The requested
+accuracy is low: the question is whether an answer lies within its own error bar.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import as_seen_by, pair
 
 ACCURACY = 0.1
-"""Relative accuracy of T that is asked of finite elements."""
+"""Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
 ONE_STEP = {"largest_step": 10.0}
 GRADED = {"growth": 2.0}
-"""Twice the usual growth of the elements."""
+"""Twice the default growth of element sizes."""
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
-"""Where two cases are compared: at full load, in the limit of no load, or where the other passes the same Q."""
+"""Where two cases are compared: at full load, in the limit of zero load, or where the other reaches the same Q."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """What a case must agree with: ``other`` is that case's name, ``factor`` what its T is multiplied with.
+    """The reference of a case: ``other`` is its name, ``factor`` multiplies its T.
 
-    ``within`` is the relative tolerance; 0: what both error bars add up to. ``at`` is the load compared at.
+    ``within`` is the relative tolerance (0: the sum of both error bars), ``at`` the load compared at.
     """
 
     words: str
@@ -72,14 +72,14 @@ def scaled(problem: Problem, scale: float) -> Problem:
 
 
 def hard_cases() -> list[Hard]:
-    """Return every hard case; those that others are checked against come first, the longest last."""
+    """Return every hard case; references come first, the longest last."""
     usual = pair(0.1)
     unequal = dataclasses.replace(pair(0.05), balls=(Ball((-0.5, 0.0), 1.0), Ball((0.5, 0.0), 0.25)))
 
     def checks(name: str) -> dict[str, Check]:
         return {
             SMALL: Check("linear_bem, another model of the same problem", f"{name}-linear-bem"),
-            FINITE: Check("the limit of no load: linear_bem", f"{name}-linear-bem", at=NO_LOAD),
+            FINITE: Check("the limit of zero load: linear_bem", f"{name}-linear-bem", at=NO_LOAD),
         }
 
     def three(name: str, words: str, problem: Problem, check: Check | None = None, **more: Any) -> Hard:
@@ -92,17 +92,17 @@ def hard_cases() -> list[Hard]:
     twin = "usual-finite-strain"
     point = {POINT: Check("linear_bem, another model of the same problem", "usual-linear-bem")}
     return [
-        Hard("usual", "touching balls, D = 0.1 R on h = 1.16 R, to compare with", usual,
+        Hard("usual", "touching balls, D = 0.1 R on h = 1.16 R, as baseline", usual,
              (FINITE, SMALL, LINEAR, POINT), checks("usual") | point),
         finite("one-step", "the whole load in one step", ONE_STEP,
                Check("path independence: many steps, on a mesh made for them", twin), steps=(1.0,)),
-        finite("restart", "stopped after the third load step and started again", {},
-               Check("a run that was not stopped", twin, 1e-6), stop_after=3),
+        finite("restart", "interrupted after the third load step and resumed", {},
+               Check("an uninterrupted run", twin, 1e-6), stop_after=3),
         Hard("scaled", "the same in other units: lengths 1000 times, moduli 1e9 times", scaled(usual, 1e3),
              (FINITE,), {FINITE: Check("scaling: T ~ E R^2", twin, 1e-6, 1e15)}),
         finite("coarse", "quadratic elements on the two coarsest meshes", {}, Check("the usual elements", twin),
                levels=QUADRATIC),
-        finite("badly-graded", "elements that grow twice as fast from one to the next", GRADED,
+        finite("badly-graded", "element sizes that grow twice as fast", GRADED,
                Check("the usual mesh", twin)),
         three("light", "hardly touching: D = 1e-4 R", pair(1e-4)),
         three("nearly-incompressible", "nu = 0.4999", pair(0.1, poisson=0.4999),
@@ -120,7 +120,7 @@ def hard_cases() -> list[Hard]:
         three("force", "forces prescribed, 0.085 E R^2 on each", usual.with_load("force", (0.085, 0.085)),
               Check("approaches prescribed", twin, at=SAME_FORCE)),
         Hard("lifted", "one ball without load", usual.with_load("force", (0.085, 0.0)), (FINITE, SMALL, LINEAR)),
-        Hard("deepest", "D = 0.95 h, more than the solver takes", pair(1.1), (FINITE, SMALL)),
+        Hard("deepest", "D = 0.95 h, beyond the solver's limit", pair(1.1), (FINITE, SMALL)),
         three("very-deep", "D = 1.0 R in h = 2 R", pair(1.0, thickness=2.0)),
         three("very-deep-foam", "the same for nu = 0.3", pair(1.0, thickness=2.0, poisson=0.3)),
         three("merging", "contacts that merge: D = 1.2 R on h = 6 R", pair(1.2, thickness=6.0)),
@@ -128,7 +128,7 @@ def hard_cases() -> list[Hard]:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every case and model; the quick version has few, shallow and coarse ones."""
+    """Return every case and model; a few shallow and coarse ones in the quick version."""
     chosen = hard_cases()
     if quick:
         names = ("usual", "one-step", "restart", "deepest", "lifted")
@@ -146,7 +146,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def case_of(hard: Hard, model: str, accuracy: float) -> Case:
-    """Return the case of a model; ``accuracy`` is asked of finite elements, along the whole load path."""
+    """Return the case of a model; ``accuracy`` is that of finite elements, along the whole load path."""
     problem = as_seen_by(model, hard.problem)
     check = hard.checks.get(model)
     said = dataclasses.asdict(check) if check is not None else None

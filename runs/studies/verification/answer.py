@@ -1,4 +1,4 @@
-"""The study's page: one verdict per part, then the tables."""
+"""The study's page: verdicts counted per part, then the tables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PARTS = (
 )  # fmt: skip
 """In the order of the page."""
 COUNTED = (
-    "Only what is right or wrong is a claim: a refusal or a stop gives no answer, and an answer whose own error bar is "
+    "Only right and wrong answers are claims: a refusal or a stop gives no answer, and an answer with an error bar "
     "above 10 % claims nothing."
 )
 

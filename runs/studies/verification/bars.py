@@ -1,4 +1,4 @@
-"""Whether the error bars of T hold: every discretisation's own bar against a better answer of the same problem."""
+"""Check of the error bars of T: the bar on every discretisation against a more accurate answer to the same problem."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ NAME = "bars"
 LEVELS = (Level(2, 1.0), Level(3, 1.0), Level(4, 1.0), Level(4, 1.5))
 DEPTHS = (0.1, 0.3)
 BETTER = 0.5
-"""Part of a bar to which the better answer must be known."""
+"""Largest bar of the more accurate answer, over the bar that it checks."""
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return finite strain on one discretisation after the other; the quick version has none."""
+    """Return finite-strain cases, each on all discretisations; none in the quick version."""
     depths = () if quick else DEPTHS
     return [
         LevelCase(f"{NAME}-D{depth:g}", pair(depth), "finite_strain", COARSE, labels={"part": NAME}, levels=LEVELS)
@@ -30,7 +30,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per answer that has a better one: `linear_bem`'s at small strain, else that of the finest mesh."""
+    """Return one row per answer with a reference: `linear_bem` at small strain, otherwise the finest mesh."""
     table = []
     for case in [*found.done(convergence.NAME), *found.done(NAME)]:
         steps, words = found.steps(case.name), "finest mesh"
@@ -38,7 +38,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
         if case.model == "small_strain":
             (better,) = LinearStates(case.problem, None, {}).at_approach(steps[-1:])["steps"]
             words = "linear_bem"
-        # the first has no change since a coarser one, and so no bar
+        # the first has no coarser one to compare with, hence no bar
         table += [_row(case, step, better, words) for step in steps[1:] if step is not better]
     return table
 
@@ -46,7 +46,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 def _row(case: Case, step: Mapping[str, Any], better: Mapping[str, Any], words: str) -> dict[str, Any]:
     (value, bar), (known, left) = (pull(each["balls"]) for each in (step, better))
     off, record = abs(value - known), step["record"]
-    # a better answer that is hardly better judges nothing
+    # a reference that is hardly more accurate decides nothing
     verdict = claimed(off <= bar + left, bar / abs(value)) if left <= BETTER * bar else None
     return {
         "model": case.model, "nu": case.problem.layer.poisson, "D": step["balls"][0]["approach"],
@@ -59,12 +59,12 @@ def _row(case: Case, step: Mapping[str, Any], better: Mapping[str, Any], words: 
 PART = Part(
     NAME,
     "Error bars of T",
-    "Thin pair (h = 1.16 R, L = 2 R): the bar of every discretisation against what a better answer of the same problem "
-    f"says. Nothing is claimed where that answer is not known to {BETTER:g} of the bar.",
+    "Thin pair (h = 1.16 R, L = 2 R): the error bar on every discretisation against a more accurate answer to the same "
+    f"problem. No claim is made where the bar of that reference is above {BETTER:g} of the one it checks.",
     cases,
     rows,
     {
-        "model": "model", "nu": "nu", "D": "D / R", "mesh": "mesh", "better": "better answer", "off": "off [%]",
-        "bar": "own bar [%]", "known": "better answer's bar [%]", "ratio": "bar over error",
+        "model": "model", "nu": "nu", "D": "D / R", "mesh": "mesh", "better": "reference", "off": "error [%]",
+        "bar": "error bar [%]", "known": "reference's bar [%]", "ratio": "bar / error",
     },
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How fast Q and T / Q^2 of the elements at small strain approach the linear model's, over their resolution."""
+"""Convergence of Q and T / Q^2 of the elements at small strain to the linear model, with resolution."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ NAME = "convergence"
 LEVELS = ((2, 1.0), (3, 1.0), (4, 1.0), (4, 1.5))
 """Order of the elements and fineness of the mesh; their product is the resolution. The quick version takes two."""
 ACCURACY, WIDE = 0.02, 2.0
-"""Accuracy that sizes the model, and its extent over that: domain truncation must not hide the discretisation error."""
+"""Accuracy that sizes the domain, and a factor on its extent: truncation must not hide the discretisation error."""
 BAND = (2.0, 7.0)
-"""Orders in the resolution that count as converging as they should, by one more than what theory says on either side.
+"""Accepted convergence orders in the resolution: the theoretical 3 to 6, widened by one on either side.
 
-Contact pressure ends like a root at an edge: u lies in H^s for s < 5/2, and functionals converge with 2 (s - 1) = 3,
-twice as fast in the order of the elements where lines of the mesh follow the edge.
+Pressure falls like a square root at the contact's edge: u lies in H^s for s < 5/2, and functionals converge with order
+2 (s - 1) = 3, or twice that in the polynomial degree where mesh lines follow the edge.
 """
 FLOOR = 2e-3
-"""Relative error of the finest mesh that is enough where the errors show no order: T is a small difference."""
+"""Relative error of the finest mesh that passes if the errors show no order: T is a small difference."""
 
 
 def cases(quick: bool) -> list[Case]:
@@ -43,7 +43,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per case and quantity: its errors over the resolution, and the order that they show."""
+    """Return one row per case and quantity: its errors by resolution, and the observed order."""
     table = []
     for case in found.done(NAME):
         steps = found.steps(case.name)
@@ -59,7 +59,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 def judged(resolutions: Sequence[float], errors: Sequence[float]) -> dict[str, Any]:
     """Return the entries of a row: relative errors, coarse to fine, and their order by least squares.
 
-    An order outside the band needs a finest error below the floor.
+    If the order is outside the band, the finest error must be below the floor.
     """
     sizes = np.abs(errors)
     order = -float(np.polyfit(np.log(resolutions), np.log(np.maximum(sizes, 1e-300)), 1)[0])
@@ -81,8 +81,8 @@ PART = Part(
     NAME,
     "Order of convergence",
     "Pair (h = 1.16 R, L = 2 R, D = 0.1 R, rigid base) at small strain, elements of orders 2 to 4, against "
-    "`linear_bem`; nothing is corrected. The order is that of a power law through all errors and must lie in "
-    f"{BAND[0]:g} to {BAND[1]:g}, or the finest error below {100.0 * FLOOR:g} %.",
+    "`linear_bem`, without the pair correction. The order is a least-squares fit to all errors; it must lie between "
+    f"{BAND[0]:g} and {BAND[1]:g}, or the finest error below {100.0 * FLOOR:g} %.",
     cases,
     rows,
     {

@@ -1,4 +1,4 @@
-"""The scenes of the paper's two experiments at full approach, solved with nothing tuned."""
+"""The scenes of the paper's two experiments at full approach, solved as shipped."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEEP = {0.3: ACCURACY, 0.48: 0.05}
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return both experiments' scenes; the quick version has none, as the full approach is the question."""
+    """Return both experiments' scenes; none in the quick version: the full approach is the question."""
     if quick:
         return []
     from runs.scene.scene_file import read_scene  # noqa: PLC0415  (needs pydantic)
@@ -49,7 +49,7 @@ def _case(name: str, words: str, problem: Any, accuracy: float = ACCURACY) -> Ca
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per scene: how far it came, what it took, and its answer."""
+    """Return one row per scene: how it ended, its cost and its answer."""
     return [_row(found, case) for case in found.of_part(NAME)]
 
 
@@ -77,7 +77,7 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
 PART = Part(
     NAME,
     "The paper's experiments at full approach",
-    "Nothing is tuned: the scenes as they are shipped. T > 0 attracts. Lengths over R, forces over E1 R²; J is the "
+    "The scenes as shipped, without tuning. T > 0: attraction. Lengths over R, forces over E1 R²; J is the "
     "smallest volume ratio of any element, the balance that of stored energy and work (summed over load steps).",
     cases,
     rows,

@@ -1,7 +1,6 @@
-"""Hard cases: each ends in an answer that its check confirms, or in a refusal or a stop that names step and reason.
+"""Hard cases: each ends in an answer that its check confirms, or in a refusal or a stop with step and reason.
 
-Cases of the study ``stability`` are taken from there, with the answers that its folder holds; the ones that it lacks
-are added.
+Cases shared with the study ``stability`` reuse the answers in its folder; the others are defined here.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ def chosen() -> list[Hard]:
     known = {hard.name: hard for hard in hard_cases()}
 
     def asked(hard: Hard) -> tuple[str, ...]:
-        """Return the models of a case taken: small strain where linear_bem checks it."""
+        """Return the models used for a shared case: small strain only if linear_bem checks it."""
         return tuple(m for m in hard.models if m == FINITE or (m in (SMALL, LINEAR) and SMALL in hard.checks))
 
     return [
@@ -50,7 +49,7 @@ def chosen() -> list[Hard]:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every case and model; the quick version has the refusal alone."""
+    """Return every case and model; only the refusal in the quick version."""
     hards = [hard for hard in chosen() if not quick or hard.name == "deepest"]
     return [_case(hard, model, quick) for hard in hards for model in hard.models]
 
@@ -66,15 +65,15 @@ def _case(hard: Hard, model: str, quick: bool) -> Case:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per case and model; a stop and a refusal are neither right nor wrong if they say why."""
+    """Return one row per case and model; a stop or refusal with a reason is neither right nor wrong."""
     return [_row(found, case) for case in found.of_part(NAME)]
 
 
 def judged(found: Found, case: Case) -> tuple[str, str]:
     """Return how a case ended and why, as the study ``stability`` judges it.
 
-    A claim that T is known fails where it is not resolved, but for a ball that only rests: nothing holds it against its
-    neighbour, so its T is no more than its error.
+    An unresolved T counts as wrong, except for a ball that only rests: nothing holds it against its neighbour, so its
+    T is zero within its error.
     """
     ended, why = verdict(found, case.name, case.labels)
     if ended != NOT_RESOLVED:

@@ -1,4 +1,4 @@
-"""A part of the study: its cases, and the table that they make, each row with its own verdict."""
+"""A part of the study: its cases and its table, with a verdict in each row."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 
 COARSE = 0.2
-"""Accuracy asked of T in the quick version: the coarsest meshes that there are."""
+"""Relative accuracy of T in the quick version, which gives the coarsest meshes."""
 RIGHT, WRONG, REFUSED, STOPPED = "right", "WRONG", "refused by name", "not converged"
 """Verdicts of a row; None where nothing is claimed."""
 WIDEST = 0.1
@@ -19,15 +19,15 @@ Row = Mapping[str, Any]
 
 
 def claimed(holds: bool, bar: float = 0.0) -> str | None:
-    """Return the verdict on a row whose own error bar is a relative one."""
+    """Return the verdict on a row; ``bar`` is its own relative error bar."""
     return None if bar > WIDEST else RIGHT if holds else WRONG
 
 
 @dataclass(frozen=True)
 class Part:
-    """One question: ``cases`` of the quick or the full version, and ``rows`` of what was found.
+    """One question: ``cases`` of the quick or the full version, and the ``rows`` of its table.
 
-    A row's "verdict" is one of those above; ``columns`` are the ones shown.
+    A row's "verdict" is one of those above; ``columns`` are shown.
     """
 
     name: str

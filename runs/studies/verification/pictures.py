@@ -1,4 +1,4 @@
-"""The study's figure: one ball, T as the load goes to 0, convergence with the mesh, and the routes to T."""
+"""The study's figure: one ball, T at vanishing load, mesh convergence, and the routes to T."""
 
 from __future__ import annotations
 

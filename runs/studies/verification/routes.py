@@ -1,6 +1,6 @@
-"""T by three routes along the load, all on one discretisation: domain integral, contact traction, slope of the energy.
+"""T by three routes along the load, on one discretisation: domain integral, contact traction, energy derivative.
 
-The energy is taken on one mesh that is moved with the balls, so that what the mesh adds is the same at both distances.
+The energies use one mesh, moved with the balls, so that the mesh error is the same at both distances.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ NAME = "routes"
 DISTANCE, SHIFT = 2.1, 0.02
 """Distance of the balls over R, and by how much each is moved either way."""
 LEVELS, QUICK_LEVELS = (Level(3, 1.0), Level(4, 1.0)), (Level(2, 1.0), Level(3, 1.0))
-"""The last one's answer is checked; what it changed by since the one before makes its error bar."""
+"""The last level's answer is checked; its change since the previous level gives its error bar."""
 FRACTIONS = (0.1, 0.2, 0.4, 0.7, 1.0)
 ANSWER, APART, TOGETHER = "routes-answer", "routes-apart", "routes-together"
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the answer to be checked and the two runs whose energies are compared."""
+    """Return the case to be checked and the two cases whose energies are compared."""
     problem = pair(0.03 if quick else 0.5, distance=DISTANCE, poisson=0.3 if quick else 0.48)
     levels, steps = (QUICK_LEVELS, (1.0,)) if quick else (LEVELS, FRACTIONS)
     return [
@@ -38,7 +38,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per load step: T by every route, the error bar, and the energy's departure over it."""
+    """Return one row per load step: T by every route, the error bar, and the deviation of the energy route over it."""
     if any(found.state(name) != DONE for name in (ANSWER, APART, TOGETHER)):
         return []
     slopes = energy_slopes(found.steps(APART), found.steps(TOGETHER))
@@ -50,7 +50,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 def energy_slopes(
     apart: Sequence[Mapping[str, Any]], together: Sequence[Mapping[str, Any]], shift: float = SHIFT
 ) -> dict[float, float]:
-    """Return dU/dL [N] by load fraction; none where one of the runs has no multipliers."""
+    """Return dU/dL [N] by load fraction; omitted where only one of the runs has multipliers."""
     others = {step["record"]["fraction"]: step for step in together}
     found = {}
     for step in apart:
@@ -62,10 +62,10 @@ def energy_slopes(
 
 
 def _energy(step: Mapping[str, Any]) -> float:
-    """Return the energy [J] whose slope is T though the contact gives way a little.
+    """Return the energy [J] whose slope is T despite the small penetration.
 
-    By the penetration g under the pressure p, the strain energy's slope is short of T by int p dg and that of the
-    augmented potential long by int g dp; as p and g grow alike, their mean has neither.
+    With penetration g under pressure p, the slope of the strain energy is too small by int p dg and that of the
+    augmented potential too large by int g dp; p and g grow in proportion, so both errors cancel in the mean.
     """
     return 0.5 * float(step["record"]["strain_energy"] + step["record"]["potential"])
 
@@ -76,7 +76,7 @@ def _level(step: Mapping[str, Any]) -> tuple[int, float]:
 
 def _row(step: Mapping[str, Any], slope: float) -> dict[str, Any]:
     ball = step["balls"][0]
-    # what the mesh itself says, for the slope has no small-strain correction either: it is off by what that takes off
+    # values without the small-strain correction, which the slope lacks too; the error bar includes the correction
     answer, domain, traction = (
         attraction(step["balls"], 0, ball["tangential_force_routes"][name])
         for name in ("domain", "domain_without_pair", "traction")
@@ -93,16 +93,16 @@ def _row(step: Mapping[str, Any], slope: float) -> dict[str, Any]:
 PART = Part(
     NAME,
     "Three routes to T along the load",
-    f"Thin pair (h = 1.16 R, L = {DISTANCE:g} R, nu = 0.48), T over E1 R² (T > 0 attracts) of one mesh without its "
-    "small-strain correction: by domain integral (its error is the answer's and the correction), by contact traction, "
-    "and by dU/dL at "
-    f"fixed approach: energies of two runs whose balls, and the mesh with them, are moved by ± {SHIFT:g} R. The claim "
-    "is on the energy: a mesh pins the contact to its own lines, so the traction converges more slowly and takes no "
-    "part in the answer.",
+    f"Thin pair (h = 1.16 R, L = {DISTANCE:g} R, nu = 0.48), T over E1 R² (T > 0: attraction) on one mesh without "
+    "the small-strain correction: by domain integral (error bar: that of the answer plus the correction), by contact "
+    "traction, and by dU/dL at "
+    f"fixed approach, from two runs with balls and mesh moved by ± {SHIFT:g} R. The claim "
+    "is on the energy: mesh lines constrain the contact's edge, so the traction converges more slowly, and the answer "
+    "does not use it.",
     cases,
     rows,
     {
         "D": "D / R", "Q": "Q / E1 R²", "domain": "domain integral", "traction": "traction", "energy": "energy",
-        "worst": "energy's departure / error bar",
+        "worst": "deviation of energy / error bar",
     },
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What T within 5, 2 and 1 % costs in time: the thin pair, on one rank and on all."""
+"""Time to T within 5, 2 and 1 %: the thin pair, on one rank and on all."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per case: asked, reached, its difference from the best answer at the same depth, and the time."""
+    """Return one row per case: accuracy asked and reached, difference from the best at the same depth, and time."""
     table = []
     mine = found.done(NAME)
     for case in mine:
@@ -58,14 +58,14 @@ def rows(found: Found) -> list[dict[str, Any]]:
 PART = Part(
     NAME,
     "Time to an accuracy of T",
-    "Thin pair (h = 1.16 R, L = 2 R, nu = 0.48), from the first mesh to the last. Wall seconds are those of the "
-    "machine that it ran on, busy or not; processor seconds are of all ranks. The target is 1 % at D = 0.1 R "
+    "Thin pair (h = 1.16 R, L = 2 R, nu = 0.48), from the first mesh to the last. Wall seconds depend on "
+    "the load of the machine; processor seconds are summed over ranks. The target is 1 % at D = 0.1 R "
     "within 2 minutes on 2 ranks.",
     cases,
     rows,
     {
-        "D": "D / R", "asked": "asked [%]", "reached": "reached [%]", "off": "off the best [%]", "ranks": "ranks",
+        "D": "D / R", "asked": "asked [%]", "reached": "reached [%]", "off": "from the best [%]", "ranks": "ranks",
         "meshes": "meshes", "unknowns": "unknowns", "wall": "wall seconds", "cpu": "CPU seconds",
-        "stopped": "ended because",
+        "stopped": "stopped because",
     },
 )  # fmt: skip
