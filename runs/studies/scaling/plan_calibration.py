@@ -1,4 +1,4 @@
-"""Measures what `finite_strain.planning.cost` plans: ``python -m finite_strain.planning.calibration [CASE ...]``.
+"""Measures what `finite_strain.planning.cost` plans: ``python -m runs.studies.scaling.plan_calibration [CASE ...]``.
 
 Every case runs twice, each time in a process of its own: the first compiles the forms. Printed are unknowns, processor
 time and largest memory of the second, and the plan over them.
@@ -15,8 +15,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import finite_strain
-from finite_strain.planning.run_plan import plan_run
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 
 ROUGH = 0.3
@@ -55,6 +53,8 @@ CASES: dict[str, tuple[Problem, float, Sequence[float] | None]] = {
 
 def measure(name: str) -> dict[str, float]:
     """Solve a case and return its unknowns, processor time [s] and largest memory [bytes]."""
+    import finite_strain  # noqa: PLC0415  (not at the import of the command line)
+
     problem, accuracy, steps = CASES[name]
     began = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
@@ -70,6 +70,8 @@ def measure(name: str) -> dict[str, float]:
 
 def planned(name: str) -> dict[str, float]:
     """Return what the plan of a case says of one process."""
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+
     problem, accuracy, steps = CASES[name]
     said = plan_run(problem, accuracy, "finite_strain", steps=steps).describe(ranks=1)
     return {"unknowns": said["unknowns"], "seconds": said["processor_seconds"], "memory": said["memory_bytes"]}
@@ -83,7 +85,7 @@ def main() -> None:
     print("| case | unknowns | processor time [s] | memory [MB] | planned over measured: unknowns | time | memory |")
     print("|---|---|---|---|---|---|---|")
     for name in sys.argv[1:] or CASES:
-        command = [sys.executable, "-m", "finite_strain.planning.calibration", "--measure", name]
+        command = [sys.executable, "-m", "runs.studies.scaling.plan_calibration", "--measure", name]
         for _ in range(2):
             output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
         found, plan = json.loads(output.splitlines()[-1]), planned(name)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from finite_strain.planning.calibration import CASES, planned
 from finite_strain.planning.cost import Mesh
+from runs.studies.scaling.plan_calibration import CASES, planned
 
 MEASURED = {
     "one": (6150, 2.62, 362e6),
@@ -17,7 +17,7 @@ MEASURED = {
     "unlike": (18840, 11.59, 740e6),
     "thick": (20163, 10.26, 825e6),
 }
-"""Unknowns, processor time [s] and memory [bytes] by the command of `finite_strain.planning.calibration`."""
+"""Unknowns, processor time [s] and memory [bytes] by the command of `runs.studies.scaling.plan_calibration`."""
 
 
 @pytest.mark.parametrize("name", MEASURED)
