@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import fcntl
 import logging
+import math
 import os
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
@@ -30,6 +32,8 @@ from meshes.layer import gmsh_session
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
+_COMPILER_SECONDS = 600
+"""How long the compiler waits for a form that another run compiles."""
 
 if VERSION < (0, 5):
     raise MissingDependency(f"finite_strain needs DOLFINx 0.5 or newer, found {dolfinx.__version__}")
@@ -60,11 +64,7 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
 
 
 def compile_form(form: Any, comm: MPI.Comm) -> Any:
-    """Return the compiled form (collective over comm), built in a cache of our own under a file lock.
-
-    The compiler's own lock is a file that remains after a killed run, and every later run then waits
-    for it in vain; the kernel releases our lock when the process that holds it ends.
-    """
+    """Return the compiled form (collective over comm), from or into a cache of our own."""
     with _compiler_cache(comm) as options:
         return dolfinx.fem.form(form, **options)
 
@@ -83,7 +83,11 @@ def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
 
 @contextmanager
 def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
-    """Yield the compiler's options, as a keyword argument, while this run alone writes to the cache (collective)."""
+    """Yield the compiler's options, as a keyword argument (collective).
+
+    Runs share the cache and compile side by side. A source without its ``.cached`` file, for which the compiler would
+    wait, is what a killed run has left if no other run compiles now, or if it is older than the compiler would wait.
+    """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
     failure = None
     with ExitStack() as stack, warnings.catch_warnings():
@@ -93,16 +97,21 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
             try:
                 cache.mkdir(parents=True, exist_ok=True)
                 lock = stack.enter_context((cache / "lock").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX)
+                oldest = time.time() - _COMPILER_SECONDS
+                with suppress(BlockingIOError):
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    oldest = math.inf
                 for source in cache.glob("*.c"):
-                    if not source.with_suffix(".c.cached").exists():
-                        source.unlink()
+                    with suppress(FileNotFoundError):  # another run may remove it, too
+                        if not source.with_suffix(".c.cached").exists() and source.stat().st_mtime < oldest:
+                            source.unlink()
+                fcntl.flock(lock, fcntl.LOCK_SH)
             except OSError as error:
                 failure = f"compiled forms cannot be kept in {cache}: {error}; set XDG_CACHE_HOME to a writable folder"
         failure = comm.bcast(failure, root=0)
         if failure:
             raise OutputUnusable(failure)
-        yield {"jit_params" if _OLD else "jit_options": {"timeout": 600, "cache_dir": str(cache)}}
+        yield {"jit_params" if _OLD else "jit_options": {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache)}}
 
 
 def vector_of(function: Any) -> PETSc.Vec:
