@@ -20,10 +20,13 @@ STUDIES = {
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what an effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms, published results and itself",
+    "validation": "published results of others beside this project's answers",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
-ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
+ON_ALL_RANKS = frozenset(
+    {"strengthening", "accuracy", "discretisations", "stability", "verification", "validation", "scaling"}
+)
 """Studies that solve finite-element cases: every rank runs them; of the others rank 0 alone."""
 SHARED_OUT = ON_ALL_RANKS - {"scaling"}
 """Studies whose cases can be shared out; ``scaling`` compares times on one machine."""

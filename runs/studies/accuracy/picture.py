@@ -77,9 +77,7 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
                 axis.plot([x, x], [y, row["estimate"]], color=color, lw=0.7)
                 axis.plot([x], [row["estimate"]], "_", color=color, ms=6, mew=0.9)
     if others:
-        axis.plot(
-            *_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics"
-        )
+        axis.plot(*_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics")
     named = [row for row in chosen if row["value"] != ""]
     for text, x, y in _labels(named, *_places(named, column)):
         axis.annotate(text, (x, y), (8, 3), textcoords="offset points", fontsize=8, color=color)
