@@ -13,7 +13,7 @@ from runs.models import MODELS, Run
 from runs.studies import STUDIES
 from runs.studies.framework.case import LINEAR, Case
 from runs.studies.framework.records import Found
-from runs.studies.validation import formulas, large_strain, small_strain
+from runs.studies.validation import flat_punch, formulas, large_strain, small_strain
 from runs.studies.validation.answer import COMPARISONS, cases, present
 from runs.studies.validation.comparison import AGREES, CLOSE, DIFFERS, Point
 from runs.studies.validation.sources import NOT_OPENED, SOURCES
@@ -97,8 +97,8 @@ def test_formulas_of_others_have_their_limits() -> None:
 
 
 def test_the_slope_of_the_force_is_that_of_a_flat_punch_on_a_half_space() -> None:
-    case = small_strain._stiffness_case("any", "half-space", small_strain.HALF_SPACE, 0.01)
-    radius, slope = small_strain.stiffness(solved(case)["steps"])
+    case = flat_punch.punch_case("any", "half-space", small_strain.HALF_SPACE, 0.01)
+    radius, slope = flat_punch.stiffness(solved(case)["steps"])
     assert slope == pytest.approx(2.0 * small_strain.HALF_SPACE.contact_modulus * radius, rel=1e-6)
 
 

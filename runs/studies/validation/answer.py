@@ -10,7 +10,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
-from runs.studies.validation import large_strain, pictures, signs, small_strain
+from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
 from runs.studies.validation.comparison import (
     AGREES,
     CLOSE,
@@ -23,7 +23,7 @@ from runs.studies.validation.comparison import (
 )
 from runs.studies.validation.sources import NOT_OPENED
 
-COMPARISONS = (*small_strain.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)
+COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)
 """In the order of the page."""
 METHOD = (
     f"*{AGREES}*: within both errors; *{CLOSE}*: within {100.0 * CLOSE_BAND:g} % of a source that states no error of "
@@ -33,7 +33,8 @@ METHOD = (
 
 def cases(quick: bool) -> list[Case]:
     """Return every scene; the quick version has those of the linear model."""
-    return [*small_strain.cases(quick), *signs.cases(), *([] if quick else large_strain.cases())]
+    linear = [*small_strain.cases(quick), *flat_punch.cases(quick), *signs.cases()]
+    return linear if quick else [*linear, *large_strain.cases()]
 
 
 def present(found: Found, folder: Path) -> str:

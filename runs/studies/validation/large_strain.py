@@ -21,7 +21,7 @@ COARSE = 0.2
 DEEP, THICKEST, HALF_SPACE_DEPTH = 10.0, 10.0 / 3.0, 0.1
 """Thickness of the layer that stands for a half-space, the thickest of Long et al., and the end of Hertz's regime."""
 DEPTHS: Mapping[float, tuple[float, ...]] = {
-    1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 0.5: (0.05, 0.1, 0.2, 0.3),
+    1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 0.5: (0.05, 0.1, 0.15, 0.2),
     DEEP: (0.02, 0.05, 0.1, 0.2, 0.3, 0.5),
 }  # fmt: skip
 """Thickness over R, and depths over R of the answers."""
