@@ -120,3 +120,10 @@ def test_long_et_al_are_compared_within_the_range_they_state() -> None:
     for thickness, depths in large_strain.DEPTHS.items():
         if thickness < large_strain.DEEP:
             assert max(depths) / thickness <= min(0.6, 1.0 / thickness) + 1e-12
+
+
+def test_a_page_is_made_of_whatever_answers_are_there(tmp_path: Path) -> None:
+    (elements,) = (case for case in cases(quick=False) if case.name.endswith("-elements"))
+    step = {"balls": [{"normal_force": 1.0}], "record": {"normal_force_error": [0.01]}}
+    text = present(Found((elements,), {elements.name: {"state": "done", "steps": [step]}}), tmp_path)
+    assert "1 published results compared" in text  # a response needs no case

@@ -42,7 +42,7 @@ def present(found: Found, folder: Path) -> str:
     every = {comparison.key: comparison.points(found) for comparison in COMPARISONS}
     save_csv(folder / "validation.csv", [r for c in COMPARISONS for r in _rows(c, every[c.key])])
     pictures.draw(every, folder)
-    done = [c for c in COMPARISONS if every[c.key]]
+    done = [c for c in COMPARISONS if _points(every[c.key])]
     lines = ["# Results of others", "", f"**{headline(done, every)}**", "", METHOD, ""]
     lines += markdown([_summary(c, every[c.key]) for c in done])
     lines += ["", "![Bonded layers, finite strain, coated half-spaces: formulas and our points](validation.svg)"]

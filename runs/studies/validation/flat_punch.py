@@ -126,10 +126,12 @@ def _perriot(found: Found) -> Groups:
     for case in found.done("perriot"):
         ratio, steps = case.labels["ratio"], found.steps(case.name)
         if case.model == SMALL:
-            linear = found.steps(case.name.removesuffix("-elements"))[1]["balls"][0]["normal_force"]
-            force, bar = steps[-1]["balls"][0]["normal_force"], steps[-1]["record"]["normal_force_error"][0]
-            point = Point(f"Q at D = {case.labels['x']:g}", ratio, linear, FORCE_BAR * linear, force, bar)
-            groups[f"{SECOND}: substrate {ratio:g} times as stiff, beside small_strain elements"] = [point]
+            beside = found.steps(case.name.removesuffix("-elements"))
+            if beside:
+                linear = beside[1]["balls"][0]["normal_force"]
+                force, bar = steps[-1]["balls"][0]["normal_force"], steps[-1]["record"]["normal_force_error"][0]
+                point = Point(f"Q at D = {case.labels['x']:g}", ratio, linear, FORCE_BAR * linear, force, bar)
+                groups[f"{SECOND}: substrate {ratio:g} times as stiff, beside small_strain elements"] = [point]
             continue
         radius, slope = stiffness(steps)
         ours = slope / (2.0 * radius) * (1.0 - 0.3**2)
