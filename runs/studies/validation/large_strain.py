@@ -20,8 +20,10 @@ COARSE = 0.2
 """Accuracy asked of T; one ball has none, so this takes the coarsest pair of discretisations."""
 DEEP, THICKEST, HALF_SPACE_DEPTH = 10.0, 10.0 / 3.0, 0.1
 """Thickness of the layer that stands for a half-space, the thickest of Long et al., and the end of Hertz's regime."""
+SEAM = 0.5
+"""Thickness over R at which the fit of Long et al. changes its coefficients."""
 DEPTHS: Mapping[float, tuple[float, ...]] = {
-    1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 0.5: (0.05, 0.1, 0.15, 0.2),
+    1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), SEAM: (0.05, 0.1, 0.15, 0.2),
     DEEP: (0.02, 0.05, 0.1, 0.2, 0.3, 0.5),
 }  # fmt: skip
 """Thickness over R, and depths over R of the answers."""
@@ -66,13 +68,18 @@ def cases() -> list[Case]:
 def _long(found: Found) -> Groups:
     groups = {}
     for case in found.done("long"):
-        layer, points = case.problem.layer, []
+        layer, points, other = case.problem.layer, [], []
         for depth, ours, bar, hertz in forces(found, case):
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # a point outside the range of the fit is a mistake of this study
                 theirs = long_force(depth, 1.0, layer, layer.thickness) / hertz
             points.append(Point(f"D / R = {depth:g}", depth, ours, bar, theirs, math.nan))
+            if layer.thickness == SEAM:
+                beyond = long_force(depth, 1.0, layer, SEAM * (1.0 - 1e-9)) / hertz
+                other.append(Point(f"D / R = {depth:g}", depth, ours, bar, beyond, math.nan))
         groups[f"h = {layer.thickness:g} R"] = points
+        if other:
+            groups[f"{SECOND}: h = {SEAM:g} R, by the coefficients for R / h > 2"] = other
     return groups
 
 

@@ -48,7 +48,7 @@ def _bonded(axis: Any, groups: Groups) -> None:
 
 
 def _spheres(axis: Any, groups: Groups, half_space: Groups) -> None:
-    for color, (name, points) in zip(COLORS, groups.items(), strict=False):
+    for color, (name, points) in zip(COLORS, [g for g in groups.items() if not g[0].startswith(SECOND)], strict=False):
         thickness = float(name.split()[2])
         deepest = max(point.x for point in points)
         depths = np.linspace(0.01, deepest, 60)

@@ -112,7 +112,8 @@ SOURCES = {
         "range: abstract, pubmed.ncbi.nlm.nih.gov/21806932; formula: a public MATLAB script (id 14052363270 in the "
         "index of public code, which does not name its repository)",
         "A second public code (textureAnalyzerGels on rdrr.io) prints 1.5 for 1.15; the limit of no load (Lebedev and "
-        "Ufliand: 1.13) decides for 1.15. The abstract states no error of the fit.",
+        "Ufliand: 1.13) decides for 1.15. The abstract states no error of the fit. Its two sets of "
+        "coefficients do not meet at R / h = 2; there we lie between both (second route).",
     ),
     "lin": Source(
         "Lin, Shreiber, Dimitriadis and Horkay 2009: Ogden half-space",
@@ -126,7 +127,8 @@ SOURCES = {
         "10.1039/D5SM00502G",
         "F = 16/9 E sqrt(R) D^1.5 for D < 0.1 R, incompressible Ogden half-space",
         "abstract, pubs.rsc.org; its bound 0.1 R: abstract of the preprint, arxivlens.com",
-        "States no error. Its coefficients of deep indentation are not in the abstract.",
+        "It names a regime and no error: of what is missing at its end the exact sphere (Sneddon) takes a third off "
+        "and finite strain the rest. Its coefficients of deep indentation are not in the abstract.",
     ),
     "karpitschka": Source(
         "Karpitschka et al. 2016: drops on gels",
