@@ -120,7 +120,7 @@ SOURCES = {
         "10.1007/s10237-008-0139-9",
         "force by an equivalent uniaxial strain 0.2 a / R, exponent 2 (neo-Hookean)",
         f"{ATOMICJ}OgdenIndentation.java; attributed in table 1 of PMC9922104",
-        "Its strain stiffens at any depth; finite elements, ours and those of Long et al., soften. Not usable for forces.",
+        "It stiffens at any depth; finite elements, ours and those of Long et al., soften. Not usable for forces.",
     ),
     "shojaeifard": Source(
         "Shojaeifard and Bacca 2025",
