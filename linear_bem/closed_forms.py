@@ -23,7 +23,6 @@ __all__ = [
     "indentation_of_layer",
     "long_force",
     "sneddon_sphere",
-    "zhang_force",
 ]
 
 
@@ -101,12 +100,3 @@ def long_force(approach: float, radius: float, layer: Elastic, thickness: float)
         beta = 4.8 - 4.23 * flat**2
     ratio = (1.0 + 1.15 * w ** (1.0 / 3.0) + alpha * w + beta * w * w) / (1.0 + 2.3 * w)
     return hertz_force(approach, radius, layer.young / 0.75) * ratio
-
-
-def zhang_force(approach: float, radius: float, layer: Elastic) -> float:
-    """Return the force [N] on a sphere on an incompressible neo-Hookean half-space at finite strain.
-
-    [Zhang et al. 2014, Biomech. Model. Mechanobiol. 13, 1, doi 10.1007/s10237-013-0481-4]:
-    16/9 E sqrt(R) D^(3/2) (1 - 0.15 D/R), D <= R. Accuracy about 4 %.
-    """
-    return 16.0 / 9.0 * layer.young * math.sqrt(radius) * max(approach, 0.0) ** 1.5 * (1.0 - 0.15 * approach / radius)

@@ -20,11 +20,14 @@ STUDIES = {
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
     "effects": "what each effect costs, and that a scene without it pays nothing",
-    "verification": "the finite-strain model against closed forms, published results and itself",
+    "verification": "the finite-strain model against closed forms and itself",
+    "validation": "published results of others beside this project's answers",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
-ON_ALL_RANKS = frozenset({"strengthening", "accuracy", "discretisations", "stability", "verification", "scaling"})
+ON_ALL_RANKS = frozenset(
+    {"strengthening", "accuracy", "discretisations", "stability", "verification", "validation", "scaling"}
+)
 """Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
 SHARED_OUT = ON_ALL_RANKS - {"scaling"}
 """Studies that ``--shard`` can split; ``scaling`` compares times on one machine."""

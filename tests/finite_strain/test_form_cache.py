@@ -1,4 +1,4 @@
-"""The cache of compiled forms: runs share it at the same time, and what a killed run leaves does not stop the next one."""
+"""The cache of compiled forms: runs share it, and what a killed run leaves does not stop the next one."""
 
 import multiprocessing
 import os

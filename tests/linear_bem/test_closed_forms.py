@@ -70,6 +70,5 @@ def test_finite_strain_fits_meet_an_independent_finite_element_solution():
     hertz = cf.hertz_force(0.3, 1.0, e)
     assert cf.long_force(0.3, 1.0, Elastic(1.0, 0.5), 1.0) / hertz == pytest.approx(2.0773, rel=0.01)
     assert cf.long_force(0.3, 1.0, Elastic(1.0, 0.5), 2.0) / hertz == pytest.approx(1.3229, rel=0.01)
-    assert cf.zhang_force(0.3, 1.0, Elastic(1.0, 0.5)) / hertz == pytest.approx(0.933, rel=0.04)
     with pytest.warns(UserWarning, match=r"R/h = 0\.1"):
         cf.long_force(0.01, 1.0, Elastic(1.0, 0.5), 10.0)

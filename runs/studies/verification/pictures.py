@@ -33,17 +33,15 @@ def draw(tables: Tables, folder: Path) -> None:
 
 def _one_ball(axis: Any, rows: Sequence[Row]) -> None:
     finite = [row for row in rows if row["model"] == "finite_strain"]
-    styles = {"Long 2011": ("-", ""), "axisymmetric elements": ("", "x"), "Zhang 2014, half-space": ("--", "")}
     for color, h in zip(COLORS, sorted({row["h"] for row in finite}), strict=False):
         mine = [row for row in finite if row["h"] == h]
         points = {row["D"]: row["ratio"] for row in mine}
         values, errors = zip(*points.values(), strict=True)
         axis.errorbar(list(points), values, errors, fmt="o", ms=4, color=color, capsize=2, label=f"h = {h:g} R")
-        for name, (line, marker) in styles.items():
-            known = [(row["D"], row["expected"]) for row in mine if row["reference"] == name]
-            if known:
-                label = name if h == max(r["h"] for r in finite if r["reference"] == name) else None
-                axis.plot(*zip(*known, strict=True), ls=line, marker=marker, color=color, lw=1.2, label=label)
+        known = [(row["D"], row["expected"]) for row in mine]
+        axis.plot(
+            *zip(*known, strict=True), ls="", marker="x", color=color, label=f"{mine[0]['reference']}, h = {h:g} R"
+        )
     axis.set(xlabel="D / R", ylabel="Q / Q Hertz")
     axis.set_title("one sphere, finite strain, nu = 0.5")
 

@@ -1,0 +1,1 @@
+"""The study ``validation``: results that others published, beside this project's answers."""

@@ -1,0 +1,122 @@
+"""The study's page: one verdict per published result, then its numbers beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from runs.studies.framework.case import Case
+from runs.studies.framework.records import Found
+from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
+from runs.studies.validation.comparison import (
+    AGREES,
+    CLOSE,
+    CLOSE_BAND,
+    DIFFERS,
+    SECOND,
+    Comparison,
+    Groups,
+    Point,
+)
+from runs.studies.validation.sources import NOT_OPENED
+
+COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)
+"""In the order of the page."""
+METHOD = (
+    f"*{AGREES}*: within both errors; *{CLOSE}*: within {100.0 * CLOSE_BAND:g} % of a source that states no error of "
+    f"its own; *{DIFFERS}*: neither. `off` is ours over theirs, less one."
+)
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return every scene; the quick version has those of the linear model."""
+    linear = [*small_strain.cases(quick), *flat_punch.cases(quick), *signs.cases()]
+    return linear if quick else [*linear, *large_strain.cases()]
+
+
+def present(found: Found, folder: Path) -> str:
+    """Write validation.csv and the figure; return the answer as Markdown."""
+    every = {comparison.key: comparison.points(found) for comparison in COMPARISONS}
+    save_csv(folder / "validation.csv", [r for c in COMPARISONS for r in _rows(c, every[c.key])])
+    pictures.draw(every, folder)
+    done = [c for c in COMPARISONS if _points(every[c.key])]
+    lines = ["# Results of others", "", f"**{headline(done, every)}**", "", METHOD, ""]
+    lines += markdown([_summary(c, every[c.key]) for c in done])
+    lines += ["", "![Bonded layers, finite strain, coated half-spaces: formulas and our points](validation.svg)"]
+    for comparison in done:
+        lines += ["", *_section(comparison, every[comparison.key])]
+    lines += ["", "## Not opened", "", *(f"- {name}: {why}" for name, why in NOT_OPENED.items())]
+    return "\n".join(lines)
+
+
+def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
+    """Return how many sources are met everywhere, how many somewhere."""
+    words = [_word(_points(every[c.key])) for c in done]
+    met = sum(word in (AGREES, CLOSE) for word in words)
+    partly = sum(word.startswith("in ") for word in words)
+    return (
+        f"{len(done)} published results compared: {met} met at all points, {partly} at some, "
+        f"{len(done) - met - partly} at none; {len(NOT_OPENED)} could not be opened."
+    )
+
+
+def _points(groups: Groups) -> list[Point]:
+    """Return the points that are the source's."""
+    return [point for name, points in groups.items() if not name.startswith(SECOND) for point in points]
+
+
+def _word(points: Sequence[Point]) -> str:
+    """Return the verdict on all points together."""
+    verdicts = [point.verdict for point in points]
+    if DIFFERS not in verdicts:
+        return CLOSE if CLOSE in verdicts else AGREES
+    met = len(verdicts) - verdicts.count(DIFFERS)
+    return f"in {met} of {len(verdicts)} points" if met else DIFFERS
+
+
+def _summary(comparison: Comparison, groups: Groups) -> dict[str, Any]:
+    points = _points(groups)
+    worst = max(points, key=lambda point: abs(point.off))
+    return {
+        "source": comparison.source.citation, "scene": comparison.scene, "our model": comparison.model,
+        "points": len(points), "largest off [%]": 100.0 * worst.off, "at": worst.at, "verdict": _word(points),
+    }  # fmt: skip
+
+
+def _rows(comparison: Comparison, groups: Groups) -> list[dict[str, Any]]:
+    return [
+        {
+            "source": comparison.key, "scene": group, "at": point.at, "x": point.x, "ours": point.ours,
+            "bar": point.bar, "theirs": point.theirs, "error": point.error, "off": point.off, "verdict": point.verdict,
+        }
+        for group, points in groups.items() for point in points
+    ]  # fmt: skip
+
+
+def _section(comparison: Comparison, groups: Groups) -> list[str]:
+    source = comparison.source
+    doi = f", {'' if source.doi.startswith(('PII', 'PMC', 'arXiv')) else 'doi '}{source.doi}" if source.doi else ""
+    lines = [f"## {source.citation}", "", f"States: {source.states}{doi}. Read: {source.read}."]
+    if source.remark:
+        lines += ["", source.remark]
+    table = [
+        {
+            "scene": group, "at": point.at, "ours": point.ours, "our bar [%]": 100.0 * point.bar / abs(point.ours),
+            "theirs": point.theirs, "their error [%]": 100.0 * point.error / abs(point.theirs),
+            "off [%]": 100.0 * point.off, "verdict": point.verdict,
+        }
+        for group, points in groups.items() for point in points
+    ]  # fmt: skip
+    return [
+        *lines,
+        "",
+        f"{comparison.quantity[0].upper()}{comparison.quantity[1:]}; {comparison.scene}.",
+        "",
+        *markdown(table),
+    ]
+
+
+STUDY = study_of_cases("validation", cases, present, ("validation.svg", "validation.png"))

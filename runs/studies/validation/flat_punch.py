@@ -1,0 +1,160 @@
+"""Flat punches on layers and coatings, measured by the slope of a smooth body's force; E1 = 1, h = 1."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from linear_bem.problem import Ball, Elastic, Layer
+from runs.studies.framework.case import LINEAR, SMALL, Case
+from runs.studies.framework.records import Found
+from runs.studies.validation import formulas
+from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
+from runs.studies.validation.small_strain import (
+    BONDED,
+    CHI,
+    CURVATURE,
+    FACTOR,
+    FORCE_BAR,
+    NAN,
+    RADIUS_BAR,
+    Power,
+    Reference,
+    layered,
+    pressed,
+)
+
+STEP = 1e-3
+"""Relative step in depth of the stiffness."""
+SLENDER = (0.0003, 0.003, 0.01)
+"""Depths over the thickness at which flat punches are measured."""
+CONTRASTS = (0.1, 0.5, 2.0, 10.0)
+"""Modulus of substrate over coating."""
+
+
+def punch_case(part: str, name: str, layer: Layer, depth: float, **more: Any) -> Case:
+    """Return a case answered a little above and below a depth [m]; ``more`` are its labels, shape and substrate."""
+    ball = Ball((0.0, 0.0), CURVATURE, more.pop("shape", "paraboloid"))
+    return pressed(part, name, ball, layer, depth, steps=(1.0 - STEP, 1.0, 1.0 + STEP), **more)
+
+
+def stiffness(steps: Sequence[dict[str, Any]]) -> tuple[float, float]:
+    """Return the contact radius [m] and dQ/dD [N/m] of three steps around a depth.
+
+    As the depth grows, so does the contact; at its edge the pressure is 0, so the growth does no work at first order:
+    dQ/dD is the force over depth of a flat punch as large as the contact.
+    """
+    low, here, high = (step["balls"][0] for step in steps)
+    slope = (high["normal_force"] - low["normal_force"]) / (high["approach"] - low["approach"])
+    return math.sqrt(here["contact_area"] / math.pi), slope
+
+
+def _punches(quick: bool) -> list[Case]:
+    bodies = {"r2": "paraboloid"} if quick else {"r2": "paraboloid", "r4": Power(4)}
+    return [
+        punch_case("punch", f"{body}-nu{nu:g}-D{d:g}", Layer(1.0, nu, 1.0), d, shape=shape, nu=nu, body=body)
+        for nu in (0.0, 0.5) for body, shape in bodies.items() for d in (SLENDER[:2] if quick else SLENDER)
+    ]  # fmt: skip
+
+
+def _punch(references: Mapping[float, Reference]) -> Callable[[Found], Groups]:
+    """Return the comparison with factors of a / h, by Poisson's ratio."""
+
+    def points(found: Found) -> Groups:
+        groups: Groups = {}
+        for case in found.done("punch"):
+            nu = case.labels["nu"]
+            if nu not in references:
+                continue
+            radius, slope = stiffness(found.steps(case.name))
+            ours = slope / (2.0 * case.problem.layer.contact_modulus * radius)
+            point = Point(f"a / h = {radius:.3g}", radius, ours, RADIUS_BAR * ours, references[nu](radius), NAN)
+            body = "" if case.labels["body"] == "r2" else ", from a body r^4"
+            groups.setdefault(f"flat punch, nu = {nu:g}{body}", []).append(point)
+        return groups
+
+    return points
+
+
+def _garcia(found: Found) -> Groups:
+    paraboloids = layered({0.5: lambda chi: formulas.series(formulas.GARCIA, chi)}, CHI)(found)
+    return paraboloids | _punch({0.5: lambda x: formulas.series(formulas.GARCIA_PUNCH, x)})(found)
+
+
+def _coated(part: str, name: str, young: float, depth: float, ratio: float) -> Case:
+    layer = Layer(young, 0.3, 1.0)
+    return punch_case(part, name, layer, depth, substrate=Elastic(ratio, 0.3), ratio=ratio)
+
+
+def _alike() -> list[Case]:
+    return [_coated("gao", f"E{e:g}-D{d:g}", e, d, 1.0) for d in SLENDER for e in (0.95, 1.05)]
+
+
+def _gao(found: Found) -> Groups:
+    """Return the slope of the effective modulus by the coating's, at the mean radius of both contacts."""
+    by_depth: dict[float, list[tuple[float, float]]] = {}
+    for case in found.done("gao"):
+        radius, slope = stiffness(found.steps(case.name))
+        by_depth.setdefault(case.labels["x"], []).append((radius, slope / (2.0 * radius) * (1.0 - 0.3**2)))
+    points = []
+    for pair in by_depth.values():
+        if len(pair) == 2:
+            (a, soft), (b, stiff) = pair
+            # radii differ by little, and the modulus of equal materials does not depend on the radius
+            x, ours = 0.5 * (a + b), (stiff - soft) / 0.1
+            points.append(Point(f"a / h = {x:.3g}", x, ours, RADIUS_BAR, formulas.gao_weight(x, 0.3)))
+    return {"nu = 0.3": points}
+
+
+def _coatings(quick: bool) -> list[Case]:
+    """Return the punches, and by elements too where the fit is farthest off."""
+    every = [_coated("perriot", f"ratio{r:g}-D{d:g}", 1.0, d, r) for r in CONTRASTS for d in SLENDER]
+    if quick:
+        return every
+    elements = [
+        dataclasses.replace(case, name=f"{case.name}-elements", model=SMALL, accuracy=0.2, steps=(1.0,))
+        for case in every
+        if case.labels["ratio"] == CONTRASTS[0] and case.labels["x"] == SLENDER[1]
+    ]
+    return [*every, *elements]  # fmt: skip
+
+
+def _perriot(found: Found) -> Groups:
+    groups: Groups = {}
+    for case in found.done("perriot"):
+        ratio, steps = case.labels["ratio"], found.steps(case.name)
+        if case.model == SMALL:
+            beside = found.steps(case.name.removesuffix("-elements"))
+            if beside:
+                linear = beside[1]["balls"][0]["normal_force"]
+                force, bar = steps[-1]["balls"][0]["normal_force"], steps[-1]["record"]["normal_force_error"][0]
+                point = Point(f"Q at D = {case.labels['x']:g}", ratio, linear, FORCE_BAR * linear, force, bar)
+                groups[f"{SECOND}: substrate {ratio:g} times as stiff, beside small_strain elements"] = [point]
+            continue
+        radius, slope = stiffness(steps)
+        ours = slope / (2.0 * radius) * (1.0 - 0.3**2)
+        ends = [formulas.perriot_modulus(radius, 1.0, ratio, n) for n in (1.06, 1.32)]
+        middle, half = 0.5 * sum(ends), 0.5 * abs(ends[0] - ends[1])
+        point = Point(f"a / h = {radius:.3g}", radius, ours, RADIUS_BAR * ours, middle, half)
+        groups.setdefault(f"substrate {ratio:g} times as stiff", []).append(point)
+    return groups
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return every scene once."""
+    return [*_punches(quick), *_alike(), *_coatings(quick)]
+
+
+COATED = "flat punch on a coated half-space, nu = 0.3"
+PUNCH: Mapping[float, Reference] = {
+    0.0: lambda x: formulas.punch_factor(x, 0.0),
+    0.5: lambda x: formulas.punch_factor(x, 0.5),
+}
+COMPARISONS = (
+    Comparison("garcia", FACTOR, BONDED, LINEAR, _garcia),
+    Comparison("punch", FACTOR, BONDED, LINEAR, _punch(PUNCH)),
+    Comparison("gao", "slope of the effective modulus by the coating's", COATED, LINEAR, _gao),
+    Comparison("perriot", "effective modulus over the coating's", COATED, LINEAR, _perriot),
+)

@@ -1,0 +1,152 @@
+"""Comparisons of `finite_strain`: one sphere on a neo-Hookean incompressible layer, R = 1 and E1 = 1."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from linear_bem import solve
+from linear_bem.closed_forms import hertz_force, long_force
+from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from runs.studies.framework.case import FINITE, Case
+from runs.studies.framework.pair import as_seen_by
+from runs.studies.framework.records import Found
+from runs.studies.validation import formulas
+from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
+
+COARSE = 0.2
+"""Accuracy asked of T; one ball has none, so this takes the coarsest pair of discretisations."""
+DEEP, THICKEST, HALF_SPACE_DEPTH = 10.0, 10.0 / 3.0, 0.1
+"""Thickness of the layer that stands for a half-space, the thickest of Long et al., and the end of Hertz's regime."""
+SEAM = 0.5
+"""Thickness over R at which the fit of Long et al. changes its coefficients."""
+DEPTHS: Mapping[float, tuple[float, ...]] = {
+    1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), SEAM: (0.05, 0.1, 0.15, 0.2),
+    DEEP: (0.02, 0.05, 0.1, 0.2, 0.3, 0.5),
+}  # fmt: skip
+"""Thickness over R, and depths over R of the answers."""
+
+
+def single(approach: float, thickness: float, poisson: float, shape: str) -> Problem:
+    """Return one ball on a bonded layer with a rigid base; R = 1, E1 = 1."""
+    ball = Ball((0.0, 0.0), 1.0, shape)
+    return Problem(Layer(1.0, poisson, thickness), (ball,), Load("approach", (approach,)), None, FiniteStrain())
+
+
+def case_of(thickness: float) -> Case:
+    """Return a sphere pressed into a layer, nu = 0.5, with answers at all its depths."""
+    depths = DEPTHS[thickness]
+    steps = tuple(d / depths[-1] for d in depths)
+    labels = {"part": "half-space" if thickness == DEEP else "long", "h": thickness}
+    return Case(
+        f"sphere-h{thickness:g}",
+        single(depths[-1], thickness, 0.5, "sphere"),
+        FINITE,
+        COARSE,
+        labels=labels,
+        steps=steps,
+    )
+
+
+def forces(found: Found, case: Case) -> list[tuple[float, float, float, float]]:
+    """Return depth, force over Hertz's, its bar, and Hertz's force of every answer."""
+    rows = []
+    for step in found.steps(case.name):
+        ball, bar = step["balls"][0], step["record"]["normal_force_error"][0]
+        hertz = hertz_force(ball["approach"], 1.0, case.problem.layer.contact_modulus)
+        rows.append((ball["approach"], ball["normal_force"] / hertz, bar / hertz, hertz))
+    return rows
+
+
+def cases() -> list[Case]:
+    """Return every layer, and the one that stands for a half-space."""
+    return [case_of(h) for h in DEPTHS]
+
+
+def _long(found: Found) -> Groups:
+    groups = {}
+    for case in found.done("long"):
+        layer, points, other = case.problem.layer, [], []
+        for depth, ours, bar, hertz in forces(found, case):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # a point outside the range of the fit is a mistake of this study
+                theirs = long_force(depth, 1.0, layer, layer.thickness) / hertz
+            points.append(Point(f"D / R = {depth:g}", depth, ours, bar, theirs, math.nan))
+            if layer.thickness == SEAM:
+                beyond = long_force(depth, 1.0, layer, SEAM * (1.0 - 1e-9)) / hertz
+                other.append(Point(f"D / R = {depth:g}", depth, ours, bar, beyond, math.nan))
+        groups[f"h = {layer.thickness:g} R"] = points
+        if other:
+            groups[f"{SECOND}: h = {SEAM:g} R, by the coefficients for R / h > 2"] = other
+    return groups
+
+
+def of_half_space(problem: Problem, depth: float) -> float:
+    """Return what the layer's finite thickness multiplies a sphere's force with at small strain."""
+    small = as_seen_by("small_strain", problem).with_load("approach", (depth,))
+    force = solve(small, 1e-4).balls[0].normal_force
+    return force / formulas.sneddon_force(depth, 1.0, problem.layer.contact_modulus)
+
+
+def _softening(found: Found) -> list[tuple[float, float, float]]:
+    """Return depth, force on the half-space over small strain's, and its error."""
+    rows = []
+    for case in found.done("half-space"):
+        for depth, ours, bar, hertz in forces(found, case):
+            factor = of_half_space(case.problem, depth)
+            sneddon = formulas.sneddon_force(depth, 1.0, case.problem.layer.contact_modulus) / hertz
+            value = ours / factor / sneddon
+            # the thickness is taken off as at small strain: half of that counts as its error
+            rows.append((depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))))
+    return rows
+
+
+def _beside(found: Found, reference: Callable[[float], float], deepest: float) -> Groups:
+    """Return the half-space's force over Hertz's beside a reference's."""
+    points = []
+    for depth, value, bar in _softening(found):
+        sneddon = _sneddon(depth)
+        if depth <= deepest * (1.0 + 1e-9):
+            at = f"D / R = {depth:g}"
+            points.append(Point(at, depth, value * sneddon, bar * sneddon, reference(depth), math.nan))
+    return {f"h = {DEEP:g} R, thickness taken off as at small strain": points} if points else {}
+
+
+def _shojaeifard(found: Found) -> Groups:
+    return _beside(found, lambda depth: 1.0, HALF_SPACE_DEPTH)
+
+
+def _lin(found: Found) -> Groups:
+    """Return the half-space's force, and what finite strain changes beside Long et al.'s thickest layer."""
+    groups = _beside(
+        found, lambda depth: formulas.lin_force(depth, 1.0, 1.0, 2.0) / hertz_force(depth, 1.0, 1.0), math.inf
+    )
+    thick, points = single(1.0, THICKEST, 0.5, "sphere"), []
+    for depth, value, bar in _softening(found):
+        if depth >= 0.1:
+            small = as_seen_by("small_strain", thick).with_load("approach", (depth,))
+            theirs = long_force(depth, 1.0, thick.layer, THICKEST) / solve(small, 1e-4).balls[0].normal_force
+            points.append(Point(f"D / R = {depth:g}", depth, value, bar, theirs, math.nan))
+    if points:
+        groups[f"{SECOND}: finite over small strain, beside Long et al. on h = {THICKEST:g} R"] = points
+    return groups
+
+
+def _sneddon(depth: float) -> float:
+    return formulas.sneddon_force(depth, 1.0, 1.0) / hertz_force(depth, 1.0, 1.0)
+
+
+SPHERE = "sphere on a half-space, nu = 0.5"
+COMPARISONS = (
+    Comparison("long", "Q over Hertz's", "sphere on a bonded layer, nu = 0.5", FINITE, _long),
+    Comparison("shojaeifard", "Q over Hertz's", SPHERE, FINITE, _shojaeifard),
+    Comparison("lin", "Q over Hertz's", SPHERE, FINITE, _lin),
+)
+
+
+def curve(thickness: float, depths: Any) -> list[float]:
+    """Return the fit of Long et al. over Hertz's force at depths over R, for the figure."""
+    layer = Layer(1.0, 0.5, thickness)
+    return [long_force(d, 1.0, layer, thickness) / hertz_force(d, 1.0, layer.contact_modulus) for d in depths]

@@ -1,0 +1,44 @@
+"""The sign of the mutual force beside that of drops on gels: `linear_bem`, nu = 0.5, R = 1, E1 = 1, D = 0.05."""
+
+from __future__ import annotations
+
+import math
+
+from linear_bem.problem import Ball, Layer, Load, Problem
+from runs.studies.framework.case import LINEAR, Case
+from runs.studies.framework.records import Found, pull
+from runs.studies.validation.comparison import Comparison, Groups, Point
+
+THICK, THIN = math.inf, 0.5
+"""Half-space, and a layer thinner than the balls."""
+DISTANCES = {THICK: (2.0, 3.0, 4.0, 8.0), THIN: (2.0, 3.0)}
+"""On thick gels the drops attract at all distances; on thin ones the repulsion is of short range."""
+EXPECTED = {THICK: 1.0, THIN: -1.0}
+
+
+def cases() -> list[Case]:
+    """Return every pair of balls."""
+    return [
+        Case(
+            f"karpitschka-h{h:g}-L{distance:g}",
+            Problem(
+                Layer(1.0, 0.5, h), (Ball((-distance / 2, 0.0), 1.0), Ball((distance / 2, 0.0), 1.0)),
+                Load("approach", (0.05, 0.05)),
+            ), LINEAR, 1e-4, labels={"part": "karpitschka", "h": h, "L": distance},
+        )
+        for h, distances in DISTANCES.items() for distance in distances
+    ]  # fmt: skip
+
+
+def _points(found: Found) -> Groups:
+    """Return the sign of T (1 attracts), with T's relative error as its bar, beside the drops'."""
+    groups: Groups = {}
+    for case in found.done("karpitschka"):
+        h, distance = case.labels["h"], case.labels["L"]
+        value, bar = pull(found.steps(case.name)[-1]["balls"])
+        point = Point(f"L = {distance:g} R", distance, math.copysign(1.0, value), bar / abs(value), EXPECTED[h])
+        groups.setdefault("thick" if h == THICK else f"thin, h = {h:g} R", []).append(point)
+    return groups
+
+
+COMPARISONS = (Comparison("karpitschka", "sign of T (1 attracts)", "two balls, D = 0.05 R, nu = 0.5", LINEAR, _points),)
