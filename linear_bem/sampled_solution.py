@@ -28,7 +28,7 @@ ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
 DEGREES = (4, 6, 8)
 """Degrees of p^2, one after the other."""
-SWEPT, PAIRS = 0.07, 1e-2
+SWEPT, PAIRS = 0.07, 0.1
 """Last change of a sweep, and precision of a pair, over the requested accuracy of T."""
 UNSAMPLED = 2.0
 """Error on any ball over the largest one in the sample, both over the neighbours' forces."""
