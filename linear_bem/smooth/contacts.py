@@ -20,8 +20,8 @@ from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
 from linear_bem.smooth.zone import stacked
 
-EVALUATED = 1e-7
-"""Relative error of the displacement that residuals are recomputed with."""
+EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
+"""Relative error of the displacement that residuals are recomputed with, and that of a sample of very many balls."""
 CHECKED, SAMPLED = 100, 16
 """Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
 RINGS = (1.12, 2.0)
@@ -158,11 +158,12 @@ class SmoothContacts:
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
         error of the prescribed forces; ``negative_pressure`` is 0: p is a square root. The displacement is exact to
-        `EVALUATED` of itself.
+        `EVALUATED` of itself (`EVALUATED_OF_MANY`).
         """
         scale = float(np.max(np.abs(self.approaches)))
         xs, ys, depths, pressures, found = [], [], [], [], []
-        direct = DirectSums(self.kernel, self.smooth.nodes, EVALUATED)
+        few = len(self.smooth.nodes) <= CHECKED
+        direct = DirectSums(self.kernel, self.smooth.nodes, EVALUATED if few else EVALUATED_OF_MANY)
         for k in self.sample:
             ball, n = self.touching[k], self.smooth.nodes[k]
             zone = n.zone

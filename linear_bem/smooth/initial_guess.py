@@ -49,7 +49,7 @@ class Start:
 def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     """Return ellipses of Hertz's pressure from the coupled point-load estimate.
 
-    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radius_seen`.
+    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`.
     """
     field = FarField.of(kernel, problem.positions, 0.0, GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
@@ -60,9 +60,8 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
             kind, values = "approach", state.effective
-        for i in others:
-            if values[i] > 0.0:
-                radii[i] = _radius_seen(problem, problem.balls[i], kind, float(values[i]))
+        pressed = [i for i in others if values[i] > 0.0]
+        radii[pressed] = _radii_seen(problem, [problem.balls[i] for i in pressed], kind, values[pressed])
         state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
@@ -84,14 +83,17 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     return _hertz_zone(place, _hertz_axes(ball, radius, ball.radius)[0], 2.0 * radius / (np.pi**2 * ball.radius))
 
 
-def _radius_seen(problem: Problem, ball: Ball, kind: str, value: float) -> float:
-    """Return R [m] of the paraboloid that is as high at its estimated contact's edge as the ball is on average."""
-    low, high = ball.radius * 1e-9, ball.radius * 1e9
-    for _ in range(60):  # bisection starts near the ball's own size: profiles may overflow far from it
-        middle = float(np.sqrt(low * high))
-        edge = float(estimates(problem.layer, problem.substrate, np.array([middle]), kind, np.array([value]))[2][0])
-        low, high = (low, middle) if 2.0 * mean_height(ball, edge) * middle >= edge**2 else (middle, high)
-    return float(np.sqrt(low * high))
+def _radii_seen(problem: Problem, balls: Sequence[Ball], kind: str, values: Array) -> Array:
+    """Return R [m] of the paraboloids that are as high at their estimated contacts' edges as the balls on average."""
+    own = np.array([ball.radius for ball in balls])
+    low, high = own * 1e-9, own * 1e9
+    for _ in range(40):  # bisection starts near the ball's own size: profiles may overflow far from it
+        middle = np.sqrt(low * high)
+        edges = estimates(problem.layer, problem.substrate, middle, kind, values)[2]
+        heights = np.array([mean_height(ball, float(edge)) for ball, edge in zip(balls, edges, strict=True)])
+        flatter = 2.0 * heights * middle >= edges**2
+        low, high = np.where(flatter, low, middle), np.where(flatter, middle, high)
+    return np.asarray(np.sqrt(low * high))
 
 
 def _hertz_axes(ball: Ball, radius: float, seen: float) -> tuple[Array, Array]:

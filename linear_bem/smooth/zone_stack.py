@@ -110,19 +110,22 @@ class ZoneStack:
 
     def peaks(self, xi: Array, eta: Array) -> Array:
         """Return the largest P near points (zones,) of large P, by Newton's method on its gradient."""
-        p, step = self.powers(0), 1e-4
-        x, y = xi, eta
-        for _ in range(6):
-            (_, gx, gy), (_, ax, ay), (_, bx, by) = (
-                horner(p, x + dx, y + dy) for dx, dy in ((0.0, 0.0), (step, 0.0), (0.0, step))
-            )
-            xx, yy, xy = (ax - gx) / step, (by - gy) / step, 0.5 * ((ay - gy) + (bx - gx)) / step
-            determinant = xx * yy - xy * xy
-            peaked = (xx < 0.0) & (determinant > 0.0)
-            safe = np.where(peaked, determinant, 1.0)
-            x = np.clip(x - np.where(peaked, (yy * gx - xy * gy) / safe, 0.0), xi - 0.3, xi + 0.3)
-            y = np.clip(y - np.where(peaked, (xx * gy - xy * gx) / safe, 0.0), eta - 0.3, eta + 0.3)
-        return np.asarray(np.maximum(horner(p, x, y)[0], horner(p, xi, eta)[0]))
+        p, difference = self.powers(0), 1e-4
+        best, at = horner(p, xi, eta)[0], np.stack([xi, eta])
+        low, high = at - 0.3, at + 0.3
+        for _ in range(12):
+            slopes = [
+                np.stack(horner(p, at[0] + dx, at[1] + dy)[1:])
+                for dx, dy in ((0.0, 0.0), (difference, 0.0), (0.0, difference))
+            ]
+            bend = np.stack([slopes[1] - slopes[0], slopes[2] - slopes[0]]) / difference
+            scale, turn = np.linalg.eigh(0.5 * (bend + bend.transpose(1, 0, 2)).transpose(2, 0, 1))
+            # a step uphill also where P bends upwards or, as on a ring of maxima, not at all
+            size = np.maximum(np.abs(scale), 1e-3 * np.max(np.abs(scale), axis=1, keepdims=True) + 1e-300)
+            move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slopes[0])
+            at = np.clip(at + move, low, high)
+            best = np.maximum(best, horner(p, at[0], at[1])[0])
+        return np.asarray(best)
 
     def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
         """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.

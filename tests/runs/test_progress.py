@@ -142,3 +142,27 @@ def test_a_long_computation_says_that_it_goes_on(person: bool, monkeypatch: pyte
     with waiting("60 balls"):
         pass
     assert not quick.getvalue()
+
+
+def test_lines_of_a_solver_are_printed_and_logged_every_few_seconds(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, logged = [0.0], []
+    monkeypatch.setattr("runs.session.progress.time.monotonic", lambda: now[0])
+    progress = Progress(Scale(1.0, 1.0), None, root=True, take=lambda _: None, log=logged.append)
+    for second, text in ((1.0, "guess"), (3.0, "sweep 1"), (4.0, "sweep 2"), (6.0, "sweep 3")):
+        now[0] = second
+        progress.note(text)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("   ")[0] for line in lines] == ["sweep 1", "sweep 3"]
+    assert logged == lines
+
+
+def test_the_linear_model_hands_its_lines_on() -> None:
+    from linear_bem import Ball, Layer, Load, Problem  # noqa: PLC0415
+    from runs.models import MODELS, Run  # noqa: PLC0415
+
+    lines: list[str] = []
+    ball = Problem(Layer(1.0, 0.3, 5.0), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)))
+    MODELS["linear_bem"].solve(ball, Run(report=lines.append))
+    assert lines == ["1 ball(s): first guess"]

@@ -1,0 +1,236 @@
+"""Many unlike balls: sums over near pairs and a mesh, and the accuracy that a sample of balls shows.
+
+The small scenes here take every path of large ones: more than a hundred contacts are judged by a sample, and the mesh
+is used from a few hundred.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import linear_bem.memory
+from linear_bem import (
+    Ball,
+    Elastic,
+    Ellipsoid,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    solve,
+    solve_contact,
+)
+from linear_bem.errors import TooLarge
+from linear_bem.far_field.coupled_system import solve_coupled
+from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.far_field.particle_mesh import ParticleMesh
+from linear_bem.smooth.displacement import DirectSums
+from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls
+
+BASES = {"half-space": (np.inf, None), "rigid base": (6.0, None), "elastic base": (2.0, Elastic(10.0, 0.3))}
+
+
+def scattered(count, side, seed=1, low=0.6, high=1.0):
+    """Centres and radii of balls that do not overlap, at random."""
+    rng = np.random.default_rng(seed)
+    centres, radii = np.empty((0, 2)), np.sort(rng.uniform(low, high, count))[::-1]
+    for k in range(count):
+        while True:
+            place = rng.uniform(0.0, side, 2)
+            if np.all(np.hypot(*(centres - place).T) >= 1.001 * (radii[:k] + radii[k])):
+                break
+        centres = np.vstack([centres, place])
+    return centres, radii
+
+
+def scene(load, base="rigid base", count=105, seed=1):
+    centres, radii = scattered(count, 2.4 * np.sqrt(count), seed)
+    balls = tuple(
+        Ball((x, y), r, ("sphere", "paraboloid")[k % 2]) if k % 15 else Ball((x, y), shape=Ellipsoid((r, 0.9 * r, r)))
+        for k, ((x, y), r) in enumerate(zip(centres.tolist(), radii.tolist(), strict=True))
+    )
+    thickness, substrate = BASES[base]
+    values = {"approach": (0.1,) * count, "total_force": (0.02 * count,)}
+    values["force"] = tuple(np.linspace(0.01, 0.03, count).tolist())
+    return Problem(Layer(1.0, 0.48, thickness), balls, Load(load, values[load]), substrate)
+
+
+def forces(result):
+    return np.array([b.tangential_force for b in result.balls])
+
+
+def errors(result):
+    return np.array([b.tangential_force_error for b in result.balls])
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_near_pairs_and_mesh_add_up_to_the_kernel(base):
+    thickness, substrate = BASES[base]
+    kernel = LayeredKernel(Layer(1.0, 0.48, thickness), substrate)
+    rng = np.random.default_rng(2)
+    points, loads = rng.uniform(0.0, 100.0, (2500, 2)), rng.uniform(0.5, 1.0, 2500)
+    for precision, error in ((1e-5, 3e-6), (1e-7, 3e-7)):
+        field = FarField.of(kernel, points, 0.0, precision)
+        assert (field.mesh is not None) == (len(field.first) < 2500 * 2499 // 2) or base == "rigid base"
+        chosen = np.arange(0, 2500, 50)
+        r = np.hypot(*(points[chosen, None] - points).transpose(2, 0, 1))
+        r[np.arange(len(chosen)), chosen] = np.inf
+        direct = kernel.scaled(r) @ loads
+        found = PointInfluence(field, points) @ loads
+        # the unit is the displacement of one load at one spacing of the mesh
+        spacing = field.mesh.spacing if field.mesh is not None else 1.0
+        assert np.max(np.abs(found[chosen] - direct)) * spacing < 5.0 * error
+
+
+def test_the_meshs_slopes_are_those_of_its_kernel():
+    rng = np.random.default_rng(3)
+    points, loads = rng.uniform(0.0, 20.0, (200, 2)), rng.uniform(0.5, 1.0, 200)
+    mesh = ParticleMesh(points.min(axis=0), points.max(axis=0), 0.5, lambda r: np.exp(-0.5 * r * r))
+    at = mesh.at(points[:, 0], points[:, 1], slopes=True)
+    field = mesh.field(at, loads)
+    d = points[:, None] - points
+    value = np.exp(-0.5 * np.sum(d * d, axis=2))
+    # the bell has exp(-20) of its waves at pi/H; splines of order 8 leave 1e-6 of those at half of that
+    assert at.value @ field == pytest.approx(value @ loads, abs=2e-5)
+    for axis, matrix in enumerate((at.dx, at.dy)):
+        assert matrix @ field == pytest.approx(-(value * d[:, :, axis]) @ loads, abs=6e-5)
+
+
+def test_the_coupled_system_is_solved_with_the_mesh_as_without():
+    rng = np.random.default_rng(4)
+    points = rng.uniform(0.0, 80.0, (1500, 2))
+    kernel = LayeredKernel(Layer(1.0, 0.48, np.inf))
+    field = FarField.of(kernel, points, 0.0, 1e-7)
+    assert field.mesh is not None
+    compliance, right = rng.uniform(5.0, 9.0, 1500), rng.uniform(0.5, 1.0, 1500)
+    free = rng.uniform(size=1500) < 0.8
+    influence = PointInfluence(field, points)
+    loads = solve_coupled(influence, compliance, right, free)
+    assert np.all(loads[~free] == 0.0)
+    residual = compliance * loads + influence @ loads - right
+    assert np.max(np.abs(residual[free])) < 1e-8
+
+
+def test_the_scale_of_the_forces_is_within_five_per_cent_of_the_whole_sum():
+    rng = np.random.default_rng(5)
+    points, loads = rng.uniform(0.0, 90.0, (SUMMED + 500, 2)), rng.uniform(0.5, 1.0, SUMMED + 500)
+    kernel = LayeredKernel(Layer(1.0, 0.48, np.inf))
+    r = np.hypot(*(points[:, None] - points).transpose(2, 0, 1))
+    np.fill_diagonal(r, np.inf)
+    whole = loads * (kernel.singular / (r + 1.0) ** 2 @ loads)
+    assert half_space_pulls(kernel, points, loads, softest=1.0) == pytest.approx(whole, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("load", "base"), [("approach", "half-space"), ("force", "rigid base"), ("total_force", "elastic base")]
+)
+def test_a_sampled_solution_meets_a_sharper_one_within_its_stated_error(load, base):
+    problem = scene(load, base)
+    quick, sharp = solve(problem, 1e-3), solve(problem, 1e-4)
+    assert quick.solved.accuracy["reached"] <= 1e-3
+    assert 16 < len(quick.solved.accuracy["sample"]) < problem.size
+    difference = np.max(np.abs(forces(quick) - forces(sharp)), axis=1)
+    assert np.all(difference <= errors(quick) + errors(sharp))
+    largest = np.max(np.abs(forces(sharp)))
+    assert np.max(difference) < 1e-3 * largest
+    assert np.max(np.abs(forces(quick).sum(axis=0))) < 1e-3 * largest
+    assert [b.normal_force for b in quick.balls] == pytest.approx([b.normal_force for b in sharp.balls], rel=1e-4)
+    if load == "total_force":
+        assert sum(b.normal_force for b in quick.balls) == pytest.approx(problem.load.values[0], rel=1e-8)
+
+
+@pytest.fixture(scope="module")
+def meshed():
+    """Enough balls of revolution for the mesh."""
+    problem = scene("approach", "half-space", 240)
+    balls = tuple(b if isinstance(b.shape, str) else Ball(b.position, b.radius) for b in problem.balls)
+    problem = replace(problem, balls=balls)
+    solution = solve_contact(problem, 1e-3)
+    assert FarField.of(solution.contacts.kernel, problem.positions, 0.6, 1e-5).mesh is not None
+    return problem, solution
+
+
+def test_direct_sums_over_all_others_give_the_same_forces_on_every_ball(meshed):
+    _, solution = meshed
+    contacts = solution.contacts
+    direct = DirectSums(contacts.kernel, contacts.smooth.nodes, 1e-7)
+    found = np.array([direct.force(k, n) for k, n in enumerate(contacts.smooth.nodes)])
+    difference = np.max(np.abs(found - contacts.mutual_force), axis=1)
+    assert np.all(difference <= solution.tangential_force_error)
+    # the mesh: 2.5e-6 Q^2 / H^2 per pair, and pairs to 1e-5 of their displacement
+    assert np.max(difference) < 1e-4 * np.max(np.abs(contacts.mutual_force))
+
+
+def test_shifting_and_turning_many_balls_changes_nothing_beyond_the_stated_error(meshed):
+    problem, solution = meshed
+    here = solution.result()
+    c, s = np.cos(0.7), np.sin(0.7)
+    q = np.array([[c, -s], [s, c]])
+    moved = tuple(replace(b, position=tuple(q @ b.position + (13.0, -7.0))) for b in problem.balls)
+    there = solve(replace(problem, balls=moved), 1e-3)
+    difference = np.max(np.abs(forces(here) @ q.T - forces(there)), axis=1)
+    assert np.all(difference <= errors(here) + errors(there))
+
+
+def test_forces_and_approaches_of_two_loads_are_reciprocal():
+    problem = scene("approach", "elastic base")
+    apart, neighbours = cKDTree(problem.positions).query(problem.positions, 2)
+    a, b = neighbours[np.argmin(apart[:, 1])]
+    loads = []
+    for pressed in ((), (a,), (b,)):
+        values = [0.1 + 1e-3 * (k in pressed) for k in range(problem.size)]
+        loads.append(np.array([b.normal_force for b in solve(problem.with_load("approach", values), 1e-3).balls]))
+    none, first, second = loads
+    # Betti: dQ_b/dD_a = dQ_a/dD_b; a step of 1 % of D, and forces to 3e-5 of the largest
+    assert (first - none)[b] == pytest.approx((second - none)[a], rel=0.05)
+    assert abs((first - none)[b]) > 2e-4 * np.max(none)
+
+
+def test_balls_that_the_others_lift_off_carry_nothing_and_do_not_touch():
+    problem = scene("approach", "half-space", 180)
+    rng = np.random.default_rng(6)
+    problem = problem.with_load("approach", rng.uniform(-0.005, 0.15, problem.size).tolist())
+    solution = solve_contact(problem, 1e-3)
+    lifted = np.flatnonzero(solution.contacts.normal_forces == 0.0)
+    assert len(solution.contacts.touching) > 100
+    assert lifted.size > 10
+    for i in lifted:
+        x, y = (np.array([c]) for c in problem.balls[i].position)
+        assert solution.displacement(x, y)[0] > problem.load.values[i] - 1.1e-4 * 0.15
+
+
+def test_every_step_is_reported_and_a_report_may_end_the_solution():
+    class Enough(Exception):
+        pass
+
+    lines = []
+
+    def note(text):
+        lines.append(text)
+        if "sweep 2" in text:
+            raise Enough
+
+    with pytest.raises(Enough):
+        solve(scene("force"), 1e-3, note)
+    assert lines[0] == "105 ball(s): first guess"
+    assert len(lines) == 3
+
+
+def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeypatch):
+    monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
+    with pytest.raises(TooLarge, match=r"105 balls needs about 0.021 GB of memory, and 0.01 GB are free"):
+        solve(scene("force"), 1e-3)
+
+
+def test_overlaps_among_many_balls_are_found_and_named_in_order():
+    balls = [Ball((2.0 * i, 2.0 * j), 1.0) for i in range(40) for j in range(40)]
+    balls[1234] = Ball((balls[1233].position[0], balls[1233].position[1] + 1.5), 1.0)
+    balls.append(Ball((-30.0, 0.0), 20.0, "paraboloid"))
+    with pytest.raises(InvalidProblem) as fault:
+        Problem(Layer(1.0, 0.3, 1.0), tuple(balls), Load("total_force", (1.0,)))
+    assert [line.split(" overlap")[0] for line in fault.value.faults] == [
+        "balls.positions: balls 1233 and 1234",
+    ]
