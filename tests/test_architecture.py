@@ -12,7 +12,7 @@ from tests.launch import ROOT, python
 
 OURS = {"linear_bem", "meshes", "finite_strain", "runs", "tests"}
 HEAVY = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"}
-SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "indenter", "result", "errors", "closed_forms")}
+SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "indenter", "law", "result", "errors", "closed_forms")}
 MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},

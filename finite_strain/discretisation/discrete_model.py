@@ -86,8 +86,17 @@ class Model:
         return elastic_constants(bulk, self.mesh, self._length)
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
-        """Return the strain energy of a region [J/m^3] in its displacement gradient, a variable of the form language."""
+        """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
         return bulk.kinematics.energy_density(gradient, *self.constants(bulk), ufl.grad(self._still))
+
+    def functions(self) -> dict[str, Any]:
+        """Return the displacement [m] and the pressures [Pa] as functions by name; see `finite_strain.solve`."""
+        found = {"displacement": self.displacement}
+        for bulk in self.bulks:
+            if bulk.pressure is not None:
+                found[bulk.pressure.name] = pressure = bulk.pressure.copy()
+                pressure.x.array[:] *= bulk.solid.shear_modulus / self._length
+        return found
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
@@ -96,7 +105,9 @@ class Model:
         total = 0
         for bulk in self.bulks:
             variable = ufl.variable(gradient)
-            total += density(self.energy_density(bulk, variable), variable) * measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
+            total += density(self.energy_density(bulk, variable), variable) * measure(
+                bulk.tag, metadata={"quadrature_degree": 2 * self.order}
+            )
         return total
 
     def _compile(self) -> None:

@@ -7,7 +7,7 @@ gradient du_i/dX_J, never written out by hand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import ufl
@@ -21,7 +21,7 @@ from linear_bem.law import Energy, Law, NeoHookean
 class Finite:
     """Finite strain with a hyperelastic law or an own energy psi(F): F = I + grad u."""
 
-    law: Law | Energy = NeoHookean()
+    law: Law | Energy = field(default_factory=NeoHookean)
 
     def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
         """Return the law's strain energy, nan where an element is inverted; ``still`` is the gradient's value."""

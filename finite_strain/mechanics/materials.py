@@ -77,7 +77,7 @@ def hyperfoam(law: Hyperfoam, H: Any, shear: Any, volumetric: Any, still: Any) -
 
 
 def _half_of_first(H: Any, j: Any) -> Any:
-    """Return A/2 = (I1 - 3)/2 - ln J: (I1 - 3)/2 = tr H + H:H / 2, and tr H = j - (second and third invariants of H)."""
+    """Return A/2 = (I1 - 3)/2 - ln J: (I1 - 3)/2 = tr H + H:H / 2, tr H = j - (second and third invariants of H)."""
     return ufl.inner(H, H) / 2 - second_invariant(H) - ufl.det(H) + minus_logarithm(j)
 
 

@@ -1,14 +1,14 @@
 """Sums over principal stretches whose first and second derivatives are exact wherever stretches coincide.
 
-Eigenvalues are not smooth where they coincide, but sums of one function over all of them are. With the eigenvalues 1 + g
-of C = F^T F, D the deviator of C - I, J2 = D:D/2 and J3 = det D, one eigenvalue is apart from the other two and smooth:
+Eigenvalues are not smooth where they coincide, but sums of one function over all of them are. With eigenvalues 1 + g
+of C = F^T F, D the deviator of C - I, J2 = D:D/2 and J3 = det D, one of them is apart from the others and smooth:
 
     g_a = tr(C - I)/3 + sign(J3) 2 sqrt(J2/3) cos(acos(r)/3),   r = sqrt(27/4) |J3| / J2^(3/2).
 
 Of the other two only the mean of the logarithms and their squared half difference appear, which are smooth too. Where
 all three nearly coincide, the sum is its Taylor series in D. Stress and tangent are exact to 1e-14 where two or three
-stretches differ by 1e-3, 1e-6, 1e-9 or not at all (a test); the usual formula for eigenvalues with perturbations of 1e-8
-[Habera Zilian 2021] there loses up to 3e-6 of the stress and, where two coincide, two thirds of the tangent.
+stretches differ by 1e-3, 1e-6, 1e-9 or not at all (a test); eigenvalues by the cosine formula with perturbations of
+1e-8 lose up to 3e-6 of the stress there and, where two stretches coincide, two thirds of the tangent.
 """
 
 from __future__ import annotations

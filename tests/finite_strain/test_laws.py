@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
+from finite_strain.discretisation.regions import constant, with_constants
 from finite_strain.mechanics.kinematics import Finite
 from finite_strain.mechanics.volumetric import Compressible, Mixed
 from linear_bem import Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
@@ -25,20 +26,20 @@ LAYER = Layer(1.0, 0.3, 1.0)
 MU, LAMBDA = LAYER.shear_modulus, LAYER.lame_first
 GIVEN: dict[str, Law] = {
     "neo_hookean": NeoHookean(), "mooney_rivlin": MooneyRivlin(0.3), "yeoh": Yeoh((-0.02, 0.001)), "gent": Gent(20.0),
-    "ogden": Ogden((1.3, 5.0, -2.0), (0.6, 0.3, 0.1)), "hyperfoam": Hyperfoam((8.0, -2.0), (0.7, 0.3)),
+    "ogden": Ogden((1.3, -2.0), (0.7, 0.3)), "hyperfoam": Hyperfoam((8.0, -2.0), (0.7, 0.3)),
 }  # fmt: skip
 Stretches = np.ndarray
 
 
-def parts(l: Stretches) -> tuple[complex, complex, complex]:  # noqa: E741  (the papers' letter)
+def parts(x: Stretches) -> tuple[complex, complex, complex]:
     """Return A = I1 - 3 - 2 ln J, B = I2 - 3 - 4 ln J and J of stretches (3,), as the textbooks write them."""
-    J = l[0] * l[1] * l[2]
-    return sum(l**2) - 3 - 2 * np.log(J), sum((J / l) ** 2) - 3 - 4 * np.log(J), J
+    J = x[0] * x[1] * x[2]
+    return sum(x**2) - 3 - 2 * np.log(J), sum((J / x) ** 2) - 3 - 4 * np.log(J), J
 
 
-def textbook(name: str, l: Stretches) -> complex:  # noqa: E741
+def textbook(name: str, x: Stretches) -> complex:
     """Return the strain energy as its paper has it; complex stretches give its exact derivatives."""
-    A, B, J = parts(l)
+    A, B, J = parts(x)
     U = LAMBDA / 2 * (J - 1) ** 2
     match GIVEN[name]:
         case MooneyRivlin(s):
@@ -48,53 +49,66 @@ def textbook(name: str, l: Stretches) -> complex:  # noqa: E741
         case Gent(limit):
             return -MU / 2 * limit * np.log(1 - A / limit) + U
         case Ogden(a, w):
-            return sum(2 * MU * y / x**2 * (sum(l**x) - 3 - x * np.log(J)) for x, y in zip(a, w, strict=True)) + U
+            return sum(2 * MU * y / n**2 * (sum(x**n) - 3 - n * np.log(J)) for n, y in zip(a, w, strict=True)) + U
         case Hyperfoam(a, w):
             b = LAMBDA / (2 * MU)
-            return sum(2 * MU * y / x**2 * (sum(l**x) - 3 + (J ** (-x * b) - 1) / b) for x, y in zip(a, w, strict=True))
+            return sum(2 * MU * y / n**2 * (sum(x**n) - 3 + (J ** (-n * b) - 1) / b) for n, y in zip(a, w, strict=True))
     return MU / 2 * A + U
 
 
 class Point:
-    """Energy, stress and tangent of a law at one point, through compiled forms as the models have them."""
+    """Energy, stress and tangent of a law in one cell with a uniform displacement gradient, as the models have them."""
 
     def __init__(self, law: Law, mixed: bool = False, lame: float = LAMBDA) -> None:
-        mesh = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
-        self.H, self.one, self.other = (dolfinx.fem.Constant(mesh, np.zeros((3, 3))) for _ in range(3))
+        mesh = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1, dolfinx.mesh.CellType.hexahedron)
+        space = compat.function_space(mesh, 1, (3,))
+        self._nodes = space.tabulate_dof_coordinates()
+        self.u, self.one, self.other = (dolfinx.fem.Function(space) for _ in range(3))
+        still = dolfinx.fem.Function(space, self.u.x)
         self.p, self.lame = dolfinx.fem.Constant(mesh, 0.0), lame
-        volumetric = Mixed(self.p, 1.0 / lame) if mixed else Compressible(dolfinx.fem.Constant(mesh, lame))
-        H = ufl.variable(self.H)
-        psi = Finite(law).energy_density(H, dolfinx.fem.Constant(mesh, MU), volumetric, self.H)
-        stress = ufl.inner(ufl.diff(psi, H), self.one)
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 0})
-        forms = [value * dx for value in (psi, stress, ufl.inner(ufl.diff(stress, H), self.other))]
-        self._energy, self._stress, self._tangent = compat.compile_forms(forms, MPI.COMM_SELF)
+        volumetric = Mixed(self.p, constant(mesh, 1.0 / lame)) if mixed else Compressible(constant(mesh, lame))
+        moving = ufl.variable(ufl.grad(self.u))
+        psi = Finite(with_constants(law, mesh)).energy_density(moving, constant(mesh, MU), volumetric, ufl.grad(still))
+        energy = psi * ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 0})
+        slope = ufl.derivative(energy, self.u, self.one)
+        self._forms = {"energy": energy, "stress": slope, "tangent": ufl.derivative(slope, self.u, self.other)}
+        self._compiled: dict[str, Any] = {}
+
+    def _value(self, name: str) -> float:
+        if name not in self._compiled:
+            self._compiled[name] = compat.compile_form(self._forms[name], MPI.COMM_SELF)
+        return float(dolfinx.fem.assemble_scalar(self._compiled[name]))
+
+    def _set(self, field: Any, gradient: np.ndarray) -> None:
+        field.x.array[:] = (self._nodes @ gradient.T).ravel()
+
+    def _each(self, name: str, field: Any) -> np.ndarray:
+        """Return the values of a form for each component of a direction."""
+        answer = np.zeros((3, 3))
+        for i, j in np.ndindex(3, 3):
+            self._set(field, np.outer(np.eye(3)[i], np.eye(3)[j]))
+            answer[i, j] = self._value(name)
+        return answer
 
     def at(self, H: np.ndarray) -> None:
-        self.H.value[:] = H
+        self._set(self.u, H)
         self.p.value = self.lame * (np.linalg.det(np.eye(3) + H) - 1.0) if np.isfinite(self.lame) else 0.3
 
     def energy(self, H: np.ndarray) -> float:
         self.at(H)
-        return float(dolfinx.fem.assemble_scalar(self._energy))
+        return self._value("energy")
 
     def stress(self, H: np.ndarray) -> np.ndarray:
         self.at(H)
-        return np.array([[self._along(self._stress, i, j) for j in range(3)] for i in range(3)])
+        return self._each("stress", self.one)
 
     def tangent(self, H: np.ndarray) -> np.ndarray:
         self.at(H)
         answer = np.zeros((3, 3, 3, 3))
         for k, m in np.ndindex(3, 3):
-            self.other.value[:] = 0.0
-            self.other.value[k, m] = 1.0
-            answer[:, :, k, m] = [[self._along(self._tangent, i, j) for j in range(3)] for i in range(3)]
+            self._set(self.other, np.outer(np.eye(3)[k], np.eye(3)[m]))
+            answer[:, :, k, m] = self._each("tangent", self.one)
         return answer
-
-    def _along(self, form: object, i: int, j: int) -> float:
-        self.one.value[:] = 0.0
-        self.one.value[i, j] = 1.0
-        return float(dolfinx.fem.assemble_scalar(form))
 
 
 @pytest.fixture(scope="module", params=list(GIVEN))
@@ -158,18 +172,18 @@ def test_turns_cost_nothing_and_inverted_elements_have_no_energy(point: Point) -
 
 
 UNIAXIAL = {
-    "neo_hookean": lambda l: MU * (l**2 - 1 / l),
-    "mooney_rivlin": lambda l: MU * (0.7 + 0.3 / l) * (l**2 - 1 / l),
-    "yeoh": lambda l: MU * (l**2 - 1 / l) * (1 - 0.04 * (l**2 + 2 / l - 3) + 0.003 * (l**2 + 2 / l - 3) ** 2),
-    "gent": lambda l: MU * (l**2 - 1 / l) * 20 / (20 - (l**2 + 2 / l - 3)),
-    "ogden": lambda l: sum(2 * MU * w / a * (l**a - l ** (-a / 2)) for a, w in ((1.3, 0.6), (5.0, 0.3), (-2.0, 0.1))),
+    "neo_hookean": lambda x: MU * (x**2 - 1 / x),
+    "mooney_rivlin": lambda x: MU * (0.7 + 0.3 / x) * (x**2 - 1 / x),
+    "yeoh": lambda x: MU * (x**2 - 1 / x) * (1 - 0.04 * (x**2 + 2 / x - 3) + 0.003 * (x**2 + 2 / x - 3) ** 2),
+    "gent": lambda x: MU * (x**2 - 1 / x) * 20 / (20 - (x**2 + 2 / x - 3)),
+    "ogden": lambda x: sum(2 * MU * w / a * (x**a - x ** (-a / 2)) for a, w in ((1.3, 0.7), (-2.0, 0.3))),
 }
 BIAXIAL = {
-    "neo_hookean": lambda l: MU * (l**2 - l**-4),
-    "mooney_rivlin": lambda l: MU * (0.7 + 0.3 * l**2) * (l**2 - l**-4),
-    "yeoh": lambda l: MU * (l**2 - l**-4) * (1 - 0.04 * (2 * l**2 + l**-4 - 3) + 0.003 * (2 * l**2 + l**-4 - 3) ** 2),
-    "gent": lambda l: MU * (l**2 - l**-4) * 20 / (20 - (2 * l**2 + l**-4 - 3)),
-    "ogden": lambda l: sum(2 * MU * w / a * (l**a - l ** (-2 * a)) for a, w in ((1.3, 0.6), (5.0, 0.3), (-2.0, 0.1))),
+    "neo_hookean": lambda x: MU * (x**2 - x**-4),
+    "mooney_rivlin": lambda x: MU * (0.7 + 0.3 * x**2) * (x**2 - x**-4),
+    "yeoh": lambda x: MU * (x**2 - x**-4) * (1 - 0.04 * (2 * x**2 + x**-4 - 3) + 0.003 * (2 * x**2 + x**-4 - 3) ** 2),
+    "gent": lambda x: MU * (x**2 - x**-4) * 20 / (20 - (2 * x**2 + x**-4 - 3)),
+    "ogden": lambda x: sum(2 * MU * w / a * (x**a - x ** (-2 * a)) for a, w in ((1.3, 0.7), (-2.0, 0.3))),
 }
 """Cauchy stress of an incompressible sheet or rod with free sides, as the papers print it."""
 
@@ -203,11 +217,12 @@ def test_a_foam_narrows_by_poissons_ratio_at_any_stretch(sides: tuple[int, ...],
         terms = zip(law.exponents, law.weights, strict=True)
         nominal = sum(2 * MU * w / a * (stretch**a - J ** (-a * b)) / stretch for a, w in terms)
         # Storakers: stretch^a = J^(-a b) along free directions
-        assert cell.stress(np.diag(stretches - 1.0)).diagonal() == pytest.approx(np.where(sides, nominal, 0.0), rel=1e-8)
+        stress = cell.stress(np.diag(stretches - 1.0)).diagonal()
+        assert stress == pytest.approx(np.where(sides, nominal, 0.0), rel=1e-8, abs=1e-8 * abs(nominal))
 
 
 @pytest.mark.parametrize(
-    "law", [MooneyRivlin(0.0), Yeoh((0.0, 0.0)), Gent(1e12), Ogden((2.0,), (1.0,))], ids=lambda law: law.name
+    "law", [MooneyRivlin(0.0), Yeoh((0.0, 0.0)), Gent(1e12), Ogden((2.0, 2.0), (0.7, 0.3))], ids=lambda law: law.name
 )
 def test_laws_without_their_own_numbers_are_neo_hookean(law: Law) -> None:
     cell, plain = Point(law), Point(NeoHookean())
@@ -217,37 +232,35 @@ def test_laws_without_their_own_numbers_are_neo_hookean(law: Law) -> None:
         assert cell.tangent(H) == pytest.approx(plain.tangent(H), abs=1e-11)
 
 
-def exact_tangent(slope: Callable[[float], float], bend: Callable[[float], float], l: np.ndarray) -> np.ndarray:  # noqa: E741
-    """Return dP/dF of an energy sum f(l_i) at F = diag(l), of its f' and f''; stretches equal or well apart."""
+def exact_tangent(exponent: float, near: tuple[float, ...]) -> np.ndarray:
+    """Return dP/dF of a sum of 2 mu / a^2 (l^a - 1 - a ln l) at F = diag(near)."""
+    x, shear = np.array(near, dtype=np.longdouble), 2.0 * MU / exponent
+    slope = shear * (x ** (exponent - 1) - 1 / x)
     answer = np.zeros((3, 3, 3, 3))
     for i, j in np.ndindex(3, 3):
+        middle = 0.5 * (x[i] + x[j])
+        minus = shear * ((exponent - 1) * middle ** (exponent - 2) + 1 / middle**2)
+        if abs(x[i] - x[j]) > 1e-7:  # below it the quotient is the derivative between the two
+            minus = (slope[i] - slope[j]) / (x[i] - x[j])
+        plus = (slope[i] + slope[j]) / (x[i] + x[j])
         if i == j:
-            answer[i, i, i, i] = bend(l[i])
-            continue
-        plus = (slope(l[i]) + slope(l[j])) / (l[i] + l[j])
-        minus = bend(0.5 * (l[i] + l[j])) if abs(l[i] - l[j]) < 1e-5 else (slope(l[i]) - slope(l[j])) / (l[i] - l[j])
-        answer[i, j, i, j], answer[i, j, j, i] = 0.5 * (minus + plus), 0.5 * (minus - plus)
+            answer[i, i, i, i] = minus
+        else:
+            answer[i, j, i, j], answer[i, j, j, i] = 0.5 * (minus + plus), 0.5 * (minus - plus)
     return answer
 
 
 @pytest.mark.parametrize("exponent", [-2.0, 0.5, 8.0])
 def test_tangents_are_exact_where_stretches_coincide(exponent: float) -> None:
-    shear = 2.0 * MU / exponent
-    cell = Point(Ogden((exponent,), (1.0,)), lame=0.0)
+    cell = Point(Ogden((exponent, exponent), (0.7, 0.3)), lame=0.0)
     for apart in (1e-3, 1e-6, 1e-9, 0.0):
         for near in ((1.5, 1.5 + apart, 0.6), (0.5, 0.5 + apart, 1.3), (1.2, 1.2 + apart, 1.2 + 2.7 * apart)):
-            l = np.array(near)  # noqa: E741
-            exact = exact_tangent(
-                lambda x: shear * (x ** (exponent - 1) - 1 / x),
-                lambda x: shear * ((exponent - 1) * x ** (exponent - 2) + 1 / x**2),
-                l,
-            )
-            for turn in (np.eye(3), *turns(2)):
+            exact = exact_tangent(exponent, near)
+            for turn in (np.eye(3), *turns(1)):
                 turned = np.einsum("ai,bj,ck,dl,abcd->ijkl", turn, turn, turn, turn, exact)
-                H = turn.T @ np.diag(l - 1.0) @ turn
-                # the reference itself loses 1e-16 / apart where it takes a quotient of differences
-                limit = 1e-13 + (1e-15 / apart if apart > 1e-5 else 0.0)
-                assert np.abs(cell.tangent(H) - turned).max() < limit * np.abs(exact).max()
+                H = turn.T @ np.diag(np.array(near) - 1.0) @ turn
+                # roundoff; eigenvalues differentiated as they stand miss two thirds of the tangent
+                assert np.abs(cell.tangent(H) - turned).max() < 5e-13 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize(

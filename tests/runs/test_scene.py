@@ -239,7 +239,15 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ("[load]", '[load]\nsteps = ["1 mm", "0.5 mm"]', ["[load] steps", "rise", "0.001"]),
         ("[load]", '[load]\nsteps = ["1 mm", "2 mm"]', ["[load] steps", "not exceed", "0.0015 m", "0.002", "drop"]),
         ("[load]", '[load]\nsteps = ["1 N"]', ["[load] steps", "values of approach", "a length", "a force"]),
-        ("[load]", '[finite_strain]\nlaw = "ogden"\n[load]', ["[finite_strain] law", "neo_hookean", "ogden"]),
+        ("[load]", '[finite_strain]\nlaw = "hook"\n[load]', ["[finite_strain] law", "neo_hookean", "hook"]),
+        ("[load]", '[finite_strain]\nlaw = "gent"\n[load]', ["[finite_strain] limit", "missing", "limit = 30"]),
+        ("[load]", "[finite_strain]\nlimit = 9\n[load]", ["[finite_strain] limit", "not a number", "no numbers"]),
+        ("[load]", '[finite_strain]\nlaw = "gent"\nlimit = -9\n[load]', ["[finite_strain] limit", "than 0", "-9"]),
+        (
+            "[load]",
+            '[finite_strain]\nlaw = "yeoh"\nratios = [1, "2"]\n[load]',
+            ["[finite_strain] ratios", "number 1: must be a plain number"],
+        ),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
     ],
 )

@@ -126,9 +126,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         "modules": "modules of its own", "functions in other modules": "functions of its own elsewhere",
         "libraries": "libraries of its own", "result": "result entries of its own",
     }  # fmt: skip
-    own = [
-        {"effect": row["effect"], **{head: _listed(row[key]) for head, key in brought.items()}} for row in rows
-    ]
+    own = [{"effect": row["effect"], **{head: _listed(row[key]) for head, key in brought.items()}} for row in rows]
     proof = [
         {
             "effect": row["effect"],

@@ -42,9 +42,7 @@ def _share(document: Mapping[str, Any], shows: Callable[[Mapping[str, Any]], boo
     return sum(map(shows, members)) / len(members)
 
 
-def of_members(
-    title: str, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]
-) -> Point:
+def of_members(title: str, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]) -> Point:
     """Return a point that most members of the first ``decisive`` cases must show; the others are other readings."""
 
     def judge(documents: Documents) -> Finding:

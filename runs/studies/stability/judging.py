@@ -206,4 +206,3 @@ def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> fl
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
     named = re.search(r"last good state is at (\S+) of the full load", reason)
     return float(named[1]) if state == NOT_CONVERGED and named else 0.0
-
