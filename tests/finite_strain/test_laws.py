@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,9 @@ from finite_strain import compat
 from finite_strain.discretisation.regions import constant, with_constants
 from finite_strain.mechanics.kinematics import Finite
 from finite_strain.mechanics.volumetric import Compressible, Mixed
-from linear_bem import Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from linear_bem import FiniteStrain, Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.law import LAWS, Law
-from tests.finite_strain.scenes import relatively
+from tests.finite_strain.scenes import coarse_plan, coarse_rig, relatively, single
 
 LAYER = Layer(1.0, 0.3, 1.0)
 MU, LAMBDA = LAYER.shear_modulus, LAYER.lame_first
@@ -248,6 +249,19 @@ def exact_tangent(exponent: float, near: tuple[float, ...]) -> np.ndarray:
         else:
             answer[i, j, i, j], answer[i, j, j, i] = 0.5 * (minus + plus), 0.5 * (minus - plus)
     return answer
+
+
+@pytest.mark.parametrize(
+    ("law", "stiffer"), [(Gent(1.0), True), (MooneyRivlin(0.6), True), (Yeoh((-0.3, 0.04)), False)]
+)
+def test_a_run_feels_its_law(law: Law, stiffer: bool, tmp_path: Path) -> None:
+    forces = []
+    for each in (NeoHookean(), law):
+        problem = replace(single(0.3, poisson=0.3), finite_strain=FiniteStrain(each))
+        rig = coarse_rig(coarse_plan(problem), tmp_path)
+        rig.press()
+        forces.append(rig.normal_forces()[0])
+    assert (forces[1] > 1.01 * forces[0]) if stiffer else (forces[1] < 0.99 * forces[0])
 
 
 @pytest.mark.parametrize("exponent", [-2.0, 0.5, 8.0])

@@ -17,6 +17,7 @@ from linear_bem import (
     InvalidProblem,
     Layer,
     Load,
+    Ogden,
     Problem,
     Punch,
 )
@@ -84,6 +85,12 @@ def test_tables_name_effects_accuracy_and_title(tmp_path: Path) -> None:
     assert scene.problem.finite_strain == FiniteStrain("neo_hookean")
     assert scene.tangential_force == 0.05
     assert scene.title == "A pair"
+
+
+def test_a_law_takes_its_own_numbers(tmp_path: Path) -> None:
+    law = '[finite_strain]\nlaw = "ogden"\nexponents = [1.3, -2]\nweights = [0.9, 0.1]\n'
+    problem = read_scene(write(tmp_path, f"{PAIR}{law}")).problem
+    assert problem.finite_strain == FiniteStrain(Ogden((1.3, -2.0), (0.9, 0.1)))
 
 
 @pytest.mark.parametrize(
