@@ -251,17 +251,16 @@ def exact_tangent(exponent: float, near: tuple[float, ...]) -> np.ndarray:
     return answer
 
 
-@pytest.mark.parametrize(
-    ("law", "stiffer"), [(Gent(1.0), True), (MooneyRivlin(0.6), True), (Yeoh((-0.3, 0.04)), False)]
-)
-def test_a_run_feels_its_law(law: Law, stiffer: bool, tmp_path: Path) -> None:
-    forces = []
-    for each in (NeoHookean(), law):
-        problem = replace(single(0.3, poisson=0.3), finite_strain=FiniteStrain(each))
+def test_a_run_feels_its_law(tmp_path: Path) -> None:
+    def force(law: Law) -> float:
+        problem = replace(single(0.3, poisson=0.3), finite_strain=FiniteStrain(law))
         rig = coarse_rig(coarse_plan(problem), tmp_path)
         rig.press()
-        forces.append(rig.normal_forces()[0])
-    assert (forces[1] > 1.01 * forces[0]) if stiffer else (forces[1] < 0.99 * forces[0])
+        return float(rig.normal_forces()[0])
+
+    plain = force(NeoHookean())
+    assert force(Gent(1.0)) > 1.01 * plain
+    assert force(Yeoh((-0.3, 0.04))) < 0.99 * plain
 
 
 @pytest.mark.parametrize("exponent", [-2.0, 0.5, 8.0])
