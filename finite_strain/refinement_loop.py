@@ -15,6 +15,7 @@ from mpi4py import MPI
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
@@ -152,7 +153,9 @@ class Refinement:
             record.seconds = spent + time.monotonic() - began
             self._save()
             if self.inspect is not None:
-                self.inspect(answer.to_step(), run.own.model.functions())
+                model = run.own.model
+                functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
+                self.inspect(answer.to_step(), functions)
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:

@@ -172,9 +172,9 @@ def law_of(name: str, numbers: Mapping[str, Any]) -> tuple[Law | None, list[str]
     if name not in LAWS:
         return None, [f'law: must be one of {", ".join(LAWS)}, got "{name}"']
     takes = [f.name for f in fields(LAWS[name])]
-    known = f'law "{name}" takes {" and ".join(takes) or "no numbers"}'
-    texts = [f"{key}: is not a number of this law; {known}" for key in numbers if key not in takes]
-    texts += [f"{key}: is missing; {known}" for key in takes if key not in numbers]
+    known = f'law "{name}", which takes {" and ".join(takes) or "no numbers"}'
+    texts = [f"{key}: is not a number of {known}; leave it out" for key in numbers if key not in takes]
+    texts += [f"{key}: is missing for {known}" for key in takes if key not in numbers]
     return (None, texts) if texts else (LAWS[name](**numbers), [])
 
 

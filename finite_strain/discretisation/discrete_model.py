@@ -48,7 +48,7 @@ class Model:
         self.linear_space = compat.function_space(self.mesh, 1)
         self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
-        self._length = min(ball.radius for ball in problem.balls)
+        self.length = min(ball.radius for ball in problem.balls)
         degree = 2 * order + contact_degree
         self.contact = Contact(
             self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
@@ -83,31 +83,20 @@ class Model:
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
         """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return elastic_constants(bulk, self.mesh, self._length)
+        return elastic_constants(bulk, self.mesh, self.length)
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
         return bulk.kinematics.energy_density(gradient, *self.constants(bulk), ufl.grad(self._still))
 
-    def functions(self) -> dict[str, Any]:
-        """Return the displacement [m] and the pressures [Pa] as functions by name; see `finite_strain.solve`."""
-        found = {"displacement": self.displacement}
-        for bulk in self.bulks:
-            if bulk.pressure is not None:
-                found[bulk.pressure.name] = pressure = bulk.pressure.copy()
-                pressure.x.array[:] *= bulk.solid.shear_modulus / self._length
-        return found
-
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
-        gradient = ufl.grad(self.displacement)
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
         total = 0
         for bulk in self.bulks:
-            variable = ufl.variable(gradient)
-            total += density(self.energy_density(bulk, variable), variable) * measure(
-                bulk.tag, metadata={"quadrature_degree": 2 * self.order}
-            )
+            variable = ufl.variable(ufl.grad(self.displacement))
+            weight = measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
+            total += density(self.energy_density(bulk, variable), variable) * weight
         return total
 
     def _compile(self) -> None:
@@ -262,7 +251,7 @@ class Model:
                 test = ufl.TestFunction(bulk.pressure.function_space)
                 measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
                 forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
-                unit = bulk.solid.shear_modulus / self._length
+                unit = bulk.solid.shear_modulus / self.length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
         volumes = self._by_pressure(forms)
         owned = self.fields.owned[1:]

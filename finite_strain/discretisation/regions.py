@@ -76,6 +76,16 @@ def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volume
     return shear, Mixed(unit * bulk.pressure, constant(mesh, 1.0 / solid.lame_first))
 
 
+def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:
+    """Return the pressures [Pa] of mixed regions as new functions, by name; ``length``: see `elastic_constants`."""
+    found = {}
+    for bulk in bulks:
+        if bulk.pressure is not None:
+            found[bulk.pressure.name] = pressure = bulk.pressure.copy()
+            pressure.x.array[:] *= bulk.solid.shear_modulus / length
+    return found
+
+
 def nothing_where_idle(bulks: list[Bulk], mesh: Any, measure: Any) -> Any:
     """Return a zero form that gives idle pressure unknowns outside their region an entry in the matrix."""
     terms = (
