@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
 from linear_bem.problem import Problem
-from linear_bem.result import Result
+from linear_bem.result import Result, Step
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
@@ -26,6 +26,8 @@ FORMAT = 13
 """Format version of a run: raised when runs of older versions must not be resumed or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Default relative accuracy of the tangential force."""
+Inspect = Callable[[Step, dict[str, Any]], None]
+"""Takes an answered step and its DOLFINx functions by name."""
 
 
 def solve(
@@ -41,6 +43,8 @@ def solve(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
     numerics: Numerics = DEFAULT,
+    solver_options: Mapping[str, str] | None = None,
+    inspect: Inspect | None = None,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -70,6 +74,13 @@ def solve(
         approach.
     numerics
         Numerical parameters that studies vary.
+    solver_options
+        PETSc's options of the Newton and linear solvers without a prefix, such as ``{"pc_type": "lu"}``; they win over
+        the built-in choice and over those of the prefix ``thirdbody_`` in ``PETSC_OPTIONS``.
+    inspect
+        Called on all ranks after every answered step on each discretisation with the `Step` and the DOLFINx functions
+        by name: "displacement" [m], and of mixed regions "layer_pressure", "substrate_pressure" [Pa], positive in
+        tension. They live on the simulated part, in its own frame, and change with the next step: copy what is kept.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -88,12 +99,15 @@ def solve(
     plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)
     from mpi4py import MPI  # noqa: PLC0415
 
+    from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
+    from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
     from finite_strain.mpi import working_folder  # noqa: PLC0415
     from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
     comm = MPI.COMM_WORLD if comm is None else comm
-    with working_folder(None if folder is None else Path(folder), comm) as where:
-        return Refinement(plan, where, comm, observer or Silence(), fields, keep=folder is not None).run()
+    check_own_energy(problem)
+    with with_options(solver_options or {}), working_folder(None if folder is None else Path(folder), comm) as where:
+        return Refinement(plan, where, comm, observer or Silence(), fields, folder is not None, inspect).run()
 
 
 def plan(

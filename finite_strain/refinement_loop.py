@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from finite_strain import FORMAT, compat
+from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
@@ -44,12 +45,23 @@ class Refinement:
     """
 
     def __init__(
-        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Observer, fields: FieldChoice | None, keep: bool
-    ) -> None:
+        self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Observer, fields: FieldChoice | None, keep: bool,
+        inspect: Inspect | None = None,
+    ) -> None:  # fmt: skip
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
-        self.fields, self.keep = fields, keep
+        self.fields, self.keep, self.inspect = fields, keep, inspect
         self.began = time.monotonic()
-        parts = (FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics)
+        parts: tuple[object, ...] = (
+            FORMAT,
+            plan.problem,
+            plan.model,
+            plan.goals,
+            plan.accuracy,
+            plan.budget,
+            plan.numerics,
+        )
+        if plan.has_own_energy:  # a function's name does not say what it computes: never resumed
+            parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
         self.records: list[Record] = on_root(comm, lambda: saved_records(folder, self.key))
         self.earlier_seconds = sum(record.seconds for record in self.records)
@@ -140,6 +152,10 @@ class Refinement:
             record.steps.append(answer)
             record.seconds = spent + time.monotonic() - began
             self._save()
+            if self.inspect is not None:
+                model = run.own.model
+                functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
+                self.inspect(answer.to_step(), functions)
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:

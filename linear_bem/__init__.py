@@ -11,6 +11,7 @@ from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, Unsu
 from linear_bem.grid.height_field import HeightFieldContact, solve_height_field
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.interaction_energy import elastic_energy, energy_force
+from linear_bem.law import Gent, Hyperfoam, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.point_load import solve_point_load
@@ -30,13 +31,18 @@ __all__ = [
     "Elements",
     "Ellipsoid",
     "FiniteStrain",
+    "Gent",
     "HeightFieldContact",
+    "Hyperfoam",
     "Indenter",
     "InvalidProblem",
     "Layer",
     "LayeredKernel",
     "Load",
+    "MooneyRivlin",
+    "NeoHookean",
     "NotConverged",
+    "Ogden",
     "Paraboloid",
     "Problem",
     "Punch",
@@ -47,6 +53,7 @@ __all__ = [
     "SurfaceResponse",
     "ThirdBodyError",
     "UnsupportedProblem",
+    "Yeoh",
     "deepest_bulge",
     "elastic_energy",
     "energy_force",

@@ -18,13 +18,12 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
+from linear_bem.law import Energy, Law, law_of
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
-LAWS = ("neo_hookean",)
-"""Names of the hyperelastic laws."""
 LEAST_APPROACH, LEAST_FORCE = 1e-12, 1e-18
 """Smallest approach over the radius, and smallest force over E R^2, that are accepted."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
@@ -73,9 +72,29 @@ class Load:
 
 @dataclass(frozen=True)
 class FiniteStrain:
-    """Effect: a hyperelastic layer with contact in the deformed configuration."""
+    """Effect: a hyperelastic layer with contact in the deformed configuration.
 
-    law: str = "neo_hookean"
+    ``law`` is a `Law` with its numbers such as ``Gent(limit=30.0)``, the name of one without numbers, or an own strain
+    energy psi(F) of the form language; see `linear_bem.law`. It is the layer's: a substrate is neo-Hookean.
+    """
+
+    law: str | Law | Energy = "neo_hookean"
+
+    @property
+    def chosen(self) -> Law | Energy:
+        """The law, of a problem that was accepted."""
+        law = law_of(self.law, {})[0] if isinstance(self.law, str) else self.law
+        assert law is not None
+        return law
+
+    def faults(self, poisson: float) -> list[str]:
+        """Return what is wrong with the law on a layer of a Poisson's ratio, one text each."""
+        law, texts = law_of(self.law, {}) if isinstance(self.law, str) else (self.law, [])
+        if isinstance(law, Law):
+            texts = law.faults(poisson)
+        elif law is not None and not callable(law):
+            texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}"]
+        return [f"finite_strain.{text}" for text in texts]
 
 
 @dataclass(frozen=True)
@@ -111,10 +130,10 @@ class Problem:
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
         if self.finite_strain is not None and isinstance(self.layer, SurfaceResponse):
             faults.append("finite_strain: needs a layer of a material, got the response of its surface; use linear_bem")
+        elif self.finite_strain is not None:
+            faults += self.finite_strain.faults(self.layer.poisson)
         if self.finite_strain is not None and any(ball.asperity for ball in self.balls):
             faults.append("finite_strain: bodies must be whole, some balls are asperities; leave out the effect")
-        if self.finite_strain is not None and self.finite_strain.law not in LAWS:
-            faults.append(f'finite_strain.law: must be one of {", ".join(LAWS)}, got "{self.finite_strain.law}"')
         if faults:
             raise InvalidProblem(*faults)
 

@@ -12,7 +12,8 @@ from tests.launch import ROOT, python
 
 OURS = {"linear_bem", "meshes", "finite_strain", "runs", "tests"}
 HEAVY = {"dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"}
-SHARED_WORDS = {f"linear_bem.{name}" for name in ("problem", "media", "indenter", "result", "errors", "closed_forms")}
+_SHARED = ("problem", "media", "indenter", "law", "result", "errors", "closed_forms")
+SHARED_WORDS = {f"linear_bem.{name}" for name in _SHARED}
 MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},

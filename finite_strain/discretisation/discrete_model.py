@@ -22,7 +22,6 @@ from finite_strain.contact.contact_energy import Contact
 from finite_strain.discretisation.regions import Bulk, constant, elastic_constants, make_bulks, nothing_where_idle
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
-from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.problem import Problem
 from meshes.box import TAGS
@@ -41,15 +40,15 @@ class Model:
     def __init__(self, problem: Problem, reduction: Reduction, meshed: Meshed, order: int, contact_degree: int) -> None:
         self.mesh, self.cell_tags, self.facet_tags = meshed
         self.comm = self.mesh.comm
-        self.reduction, self.order, effect = reduction, order, problem.finite_strain
-        self.kinematics: Kinematics = Small() if effect is None else Finite(effect.law)
-        self.is_finite = effect is not None
+        self.reduction, self.order = reduction, order
+        self.is_finite = problem.finite_strain is not None
         self.space = compat.function_space(self.mesh, order, (3,))
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
+        self._still = dolfinx.fem.Function(self.space, self.displacement.x)
         self.linear_space = compat.function_space(self.mesh, 1)
         self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
-        self._length = min(ball.radius for ball in problem.balls)
+        self.length = min(ball.radius for ball in problem.balls)
         degree = 2 * order + contact_degree
         self.contact = Contact(
             self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
@@ -84,17 +83,20 @@ class Model:
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
         """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return elastic_constants(bulk, self.mesh, self._length)
+        return elastic_constants(bulk, self.mesh, self.length)
+
+    def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
+        """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
+        return bulk.kinematics.energy_density(gradient, *self.constants(bulk), ufl.grad(self._still))
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
-        gradient = ufl.grad(self.displacement)
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
         total = 0
         for bulk in self.bulks:
-            variable = ufl.variable(gradient)
-            psi = self.kinematics.energy_density(variable, *self.constants(bulk))
-            total += density(psi, variable) * measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
+            variable = ufl.variable(ufl.grad(self.displacement))
+            weight = measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
+            total += density(self.energy_density(bulk, variable), variable) * weight
         return total
 
     def _compile(self) -> None:
@@ -249,7 +251,7 @@ class Model:
                 test = ufl.TestFunction(bulk.pressure.function_space)
                 measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
                 forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
-                unit = bulk.solid.shear_modulus / self._length
+                unit = bulk.solid.shear_modulus / self.length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
         volumes = self._by_pressure(forms)
         owned = self.fields.owned[1:]

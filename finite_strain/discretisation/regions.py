@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dolfinx
@@ -11,35 +12,53 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.discretisation.unknowns import idle_dofs
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, is_mixed
+from linear_bem.law import Energy, Law
 from linear_bem.problem import Elastic, Problem
 from meshes.box import TAGS
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """A region of the mesh, its elastic constants, and in mixed form its pressure unknown [m].
+    """A region of the mesh, its elastic constants and law, and in mixed form its pressure unknown [m].
 
     ``idle`` are the pressure's local dofs that no cell of the region touches; they are held at zero.
     """
 
     tag: int
     solid: Elastic
+    kinematics: Kinematics
     pressure: Any = None
     idle: np.ndarray | None = None
 
 
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
-    """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions."""
-    bulks = []
+    """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions.
+
+    At finite strain the layer has the scene's law, and a substrate, which hardly strains, is neo-Hookean.
+    """
+    bulks, effect = [], problem.finite_strain
     regions = {"layer": problem.layer, "substrate": problem.substrate}
     for name, solid in ((name, solid) for name, solid in regions.items() if solid is not None):
         pressure = idle = None
         if is_mixed(problem, name):  # on a separate space, to which its constraints belong
             pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
             idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
-        bulks.append(Bulk(TAGS[name], solid, pressure, idle))
+        own = Finite() if effect is None or name == "substrate" else Finite(with_constants(effect.chosen, mesh))
+        bulks.append(Bulk(TAGS[name], solid, Small() if effect is None else own, pressure, idle))
     return bulks
+
+
+def with_constants(law: Law | Energy, mesh: Any) -> Any:
+    """Return a law whose numbers are constants of the mesh, so that one compiled form serves every value."""
+    if not isinstance(law, Law):
+        return law
+    parts = {
+        name: tuple(constant(mesh, v) for v in value) if isinstance(value, Sequence) else constant(mesh, value)
+        for name, value in vars(law).items()
+    }
+    return replace(law, **parts)
 
 
 def constant(mesh: Any, value: float) -> Any:
@@ -55,6 +74,16 @@ def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volume
         return shear, Compressible(constant(mesh, solid.lame_first))
     unit = constant(mesh, solid.shear_modulus / length)
     return shear, Mixed(unit * bulk.pressure, constant(mesh, 1.0 / solid.lame_first))
+
+
+def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:
+    """Return the pressures [Pa] of mixed regions as new functions, by name; ``length``: see `elastic_constants`."""
+    found = {}
+    for bulk in bulks:
+        if bulk.pressure is not None:
+            found[bulk.pressure.name] = pressure = bulk.pressure.copy()
+            pressure.x.array[:] *= bulk.solid.shear_modulus / length
+    return found
 
 
 def nothing_where_idle(bulks: list[Bulk], mesh: Any, measure: Any) -> Any:

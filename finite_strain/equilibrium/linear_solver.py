@@ -6,7 +6,8 @@ pressure's Schur complement is approximated by its mass matrix over the stiffnes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,22 @@ def given_options() -> dict[str, str]:
     """Return the user's own options of our prefix."""
     every = PETSc.Options(PREFIX).getAll()
     return {key: value for key, value in every.items() if _written.get(key) != value}
+
+
+@contextmanager
+def with_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Add options of our prefix to those of the user inside a with block."""
+    database = PETSc.Options(PREFIX)
+    before = database.getAll()
+    for key, value in options.items():
+        database[key] = value
+    try:
+        yield
+    finally:
+        for key in options:
+            database.delValue(key)
+            if key in before:
+                database[key] = before[key]
 
 
 def install(options: Mapping[str, str]) -> None:

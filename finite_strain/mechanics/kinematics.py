@@ -7,24 +7,27 @@ gradient du_i/dX_J, never written out by hand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import ufl
 
-from finite_strain.mechanics.materials import LAWS
+from finite_strain.mechanics.materials import ENERGIES
 from finite_strain.mechanics.volumetric import Volumetric
+from linear_bem.law import Energy, Law, NeoHookean
 
 
 @dataclass(frozen=True)
 class Finite:
-    """Finite strain with a hyperelastic law: F = I + grad u."""
+    """Finite strain with a hyperelastic law or an own energy psi(F): F = I + grad u."""
 
-    law: str = "neo_hookean"
+    law: Law | Energy = field(default_factory=NeoHookean)
 
-    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
-        """Return the law's strain energy; nan where an element is inverted."""
-        return LAWS[self.law](gradient, shear, volumetric)
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+        """Return the law's strain energy, nan where an element is inverted; ``still`` is the gradient's value."""
+        if isinstance(self.law, Law):
+            return ENERGIES[type(self.law)](self.law, gradient, shear, volumetric, still)
+        return self.law(ufl.Identity(3) + gradient)
 
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return P F^T / J."""
@@ -36,7 +39,7 @@ class Finite:
 class Small:
     """Small strain, linear isotropic elasticity: mu e:e + volumetric(tr e)."""
 
-    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric) -> Any:
+    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
         """Return Hooke's strain energy of the symmetric gradient."""
         strain = ufl.sym(gradient)
         return shear * ufl.inner(strain, strain) + volumetric(ufl.tr(strain))

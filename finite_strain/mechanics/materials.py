@@ -1,7 +1,8 @@
-"""Hyperelastic laws: strain-energy functions of the displacement gradient; stresses follow by differentiation.
+"""Strain energies of the laws in `linear_bem.law`, per reference volume; stresses follow by differentiation.
 
-They are written in the displacement gradient H = F - I, without differences of nearly equal numbers:
-a stiff substrate strains by 1e-5 and less, and the roundoff of I1 - 3 and ln J would exceed its energy.
+They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
+substrate, which strains by 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy takes the
+law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``.
 """
 
 from __future__ import annotations
@@ -11,35 +12,80 @@ from typing import Any
 
 import ufl
 
+from finite_strain.mechanics.principal_stretches import (
+    PrincipalStretches,
+    exponential_ratio,
+    minus_logarithm,
+    second_invariant,
+    summed,
+    volume_change,
+)
 from finite_strain.mechanics.volumetric import Volumetric
-
-_SERIES_RANGE = 0.02
-_SERIES_TERMS = 10
+from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 
-def volume_change(H: Any) -> Any:
-    """Return J - 1 = det(I + H) - 1."""
-    return ufl.tr(H) + (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 + ufl.det(H)
+def neo_hookean(law: NeoHookean, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return mu/2 A + volumetric(J - 1), A = I1 - 3 - 2 ln J.
 
-
-def _minus_logarithm(j: Any) -> Any:
-    """Return j - ln(1 + j); by its Taylor series (error below 1e-17) where j is small."""
-    series = 0
-    for n in range(_SERIES_TERMS, 1, -1):
-        series = j * series + (-1) ** n / n
-    return ufl.conditional(ufl.lt(abs(j), _SERIES_RANGE), j * j * series, j - ufl.ln(1 + j))
-
-
-def neo_hookean(H: Any, shear: Any, volumetric: Volumetric) -> Any:
-    """Return mu/2 (I1 - 3) - mu ln J + volumetric(J - 1), the energy per reference volume.
-
-    Neo-Hookean solid with Lame's constants of the small-strain limit; the volumetric term is lambda/2 (J - 1)^2 or
-    its mixed form. The term in (ln J)^2 is not used: it softens in strong compression.
+    The volumetric term is lambda/2 (J - 1)^2 or its mixed form. The term in (ln J)^2 is not used: it softens in strong
+    compression.
     """
     j = volume_change(H)
-    # mu/2 (I1 - 3) = mu (tr H + H:H / 2), and tr H = j - (second and third invariants of H)
-    deviation = ufl.inner(H, H) / 2 - (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 - ufl.det(H)
-    return shear * (deviation + _minus_logarithm(j)) + volumetric(j)
+    return shear * _half_of_first(H, j) + volumetric(j)
 
 
-LAWS: dict[str, Callable[[Any, Any, Volumetric], Any]] = {"neo_hookean": neo_hookean}
+def mooney_rivlin(law: MooneyRivlin, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return mu/2 [(1 - s) A + s B] - s mu (J - 1)^2 + volumetric(J - 1), B = I2 - 3 - 4 ln J."""
+    j = volume_change(H)
+    first = 2 * _half_of_first(H, j)
+    second = 2 * first + second_invariant(H + H.T + H.T * H)
+    return shear / 2 * ((1 - law.share) * first + law.share * second) - law.share * shear * j**2 + volumetric(j)
+
+
+def yeoh(law: Yeoh, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return mu/2 (A + c A^2 + d A^3) + volumetric(J - 1)."""
+    j = volume_change(H)
+    first = 2 * _half_of_first(H, j)
+    c, d = law.ratios
+    return shear / 2 * (first + c * first**2 + d * first**3) + volumetric(j)
+
+
+def gent(law: Gent, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return -mu/2 J_m ln(1 - A / J_m) + volumetric(J - 1); nan from A = J_m on."""
+    j = volume_change(H)
+    first = 2 * _half_of_first(H, j)
+    return shear / 2 * (first + law.limit * minus_logarithm(-first / law.limit)) + volumetric(j)
+
+
+def ogden(law: Ogden, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return the sum of 2 mu w / a^2 (l1^a + l2^a + l3^a - 3 - a ln J), plus volumetric(J - 1)."""
+    return summed(lambda stretches: _terms(law, shear, stretches), H, still) + volumetric(volume_change(H))
+
+
+def hyperfoam(law: Hyperfoam, H: Any, shear: Any, volumetric: Any, still: Any) -> Any:
+    """Return the sum of 2 mu w / a^2 [l1^a + l2^a + l3^a - 3 + (J^(-a b) - 1) / b] with b = lambda / (2 mu)."""
+    b = volumetric.lame / (2 * shear)
+
+    def energy(stretches: PrincipalStretches) -> Any:
+        volume = stretches.logarithm
+        terms = zip(law.exponents, law.weights, strict=True)
+        # (J^(-a b) - 1) / b + a ln J = a^2 b (ln J)^2 (exp(x) - 1 - x) / x^2 with x = -a b ln J
+        grown = sum(2 * shear * w * b * volume**2 * exponential_ratio(-a * b * volume) for a, w in terms)
+        return _terms(law, shear, stretches) + grown
+
+    return summed(energy, H, still)
+
+
+def _half_of_first(H: Any, j: Any) -> Any:
+    """Return A/2 = (I1 - 3)/2 - ln J: (I1 - 3)/2 = tr H + H:H / 2, tr H = j - (second and third invariants of H)."""
+    return ufl.inner(H, H) / 2 - second_invariant(H) - ufl.det(H) + minus_logarithm(j)
+
+
+def _terms(law: Ogden | Hyperfoam, shear: Any, stretches: PrincipalStretches) -> Any:
+    terms = zip(law.exponents, law.weights, strict=True)
+    return sum(2 * shear * w / a**2 * stretches.excess(a) for a, w in terms)
+
+
+ENERGIES: dict[type[Law], Callable[[Any, Any, Any, Volumetric, Any], Any]] = {
+    NeoHookean: neo_hookean, MooneyRivlin: mooney_rivlin, Yeoh: yeoh, Gent: gent, Ogden: ogden, Hyperfoam: hyperfoam,
+}  # fmt: skip

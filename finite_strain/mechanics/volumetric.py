@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from linear_bem.law import Law
 from linear_bem.problem import Problem
 
 LEAST_MIXED_POISSON = 0.49
@@ -65,13 +66,30 @@ def is_mixed(problem: Problem, region: str) -> bool:
     asked = problem.elements.form if problem.elements is not None and region == "layer" else None
     if asked is not None:
         return asked == "mixed"
-    return solid is not None and solid.poisson >= LEAST_MIXED_POISSON
+    takes_pressure = region == "substrate" or _without_pressure(problem) == ""
+    return solid is not None and solid.poisson >= LEAST_MIXED_POISSON and takes_pressure
+
+
+def _without_pressure(problem: Problem) -> str:
+    """Return the name of the layer's law if its volumetric energy is its own and has no mixed form, else ""."""
+    if problem.finite_strain is None:
+        return ""
+    law = problem.finite_strain.chosen
+    if isinstance(law, Law):
+        return "" if law.takes_pressure else law.name
+    return "an own energy psi(F)"
 
 
 def form_faults(problem: Problem, model: str) -> list[str]:
     """Return the faults of the form that a scene requests, one text each."""
     asked = problem.elements.form if problem.elements is not None else None
-    nu = problem.layer.poisson
+    nu, own = problem.layer.poisson, _without_pressure(problem)
+    if own and (asked == "mixed" or nu > LARGEST_DISPLACEMENT_POISSON):
+        return [
+            f"elements.form: {own} takes the displacement form for layer.poisson up to "
+            f"{LARGEST_DISPLACEMENT_POISSON:g}, got {nu:g}{' and mixed' * (asked == 'mixed')}; leave the key out, or "
+            "take a law with a mixed form"
+        ]
     if asked == "displacement" and nu > LARGEST_DISPLACEMENT_POISSON:
         range_, other = f"up to {LARGEST_DISPLACEMENT_POISSON:g}", "mixed"
     elif asked == "mixed" and nu < MIXED_CAN:
@@ -85,8 +103,9 @@ def form_faults(problem: Problem, model: str) -> list[str]:
 
 
 def form_notes(problem: Problem) -> list[str]:
-    """Return notes on the forms used, one sentence each."""
-    notes = []
+    """Return notes on the law and the forms used, one sentence each."""
+    law = None if problem.finite_strain is None else problem.finite_strain.chosen
+    notes = [f"{law.name}: {t}" for t in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
     for name, form in describe_forms(problem).items():
         if problem.elements is not None and name == "layer":
             notes.append(f"{name}: {form} form of the elements, as [elements] asks")

@@ -47,8 +47,8 @@ class FieldWriter:
     def _stress(self, bulk: Any) -> Any:
         model = self.model
         gradient = ufl.variable(ufl.grad(model.displacement))
-        psi = model.kinematics.energy_density(gradient, *model.constants(bulk))
-        stress = model.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
+        psi = model.energy_density(bulk, gradient)
+        stress = bulk.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
         return compat.compile_expression(stress, self._nodes.lattice.points, model.comm)
 
     def forget_after(self, number: int) -> None:

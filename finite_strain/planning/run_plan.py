@@ -19,6 +19,7 @@ from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import HIGHEST, PATH_FINDER, Budget, answering
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
+from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
@@ -55,6 +56,12 @@ class RunPlan:
     def is_paired(self) -> bool:
         """Whether the small-strain problem runs beside the run's own."""
         return self.problem.finite_strain is not None
+
+    @property
+    def has_own_energy(self) -> bool:
+        """Whether the layer's law is a function psi(F)."""
+        effect = self.problem.finite_strain
+        return effect is not None and not isinstance(effect.chosen, Law)
 
     @property
     def deepest(self) -> float:

@@ -32,6 +32,13 @@ RARER_EXAMPLES: dict[str, dict[str, Any]] = {
         "tip_radius": "1 mm",
         "edge_radius": "0.5 mm",
     },
+    "finite_strain": {
+        "share": 0.2,
+        "ratios": [0.01, 0.001],
+        "limit": 30,
+        "exponents": [2, -2],
+        "weights": [0.8, 0.2],
+    },
 }
 """The same for keys that only some scenes take."""
 

@@ -183,6 +183,11 @@ def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
+def numbers(value: object) -> tuple[float, ...]:
+    """Return the plain numbers of a list."""
+    return tuple(_items(list(listed(value)), number, of="number"))
+
+
 def _items(values: list[object], parse: Callable[[object], float], per_ball: int = 1, of: str = "ball") -> list[float]:
     parsed, faults = [], []
     for index, value in enumerate(values):
@@ -196,6 +201,7 @@ def _items(values: list[object], parse: Callable[[object], float], per_ball: int
 
 
 Number = Annotated[float, PlainValidator(number)]
+Numbers = Annotated[tuple[float, ...], PlainValidator(numbers)]
 Listed = Annotated[tuple[object, ...], PlainValidator(listed)]
 Whole = Annotated[int, PlainValidator(whole)]
 Direction = Annotated[tuple[float, float], PlainValidator(direction)]

@@ -112,7 +112,8 @@ def coarse_plan(
     accuracy: float = 0.3,
 ) -> RunPlan:
     """Return the plan of a model's run in a box of the given ``extent`` (None: the extent that the accuracy needs)."""
-    problem = replace(problem, finite_strain=FiniteStrain()) if model == "finite_strain" else at_small_strain(problem)
+    effect = problem.finite_strain or FiniteStrain()
+    problem = replace(problem, finite_strain=effect) if model == "finite_strain" else at_small_strain(problem)
     plan = plan_run(problem, accuracy, model, None, steps)
     if extent is None:
         return plan

@@ -17,12 +17,14 @@ from linear_bem import (
     InvalidProblem,
     Layer,
     Load,
+    Ogden,
     Problem,
     Punch,
 )
 from runs.models import MODELS
 from runs.process.json_values import as_given
 from runs.scene.effects import EFFECTS, Effect
+from runs.scene.messages import RARER_EXAMPLES
 from runs.scene.scene_file import InvalidScene, read_scene
 
 PAIR = """
@@ -83,6 +85,12 @@ def test_tables_name_effects_accuracy_and_title(tmp_path: Path) -> None:
     assert scene.problem.finite_strain == FiniteStrain("neo_hookean")
     assert scene.tangential_force == 0.05
     assert scene.title == "A pair"
+
+
+def test_a_law_takes_its_own_numbers(tmp_path: Path) -> None:
+    law = '[finite_strain]\nlaw = "ogden"\nexponents = [1.3, -2]\nweights = [0.9, 0.1]\n'
+    problem = read_scene(write(tmp_path, f"{PAIR}{law}")).problem
+    assert problem.finite_strain == FiniteStrain(Ogden((1.3, -2.0), (0.9, 0.1)))
 
 
 @pytest.mark.parametrize(
@@ -238,7 +246,15 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ("[load]", '[load]\nsteps = ["1 mm", "0.5 mm"]', ["[load] steps", "rise", "0.001"]),
         ("[load]", '[load]\nsteps = ["1 mm", "2 mm"]', ["[load] steps", "not exceed", "0.0015 m", "0.002", "drop"]),
         ("[load]", '[load]\nsteps = ["1 N"]', ["[load] steps", "values of approach", "a length", "a force"]),
-        ("[load]", '[finite_strain]\nlaw = "ogden"\n[load]', ["[finite_strain] law", "neo_hookean", "ogden"]),
+        ("[load]", '[finite_strain]\nlaw = "hook"\n[load]', ["[finite_strain] law", "neo_hookean", "hook"]),
+        ("[load]", '[finite_strain]\nlaw = "gent"\n[load]', ["[finite_strain] limit", "missing", "limit = 30"]),
+        ("[load]", "[finite_strain]\nlimit = 9\n[load]", ["[finite_strain] limit", "not a number", "no numbers"]),
+        ("[load]", '[finite_strain]\nlaw = "gent"\nlimit = -9\n[load]', ["[finite_strain] limit", "than 0", "-9"]),
+        (
+            "[load]",
+            '[finite_strain]\nlaw = "yeoh"\nratios = [1, "2"]\n[load]',
+            ["[finite_strain] ratios", "number 1: must be a plain number"],
+        ),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
     ],
 )
@@ -297,7 +313,8 @@ def test_a_path_that_is_no_file_is_a_fault(tmp_path: Path) -> None:
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=list(EFFECTS))
 def test_an_effect_of_the_registry_is_whole(effect: Effect) -> None:
     table = effect.table.model_validate(dict(effect.example))
-    assert set(effect.example) == set(effect.table.model_fields)  # a valid value of every key
+    rarer = RARER_EXAMPLES.get(effect.name, {})
+    assert {*effect.example, *rarer} == set(effect.table.model_fields)  # a valid value of every key
     assert effect.words
     assert effect.without
     if effect.part is not None:  # a field of the problem, and a model that has it

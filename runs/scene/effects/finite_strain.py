@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from linear_bem.law import law_of
 from linear_bem.problem import FiniteStrain
 from runs.scene.effects.effect import Effect
-from runs.scene.units import Table
+from runs.scene.units import Number, Numbers, Table
 
 
 class FiniteStrainTable(Table):
-    """[finite_strain]: hyperelastic layer, contact in the deformed configuration."""
+    """[finite_strain]: hyperelastic layer, contact in the deformed configuration.
+
+    ``law`` and its dimensionless numbers, all of one law and none of another: see `linear_bem.law`.
+    """
 
     law: str = "neo_hookean"
+    share: Number | None = None
+    ratios: Numbers | None = None
+    limit: Number | None = None
+    exponents: Numbers | None = None
+    weights: Numbers | None = None
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The law's own numbers."""
+        return {key: value for key, value in dict(self).items() if key != "law" and value is not None}
+
+
+def _part(table: FiniteStrainTable) -> FiniteStrain:
+    law, _ = law_of(table.law, table.numbers)  # None in a table with faults, which is not solved
+    return FiniteStrain(law) if law is not None and table.numbers else FiniteStrain()
 
 
 FINITE_STRAIN = Effect(
@@ -19,5 +40,6 @@ FINITE_STRAIN = Effect(
     "hyperelastic layer, contact in the deformed configuration",
     "strains are small",
     {"law": "neo_hookean"},
-    lambda table: FiniteStrain(table.law),
+    _part,
+    lambda table, _scene: [f"finite_strain.{text}" for text in law_of(table.law, table.numbers)[1]],
 )

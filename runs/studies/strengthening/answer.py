@@ -13,7 +13,7 @@ from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown, save_csv
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
-from runs.studies.strengthening.matrix import SIDES, cases
+from runs.studies.strengthening.matrix import LAW_APPROACHES, SIDES, cases
 from runs.studies.strengthening.ratios import factors
 
 Rows = Sequence[Mapping[str, Any]]
@@ -42,6 +42,7 @@ def present(found: Found, folder: Path) -> str:
     lines += _slopes(found, rows)
     lines += _parameters(found, rows)
     lines += ["", "![Poisson's ratio, distance, and sign of T](parameters.svg)"]
+    lines += _laws(found, rows)
     lines += _fits(found, rows, fits)
     return "\n".join(lines)
 
@@ -138,7 +139,7 @@ def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     shown = []
     for case in found.cases:
         # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
-        if case.labels["group"] in ("sign", "deeper", "paraboloid") or case.name not in rows:
+        if case.labels["group"] in ("sign", "deeper", "paraboloid", "laws") or case.name not in rows:
             continue
         slopes = {x: fitting.initial_slope(rows[case.name], x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
         if all(slopes.values()):
@@ -183,6 +184,32 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     return lines
 
 
+def _laws(found: Found, rows: Mapping[str, Rows]) -> list[str]:
+    """Say how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
+    shown, spread = [], dict[float, list[float]]()
+    for case in found.cases:
+        if case.labels["group"] != "laws" or not rows.get(case.name):
+            continue
+        row: dict[str, Any] = {"law": case.labels["law"], "nu": case.labels["nu"]}
+        for depth in LAW_APPROACHES:
+            for measure in ("S_Q", "S_D"):
+                row[f"{measure} at {depth:g} R"] = at_depth(rows[case.name], depth, measure)
+        shown.append(row)
+        deepest = row[f"S_Q at {LAW_APPROACHES[-1]:g} R"]
+        if deepest is not None:
+            spread.setdefault(case.labels["nu"], []).append(deepest[0])
+    if not shown:
+        return []
+    lines = ["", "## Does the law matter?", "", *markdown(shown), ""]
+    lines += [
+        f"At D = {LAW_APPROACHES[-1]:g} R and nu = {nu:g} S_Q lies between {number(min(values), 4)} and "
+        f"{number(max(values), 4)}, over {len(values)} laws of equal moduli at small strain."
+        for nu, values in spread.items()
+        if len(values) > 1
+    ]
+    return [*lines, "", "![S_Q of every law along the load](laws.svg)"]
+
+
 def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit | None]) -> list[str]:
     lines = ["", "## Fits to compute by hand", ""]
     lines += [
@@ -215,5 +242,5 @@ def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit 
     return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
 
 
-PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters") for kind in ("svg", "png")]
+PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters", "laws") for kind in ("svg", "png")]
 STUDY = study_of_cases("strengthening", cases, present, PICTURES)

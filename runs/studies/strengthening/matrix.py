@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from linear_bem.problem import FiniteStrain
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import POISSON, THICK, THIN, pair
 
@@ -17,6 +21,20 @@ DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, 120e3
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline."""
+LAWS: tuple[tuple[Law, float], ...] = (
+    (NeoHookean(), POISSON),
+    (Gent(10.0), POISSON),
+    (MooneyRivlin(0.3), POISSON),
+    (Yeoh((-0.1, 0.01)), POISSON),
+    (Ogden((1.3, 5.0, -2.0), (0.9692, 0.0071, 0.0237)), POISSON),
+    (NeoHookean(), 0.3),
+    (Hyperfoam((8.0,), (1.0,)), 0.3),
+)
+"""Laws with Poisson's ratio, at equal moduli at small strain: a limit of stretch below that of most rubbers, a large
+part of I2, softening before stiffening, three terms that stiffen late, and a foam that yields in compression beside a
+neo-Hookean solid of its own Poisson's ratio. The numbers are chosen to differ; they are no rubber's."""
+LAW_APPROACHES = (0.1, 0.2, 0.32)
+"""Approaches over R at which laws are compared."""
 SIDES = {THIN: "thin", THICK: "thick"}
 
 
@@ -40,8 +58,20 @@ def _full() -> list[Case]:
         found += [_along("distance", h, VARIED, 0.02, distance=distance) for distance in DISTANCES]
         found += [_along("poisson", h, VARIED, 0.02, poisson=poisson) for poisson in POISSONS]
     found += [_along("sign", h, VARIED, 0.02) for h in NEAR_SIGN_CHANGE]
+    found += laws()
     # apart from the headline, which must not fail with them
     found += [_along("deeper", h, approaches, 0.02) for h, approaches in DEEPER.items()]
+    return found
+
+
+def laws() -> list[Case]:
+    """Return the pair on the thin layer with every law."""
+    found = []
+    for law, poisson in LAWS:
+        case = _along("laws", THIN, LAW_APPROACHES, 0.02, poisson=poisson)
+        problem = replace(case.problem, finite_strain=FiniteStrain(law))
+        name = case.name.replace("laws", f"laws-{law.name}")
+        found.append(replace(case, name=name, problem=problem, labels={**case.labels, "law": law.name}))
     return found
 
 

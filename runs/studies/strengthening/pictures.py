@@ -20,10 +20,11 @@ COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
 
 
 def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
-    """Write strengthening and parameters as .svg and .png."""
+    """Write strengthening, parameters and laws as .svg and .png."""
     with look():
         save_figure(_headline(rows, fits), folder, "strengthening")
         save_figure(_parameters(found, rows), folder, "parameters")
+        save_figure(_laws(found, rows), folder, "laws")
 
 
 def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
@@ -64,6 +65,19 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
             _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
         _finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {key}, h = 1.16 R")
     _sign(axes[2], found, rows)
+    return figure
+
+
+def _laws(found: Found, rows: Mapping[str, Rows]) -> Any:
+    figure, axes = panels(4.6, 4.6, height=4.2)
+    chosen = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
+    for axis, foams in zip(axes, (False, True), strict=True):
+        here = [case for case in chosen if (case.labels["nu"] < 0.4) == foams]
+        for i, case in enumerate(here):
+            name = str(case.labels["law"]).replace("_", " ")
+            _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
+        shown = f", ν = {here[0].labels['nu']:g}" if here else ""
+        _finish(axis, [row for case in here for row in rows[case.name]], f"$S_Q$ by law, h = 1.16 R{shown}")
     return figure
 
 

@@ -1,0 +1,60 @@
+"""Whether an own strain energy psi(F) has the layer's moduli at small strain.
+
+The linear model, the pairs and S_Q compare with Hooke's law of the layer: another small-strain limit would count as
+finite strain. The form language evaluates psi at a few numbers by itself; nothing is compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+
+from linear_bem.errors import InvalidProblem
+from linear_bem.law import Law
+from linear_bem.problem import Problem
+
+STEP, ALIKE = 1e-3, 1e-3
+"""Strain of the differences, which are exact to its square, and the relative difference of moduli that is taken."""
+
+
+def check_own_energy(problem: Problem) -> None:
+    """Raise `InvalidProblem` unless an own energy is one number with the layer's moduli and no stress at F = I."""
+    psi = None if problem.finite_strain is None else problem.finite_strain.chosen
+    if psi is None or isinstance(psi, Law):
+        return
+    layer = problem.layer
+
+    def energy(*entries: tuple[int, int]) -> np.ndarray:
+        """Return the energies at F = I + e with entries -STEP, 0 and STEP of e."""
+        values = []
+        for e in (-STEP, 0.0, STEP):
+            F = np.eye(3)
+            for place in entries:
+                F[place] += e
+            values.append(float(psi(_matrix(F))))
+        return np.array(values)
+
+    try:
+        along, sheared = energy((0, 0)), energy((0, 1), (1, 0))
+    except Exception as error:  # whatever a user's function raises
+        raise InvalidProblem(
+            f"finite_strain.law: psi(F) must return one number for F = I, an expression of ufl, got {error!r}"
+        ) from error
+    stress = (along[2] - along[0]) / (2.0 * STEP)
+    bends = [(v[2] - 2.0 * v[1] + v[0]) / STEP**2 for v in (along, sheared)]
+    shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0
+    wanted = layer.lame_first + 2.0 * layer.shear_modulus
+    if abs(stress) > ALIKE * wanted:
+        raise InvalidProblem(f"finite_strain.law: psi(F) must have no stress at F = I, got {stress:.4g} Pa")
+    if abs(shear - layer.shear_modulus) > ALIKE * layer.shear_modulus or abs(bends[0] - wanted) > ALIKE * wanted:
+        young, poisson = shear * (3.0 * lame + 2.0 * shear) / (lame + shear), lame / (2.0 * (lame + shear))
+        raise InvalidProblem(
+            f"finite_strain.law: psi(F) must have the layer's moduli at small strain, young {layer.young:g} Pa and "
+            f"poisson {layer.poisson:g}, got {young:.5g} Pa and {poisson:.5g}; change either"
+        )
+
+
+def _matrix(F: np.ndarray) -> Any:
+    return ufl.as_matrix(F.tolist())

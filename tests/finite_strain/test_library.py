@@ -1,0 +1,71 @@
+"""The finite-strain model as a library: what users bring gives a scene's answer, on one and two ranks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import ufl
+
+import finite_strain
+from finite_strain.mechanics.own_energy import check_own_energy
+from linear_bem import FiniteStrain, Hyperfoam, InvalidProblem, UnsupportedProblem
+from tests.finite_strain.scenes import in_form, relatively, single
+from tests.launch import mpirun
+
+PROBLEM = single(0.1, poisson=0.3)
+MU, LAME = PROBLEM.layer.shear_modulus, PROBLEM.layer.lame_first
+
+
+def psi(F: Any) -> Any:
+    J = ufl.det(F)
+    return MU / 2 * (ufl.tr(F.T * F) - 3) - MU * ufl.ln(J) + LAME / 2 * (J - 1) ** 2
+
+
+def with_law(law: Any) -> Any:
+    return replace(PROBLEM, finite_strain=FiniteStrain(law))
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_forty_lines_reproduce_a_scenes_answer(ranks: int) -> None:
+    done = mpirun(ranks, "-m", "tests.finite_strain.library", timeout=300.0)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    own, named = (said[name]["balls"][0] for name in ("own", "named"))
+    assert own["normal_force"] == relatively(named["normal_force"], 1e-8)
+    # solver: T is known to the residual, 1e-9 of the normal force
+    assert own["tangential_force"][0] == pytest.approx(named["tangential_force"][0], abs=1e-8 * named["normal_force"])
+    assert said["own"]["solved"]["linear_solver"].startswith("lu")
+    assert said["named"]["solved"]["linear_solver"].startswith("cholesky")  # options end with their run
+    assert said["deepest"][-1] == relatively(-0.1, 0.02)  # the surface under the apex is the ball's
+
+
+def test_an_own_energy_must_have_the_layers_moduli() -> None:
+    check_own_energy(with_law(psi))
+    for wrong, words in (
+        (lambda F: 2 * psi(F), "got 2 Pa and 0.3"),
+        (lambda F: psi(F) + ufl.tr(F), "no stress at F = I"),
+        (lambda F: F, "must return one number"),
+    ):
+        with pytest.raises(InvalidProblem, match=words):
+            check_own_energy(with_law(wrong))
+
+
+def test_what_has_no_mixed_form_is_refused_it() -> None:
+    for law in (psi, Hyperfoam((8.0,), (1.0,))):
+        assert finite_strain.plan(with_law(law))["forms"] == {"layer": "displacement"}
+        with pytest.raises(UnsupportedProblem, match=r"elements\.form: .* takes the displacement form"):
+            finite_strain.plan(in_form("mixed", with_law(law)))
+    with pytest.raises(UnsupportedProblem, match=r"up to 0\.4999, got 0\.5"):
+        finite_strain.plan(replace(single(0.1, poisson=0.5), finite_strain=FiniteStrain(psi)))
+
+
+@pytest.mark.parametrize("law", ["hook", 3.0, None])
+def test_no_law_is_refused(law: Any) -> None:
+    with pytest.raises(InvalidProblem, match=r"finite_strain\.law: must be"):
+        with_law(law)
