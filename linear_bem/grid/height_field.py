@@ -208,8 +208,7 @@ def contact_area_curve(
     ``options`` as for `solve_height_field`: ``periodic``, ``ends_at_edge``.
     """
     found = (
-        solve_height_field(layer, substrate, heights, cell, normal_force=force, **options)
-        for force in normal_forces
+        solve_height_field(layer, substrate, heights, cell, normal_force=force, **options) for force in normal_forces
     )
     return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
 

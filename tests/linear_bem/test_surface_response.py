@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import finite_strain
 from linear_bem import (
     Ball,
     Elastic,
@@ -16,6 +17,7 @@ from linear_bem import (
     Load,
     Problem,
     SurfaceResponse,
+    UnsupportedProblem,
     solve,
     solve_point_load,
 )
@@ -197,3 +199,12 @@ def test_contradictions_and_other_models_are_refused():
     known = LayerResponse(Elastic(1.0, 0.3), Elastic(10.0, 0.3))
     with pytest.raises(InvalidProblem, match=r"layer\.far_ratio: must be the limit of the response at 0"):
         LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, known, far_ratio=0.5))
+
+
+def test_finite_elements_refuse_media_without_materials_and_bodies_that_are_cut():
+    own = Problem(SurfaceResponse(1.0, 0.3, 1.0, np.ones_like), PAIR, LOAD)
+    with pytest.raises(UnsupportedProblem, match=r"layer: small_strain needs a material, .* use linear_bem"):
+        finite_strain.plan(own, model="small_strain")
+    caps = tuple(dataclasses.replace(ball, asperity=True) for ball in PAIR)
+    with pytest.raises(UnsupportedProblem, match=r"balls: small_strain needs whole bodies, .* use linear_bem"):
+        finite_strain.plan(Problem(Layer(1.0, 0.3, 1.0), caps, LOAD), model="small_strain")

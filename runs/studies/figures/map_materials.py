@@ -110,7 +110,7 @@ def _continued(values: Any) -> Any:
     for column in out.T:
         known = np.flatnonzero(np.isfinite(column))
         if known.size:
-            column[known[-1] + 1 :] = column[known[-1]]
+            column[known[-1] + 1 : known[-1] + 3] = column[known[-1]]
             column[: known[-1]][~np.isfinite(column[: known[-1]])] = 1e3  # no end of the separation
     return out
 
