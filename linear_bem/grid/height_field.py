@@ -18,7 +18,7 @@ from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, material_faults
+from linear_bem.media import Elastic, Layer, material_faults, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -110,6 +110,7 @@ def solve_height_field(
     faults = [*material_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
     if faults:
         raise InvalidProblem(*faults)
+    layer, substrate = without_empty_layer(layer, substrate)
     lowest = float(np.min(heights))
     above, kernel = heights - lowest, LayeredKernel(layer, substrate)
     whole = _patch(kernel, cell, above.shape, periodic)

@@ -108,6 +108,13 @@ def test_an_offset_of_the_heights_shifts_the_approach_alone():
     assert there.normal_force == pytest.approx(here.normal_force, rel=1e-7)
 
 
+def test_a_layer_without_thickness_leaves_the_substrate():
+    heights, cell = paraboloid(64)
+    bare = solve_height_field(HALF_SPACE, None, heights, cell, approach=0.05)
+    none = solve_height_field(Layer(9.0, 0.5, 0.0), Elastic(1.0, 0.3), heights, cell, approach=0.05)
+    assert none.normal_force == bare.normal_force
+
+
 def test_summits_that_a_coarse_grid_loses_are_found_again():
     heights, cell = paraboloid(128)
     light = solve_height_field(HALF_SPACE, None, heights, cell, approach=1e-4)
