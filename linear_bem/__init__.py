@@ -8,7 +8,8 @@
 """
 
 from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
-from linear_bem.grid.height_field import HeightFieldContact, solve_height_field
+from linear_bem.grid.height_field import HeightFieldContact, contact_area_curve, solve_height_field
+from linear_bem.grid.topography import read_heights
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.interaction_energy import elastic_energy, energy_force
 from linear_bem.law import Gent, Hyperfoam, MooneyRivlin, NeoHookean, Ogden, Yeoh
@@ -54,10 +55,12 @@ __all__ = [
     "ThirdBodyError",
     "UnsupportedProblem",
     "Yeoh",
+    "contact_area_curve",
     "deepest_bulge",
     "elastic_energy",
     "energy_force",
     "interior_displacement",
+    "read_heights",
     "solve",
     "solve_contact",
     "solve_height_field",

@@ -102,7 +102,8 @@ def errors_of_one(contacts: Contacts) -> Errors:
     values = quantities(contacts)
     if isinstance(contacts, GridContacts):
         c = contacts.coarseness
-        shares = {"normal_force": 0.5 * c**2, "approach": 0.5 * c**2, "peak_pressure": c, "contact_area": 0.5 * c}
+        peak = max(c, edge_peak(contacts))
+        shares = {"normal_force": 0.5 * c**2, "approach": 0.5 * c**2, "peak_pressure": peak, "contact_area": 0.5 * c}
         return _at_prescribed_load(contacts, {name: shares[name] * np.abs(v) for name, v in values.items()})
     gap = contacts.certificate["gap_in_contact"]
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
@@ -112,6 +113,17 @@ def errors_of_one(contacts: Contacts) -> Errors:
     share = peak / np.where(values["peak_pressure"] > 0.0, values["peak_pressure"], math.inf)
     shares = {"normal_force": 0.2 * gap, "approach": 0.2 * gap, "peak_pressure": share, "contact_area": share}
     return _at_prescribed_load(contacts, {name: (shares[name] + LEAST) * np.abs(v) for name, v in values.items()})
+
+
+def edge_peak(contacts: GridContacts) -> float:
+    """Return the relative error of a peak pressure at the edge of the contact with a film stiffer than its base.
+
+    The peak is about as wide as the film is thick, h: cells of side d miss it by (d/h)^2/2, at most 0.15. Measured at
+    E1/E2 = 30 and 100, h = 0.05 R: 0.070 at d/h = 0.39, 0.056 at 0.44, 0.004 at 0.2; two grids may miss it alike.
+    """
+    if contacts.kernel.homogeneous or contacts.kernel.far_ratio <= 1.0:
+        return 0.0
+    return float(min(0.5 * (contacts.resolution / contacts.kernel.thickness) ** 2, 0.15))
 
 
 def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None = None) -> Errors:
@@ -125,6 +137,8 @@ def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None 
     if isinstance(after, GridContacts):
         for name, error in errors.items():
             floor = after.edge_areas / 3.0 if name == "contact_area" else 0.1 * after.coarseness**2 * np.abs(new[name])
+            if name == "peak_pressure":
+                floor = np.maximum(floor, edge_peak(after) * new[name])
             error[:] = np.maximum(2.0 * error, 0.5 * previous[name] if previous else 0.0) + floor
     else:
         errors = {name: error + 3.0 * after.smooth.residual * np.abs(new[name]) for name, error in errors.items()}

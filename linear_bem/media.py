@@ -56,6 +56,13 @@ class SurfaceResponse(Layer):
     far_ratio: float | None = None
 
 
+def without_empty_layer(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
+    """Return the substrate alone, as a half-space, where the layer has no thickness; else both as they are."""
+    if layer.thickness > 0.0 or substrate is None:
+        return layer, substrate
+    return Layer(substrate.young, substrate.poisson, math.inf), None
+
+
 def material_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
     """Return what is wrong with a layer and its substrate, one sentence each with key, rule and value."""
     faults = []

@@ -19,7 +19,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
-from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults
+from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
@@ -155,8 +155,8 @@ class Problem:
         """Return the problem on the substrate alone if the layer has no thickness, else the problem itself."""
         if self.layer.thickness > 0.0:
             return self
-        assert self.substrate is not None
-        return replace(self, layer=Layer(self.substrate.young, self.substrate.poisson, math.inf), substrate=None)
+        layer, substrate = without_empty_layer(self.layer, self.substrate)
+        return replace(self, layer=layer, substrate=substrate)
 
     def _type_faults(self) -> list[str]:
         """Return the values that are not numbers; strings with units are accepted in scene files only."""

@@ -1,18 +1,24 @@
-"""Contact of one rigid height field with the layer on one grid, the benchmark problem of contact codes."""
+"""Contact of one rigid height field with the layer on one grid, alone or periodic: rough and own surfaces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
+from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.grid.contacts import excess_edge
 from linear_bem.grid.patches import Patch, Patches
+from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.problem import Elastic, Layer
+from linear_bem.media import Elastic, Layer, material_faults, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -20,12 +26,21 @@ _COARSE_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class HeightFieldContact:
-    """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], and the recomputed residuals."""
+    """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
+
+    Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
+    measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
+    exceed the contact by at its edges (`linear_bem.grid.contacts.excess_edge`), ``contact_area_error`` that excess.
+    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed.
+    """
 
     pressure: Array
     displacement: Array
     approach: float
     normal_force: float
+    mean_gap: float
+    contact_area: float
+    contact_area_error: float
     iterations: int
     gap_in_contact: float
     penetration_outside: float
@@ -35,6 +50,9 @@ def _solve_grid(
     whole: Patch, heights: Array, groups: Groups, pressure: Array, depth: Array, tolerance: float
 ) -> tuple[Array, Array, GridState]:
     """Return pressures and displacements on the whole grid, from a box that grows until it holds the contact."""
+    if isinstance(whole, PeriodicPatch):
+        state = solve_bounded(Patches(whole.kernel, [whole]), [heights[None]], [pressure], depth, groups, tolerance)
+        return state.pressures[0], state.displacements[0], state
     needed = pressure > 0.0
     for _ in range(12):
         box = _box(needed)
@@ -73,51 +91,191 @@ def solve_height_field(
     *,
     normal_force: float | None = None,
     approach: float | None = None,
+    mean_gap: float | None = None,
+    periodic: bool = False,
+    ends_at_edge: bool = False,
     tolerance: float = 1e-8,
 ) -> HeightFieldContact:
-    """Return the non-periodic contact of a rigid surface with ``heights`` [m] at the centres of square cells [m].
+    """Return the contact of a rigid surface with ``heights`` [m] at the centres of square cells of side ``cell`` [m].
 
-    The lowest height touches first. Exactly one of ``normal_force`` [N] and ``approach`` [m] (measured from height 0)
-    is given. Each grid starts from the solution on one of twice the spacing, down to about 32 cells across.
-    ``tolerance`` bounds gap in contact and penetration anywhere, over the approach, recomputed on the whole grid.
-    Raises `InvalidProblem` and `NotConverged`.
+    The lowest height touches first. Exactly one load is given: ``normal_force`` [N] (of one period), ``approach`` [m]
+    (measured from height 0), or, where ``periodic``, ``mean_gap`` [m] between the deformed surfaces. A surface that is
+    not periodic must lift off before its grid ends, unless the body ``ends_at_edge``. Each grid starts from the
+    solution on one of twice the spacing, down to about 32 cells across. ``tolerance`` bounds gap in contact and
+    penetration anywhere, over the approach from the lowest height, recomputed on the whole grid. ``layer`` may be a
+    `SurfaceResponse`. Raises `InvalidProblem` and `NotConverged`.
     """
     heights = np.asarray(heights, dtype=float)
-    given = [v for v in (normal_force, approach) if v is not None]
-    if len(given) != 1 or heights.ndim != 2 or min(heights.shape) < 4:
-        raise InvalidProblem(
-            "solve_height_field: needs one of normal_force and approach, and at least 4 x 4 heights; got "
-            f"{normal_force}, {approach} and heights of shape {heights.shape}"
-        )
-    kernel = LayeredKernel(layer, substrate)
-    groups = [([0], normal_force * kernel.singular)] if normal_force is not None else []
-    grids = [heights]
+    loads = {"normal_force": normal_force, "approach": approach, "mean_gap": mean_gap}
+    faults = [*material_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    if faults:
+        raise InvalidProblem(*faults)
+    layer, substrate = without_empty_layer(layer, substrate)
+    lowest = float(np.min(heights))
+    above, kernel = heights - lowest, LayeredKernel(layer, substrate)
+    whole = _patch(kernel, cell, above.shape, periodic)
+    if normal_force is not None:
+        found = _solve_grids(whole, above, normal_force, None, tolerance)
+    else:
+        depth, gap = _prescribed(above, lowest, loads, whole)
+        if depth is not None:
+            found = _solve_grids(whole, above, None, depth, tolerance)
+        else:
+            assert isinstance(whole, PeriodicPatch)
+            found = _at_mean_gap(whole, above, gap, tolerance)
+    if not periodic and not ends_at_edge:
+        _refuse_clipped(found.pressure)
+    return replace(found, approach=found.approach + lowest)
+
+
+def _solve_grids(
+    whole: Patch, above: Array, force: float | None, depth: float | None, tolerance: float
+) -> HeightFieldContact:
+    """Return the contact under a force [N] or at an approach from the lowest height [m], from coarse grids to fine."""
+    kernel, periodic = whole.kernel, isinstance(whole, PeriodicPatch)
+    groups: Groups = [([0], force * kernel.singular)] if force is not None else []
+    grids = [above]
     while min(grids[-1].shape) >= 2 * _COARSE and not any(n % 2 for n in grids[-1].shape):
         h = grids[-1]
         grids.append(0.25 * (h[::2, ::2] + h[1::2, ::2] + h[::2, 1::2] + h[1::2, 1::2]))
     low = float(np.min(grids[-1]))
-    rise = float(np.median(grids[-1])) - low
-    depth = np.array([approach if approach is not None else low + 0.3 * rise])
-    pressure = np.maximum(depth[0] - grids[-1], 0.0)
-    if not np.any(pressure):
-        pressure = np.where(grids[-1] == low, 1.0, 0.0)
+    start = low + 0.3 * (float(np.median(grids[-1])) - low) if depth is None else depth
+    approaches = np.array([start])
+    pressure = np.maximum(start - grids[-1], 0.0)
     for k in range(len(grids) - 1, -1, -1):
-        nx, ny = grids[k].shape
-        whole = Patch(kernel, (0.0, 0.0), cell * 2**k, nx, ny, (0,))
+        if not np.any(pressure):  # summits may be lost on a coarse grid
+            pressure = np.where(grids[k] == np.min(grids[k]), 1.0, 0.0)
+        patch = whole if k == 0 else _patch(kernel, whole.cell * 2**k, grids[k].shape, periodic)
         accepted = tolerance if k == 0 else _COARSE_TOLERANCE
-        pressure, w, state = _solve_grid(whole, grids[k], groups, pressure, depth, accepted)
-        depth = state.approaches
+        pressure, w, state = _solve_grid(patch, grids[k], groups, pressure, approaches, accepted)
+        approaches = state.approaches
         if k > 0:
             pressure = np.repeat(np.repeat(pressure, 2, axis=0), 2, axis=1)
-    gap = w + heights - depth[0]
-    scale = abs(float(depth[0]))
-    contact = pressure > 0.0
+    return _found(whole, above, pressure, w, float(approaches[0]), state.iterations)
+
+
+def _at_mean_gap(whole: PeriodicPatch, above: Array, gap: float, tolerance: float) -> HeightFieldContact:
+    """Return the contact at a mean gap [m]: the root of a function that falls with the force.
+
+    From the mean height without force to 0 under `PeriodicPatch.complete`. At a given gap itself the equations are
+    singular in complete contact, where only the mean pressure is free.
+    """
+    most = whole.complete(above) * above.size * whole.cell**2 / whole.kernel.singular
+
+    def excess(log_force: float) -> float:
+        return _solve_grids(whole, above, float(np.exp(log_force)), None, tolerance).mean_gap - gap
+
+    least = 1e-3 * most
+    while excess(np.log(least)) <= 0.0:
+        least *= 1e-3
+        if least < 1e-15 * most:
+            raise NotConverged(f"solve_height_field: no force leaves a mean gap of {gap:g} m; take a smaller one")
+    root = brentq(excess, np.log(least), np.log(most), xtol=1e-10)
+    return _solve_grids(whole, above, float(np.exp(root)), None, tolerance)
+
+
+def _patch(kernel: LayeredKernel, cell: float, shape: tuple[int, ...], periodic: bool) -> Patch:
+    kind = PeriodicPatch if periodic else Patch
+    return kind(kernel, (0.0, 0.0), cell, shape[0], shape[1], (0,))
+
+
+def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, iterations: int) -> HeightFieldContact:
+    gap, contact, area = w + above - depth, pressure > 0.0, whole.cell**2
+    excess = excess_edge(contact, contact, periodic=isinstance(whole, PeriodicPatch)) * area
     return HeightFieldContact(
-        pressure=pressure / kernel.singular,
+        pressure=pressure / whole.kernel.singular,
         displacement=w,
-        approach=float(depth[0]),
-        normal_force=float(np.sum(pressure)) * cell**2 / kernel.singular,
-        iterations=state.iterations,
-        gap_in_contact=float(np.max(np.abs(gap[contact]))) / scale,
-        penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / scale,
+        approach=depth,
+        normal_force=float(np.sum(pressure)) * area / whole.kernel.singular,
+        mean_gap=float(np.mean(gap)),
+        contact_area=float(np.count_nonzero(contact)) * area - excess,
+        contact_area_error=excess,
+        iterations=iterations,
+        gap_in_contact=float(np.max(np.abs(gap[contact]))) / abs(depth),
+        penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / abs(depth),
     )
+
+
+def contact_area_curve(
+    layer: Layer,
+    substrate: Elastic | None,
+    heights: Array,
+    cell: float,
+    normal_forces: Sequence[float],
+    **options: bool,
+) -> Array:
+    """Return contact area [m^2] and its error [m^2] under each of some forces [N], shape (forces, 2).
+
+    ``options`` as for `solve_height_field`: ``periodic``, ``ends_at_edge``.
+    """
+    found = (
+        solve_height_field(layer, substrate, heights, cell, normal_force=force, **options) for force in normal_forces
+    )
+    return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
+
+
+def _grid_faults(heights: Array, cell: float) -> list[str]:
+    faults = []
+    if heights.ndim != 2 or min(heights.shape) < 4:
+        faults.append(f"heights: must have two axes of at least 4 cells each, got shape {heights.shape}")
+    elif not np.all(np.isfinite(heights)):
+        bad = int(np.count_nonzero(~np.isfinite(heights)))
+        faults.append(f"heights: must be finite, {bad} of {heights.size} are not; fill them in")
+    if not (isinstance(cell, Real) and 0.0 < cell < math.inf):
+        faults.append(f"cell: must be greater than 0 and finite, got {cell} m")
+    return faults
+
+
+def _load_faults(loads: dict[str, float | None], periodic: bool) -> list[str]:
+    given = {name: value for name, value in loads.items() if value is not None}
+    if len(given) != 1:
+        written = ", ".join(f"{name} {value}" for name, value in given.items()) or "none"
+        return [f"load: exactly one of normal_force and approach (or mean_gap where periodic) is needed, got {written}"]
+    ((name, value),) = given.items()
+    if not (isinstance(value, Real) and math.isfinite(value)):
+        return [f"{name}: must be a finite number, got {value!r}"]
+    if name != "approach" and not value > 0.0:
+        return [f"{name}: must be greater than 0, got {value:g}"]
+    if name == "mean_gap" and not periodic:
+        return ["mean_gap: is defined where the surface is periodic, got periodic=False; give the approach"]
+    return []
+
+
+def _prescribed(
+    above: Array, lowest: float, loads: dict[str, float | None], whole: Patch
+) -> tuple[float | None, float]:
+    """Return the approach from the lowest height [m], or None and the mean gap [m]."""
+    mean = float(np.mean(above))
+    if loads["mean_gap"] is not None:
+        if not loads["mean_gap"] < mean:
+            raise InvalidProblem(
+                f"mean_gap: must be less than {mean:g} m, at which the lowest height touches, got "
+                f"{loads['mean_gap']:g} m"
+            )
+        return None, loads["mean_gap"]
+    assert loads["approach"] is not None
+    depth = loads["approach"] - lowest
+    if not depth > 0.0:
+        raise InvalidProblem(
+            f"approach: must be greater than the lowest height, {lowest:g} m, to make contact, got "
+            f"{loads['approach']:g} m"
+        )
+    if not isinstance(whole, PeriodicPatch) or np.isfinite(whole.uniform):
+        return depth, math.nan
+    if not depth < mean:
+        raise InvalidProblem(
+            f"approach: must be less than the mean height, {mean + lowest:g} m, on a periodic half-space, whose "
+            f"displacement is measured from its mean, got {loads['approach']:g} m; give the force"
+        )
+    return None, mean - depth
+
+
+def _refuse_clipped(pressure: Array) -> None:
+    rim = pressure > 0.0
+    rim[1:-1, 1:-1] = False
+    if np.any(rim):
+        raise InvalidProblem(
+            f"heights: the contact reaches the edge of the grid at {np.count_nonzero(rim)} cells, where the surface is "
+            "unknown; give heights farther out or a smaller load, ends_at_edge=True for a body that ends there, or "
+            "periodic=True"
+        )

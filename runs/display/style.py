@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,11 @@ def checked_signs(axes: Any, points: Sequence[tuple[float, float, float]]) -> No
             axes.plot(x, y, marker, label=f"full solver: {what}", **style)
 
 
+def minus(text: str) -> str:
+    """Return a text whose numbers have minus signs in place of hyphens."""
+    return re.sub(r"(?<![\w)])-(?=[\d.])|(?<=\de)-(?=\d)", "\N{MINUS SIGN}", text)
+
+
 def zero_line(axes: Any) -> None:
     """Draw T = 0."""
     axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
@@ -92,7 +98,7 @@ def feature(
     """Mark a point and name it; ``offset`` [points] places the text."""
     axes.plot([x], [y], marker, color=color, ms=5.5, mfc="white", mew=1.5, zorder=5)
     axes.annotate(
-        text,
+        minus(text),
         (x, y),
         xytext=offset,
         textcoords="offset points",

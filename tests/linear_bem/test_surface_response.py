@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+import finite_strain
 from linear_bem import (
     Ball,
     Elastic,
@@ -15,6 +17,7 @@ from linear_bem import (
     Load,
     Problem,
     SurfaceResponse,
+    UnsupportedProblem,
     solve,
     solve_point_load,
 )
@@ -25,14 +28,19 @@ PAIR = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"
 LOAD = Load("force", (2.66666e-3, 2.66666e-3))
 
 
+def state_matrix(solid, shear):
+    """A of dy/d(k z) = A y, the state and its signs as in `propagator`."""
+    nu, s = solid.poisson, shear / solid.shear_modulus
+    n, c = nu / (1.0 - nu), (1.0 - 2.0 * nu) / (1.0 - nu)
+    return np.array([[0, 1, 0, 2 * s], [-n, 0, c * s, 0], [0, 0, 0, -1], [1 / (1 - nu) / s, 0, n, 0]])
+
+
 def propagator(solid, x, shear):
     """exp(A x) of the state (2 G k u, 2 G k w, sigma_z, tau) over a depth x/k; z down, u ~ sin kx, w ~ cos kx.
 
     Equilibrium and Hooke's law in the plane of the wave make A; its eigenvalues are +1 and -1, twice each.
     """
-    nu, s = solid.poisson, shear / solid.shear_modulus
-    n, c = nu / (1.0 - nu), (1.0 - 2.0 * nu) / (1.0 - nu)
-    a = np.array([[0, 1, 0, 2 * s], [-n, 0, c * s, 0], [0, 0, 0, -1], [1 / (1 - nu) / s, 0, n, 0]])
+    a = state_matrix(solid, shear)
     x = x[:, None, None]
     up, down = 0.5 * np.exp(0.0 * x), 0.5 * np.exp(-2.0 * x)  # both times exp(-x)
     cosh, sinh = up + down, up - down
@@ -114,6 +122,46 @@ def test_two_layers_by_transfer_matrices():
     assert law.tangential_force[0] == pytest.approx(ball.tangential_force[0], abs=2.0 * law.tangential_force_error)
 
 
+def stiffening(z):
+    """Four times as stiff in the depth, within 0.3."""
+    return Elastic(4.0 - 3.0 * np.exp(-z / 0.3), 0.4)
+
+
+def graded(count):
+    """A stack of layers, each with the modulus at its middle, thin at the top and growing with the depth."""
+    edges = 0.02 * np.expm1(np.linspace(0.0, np.log(101.0), count + 1))  # to a depth of 2
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    return [(stiffening(z), d) for z, d in zip(middles, np.diff(edges), strict=True)]
+
+
+def test_a_stack_of_layers_tends_to_a_graded_medium():
+    """Its response at k = 2 by Riccati's equation of the compliance, Z' = A_dd Z + A_dt - Z (A_td Z + A_tt)."""
+    k, shear, base = 2.0, stiffening(0.0).shear_modulus, stiffening(50.0)
+
+    def climbed(z, flat):
+        a, compliance = k * state_matrix(stiffening(z), shear), flat.reshape(2, 2)
+        right = a[:2, :2] @ compliance + a[:2, 2:] - compliance @ (a[2:, :2] @ compliance + a[2:, 2:])
+        return right.ravel()
+
+    m = propagator(base, np.array([60.0]), shear)[0]
+    start = -np.linalg.lstsq(m[:, :2], m[:, 2:], rcond=None)[0]
+    done = solve_ivp(climbed, (2.0, 0.0), start.ravel(), rtol=1e-10, atol=1e-12)
+    exact = -done.y[:, -1].reshape(2, 2)[1, 0] / (2.0 * (1.0 - 0.4))
+    # a response is relative to the modulus of its own skin
+    errors = [
+        abs(transfer(stack, base, 1.0)(k)[0] / stack[0][0].young / exact - 1.0) for stack in map(graded, (8, 16, 32))
+    ]
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)
+    assert errors[2] < 1e-3
+    forces = []
+    for count in (16, 32):
+        stack = graded(count)
+        skin = SurfaceResponse(stack[0][0].young, 0.4, stack[0][1], transfer(stack, base, stack[0][1]))
+        forces.append(solve(Problem(skin, PAIR, Load("force", (0.02, 0.02))), 1e-3).balls[0])
+    assert forces[0].approach == pytest.approx(forces[1].approach, rel=5e-3)
+    assert forces[0].tangential_force[0] == pytest.approx(forces[1].tangential_force[0], rel=2e-2)
+
+
 def test_an_auxetic_layer_on_a_rigid_base_has_the_thin_limit():
     """Winkler's stiffness (1 - nu) E/((1 + nu)(1 - 2 nu) h): Q = pi k R D^2 [Johnson 1985, section 5.8]."""
     nu, h, depth = -0.5, 1e-3, 1e-3
@@ -151,3 +199,12 @@ def test_contradictions_and_other_models_are_refused():
     known = LayerResponse(Elastic(1.0, 0.3), Elastic(10.0, 0.3))
     with pytest.raises(InvalidProblem, match=r"layer\.far_ratio: must be the limit of the response at 0"):
         LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, known, far_ratio=0.5))
+
+
+def test_finite_elements_refuse_media_without_materials_and_bodies_that_are_cut():
+    own = Problem(SurfaceResponse(1.0, 0.3, 1.0, np.ones_like), PAIR, LOAD)
+    with pytest.raises(UnsupportedProblem, match=r"layer: small_strain needs a material, .* use linear_bem"):
+        finite_strain.plan(own, model="small_strain")
+    caps = tuple(dataclasses.replace(ball, asperity=True) for ball in PAIR)
+    with pytest.raises(UnsupportedProblem, match=r"balls: small_strain needs whole bodies, .* use linear_bem"):
+        finite_strain.plan(Problem(Layer(1.0, 0.3, 1.0), caps, LOAD), model="small_strain")

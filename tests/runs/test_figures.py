@@ -11,6 +11,10 @@ import pytest
 from linear_bem import Ball, Layer, Load, Problem
 from runs.display import figures, surface
 from runs.display.numbers import Scale
+from runs.display.style import minus
+from runs.studies.figures.answer import _rows
+from runs.studies.figures.map_materials import _continued
+from runs.studies.figures.pair import line_through
 
 PAIR = Problem(
     Layer(1.0, 0.48, 2.0),
@@ -93,3 +97,39 @@ def test_one_ball_has_no_ratio_to_draw(tmp_path: Path) -> None:
     row |= {f"strengthening_at_{kind}{end}": None for kind in ("force", "approach") for end in ("", "_error")}
     figures.draw_comparison(tmp_path, [row, {**row, "approach": 0.3}], balls, Scale.of(PAIR))
     assert "no tangential force to compare" in (tmp_path / "tangential_force.svg").read_text(encoding="utf-8")
+
+
+def test_a_line_goes_through_samples_and_zeros_without_corners() -> None:
+    at = np.geomspace(2.0, 300.0, 25)
+    zero = 13.43
+    x, y = line_through(at, (zero - at) / at**3, [zero], power=2.0)
+    assert np.interp(at, x, y) == pytest.approx((zero - at) / at**3, rel=5e-3, abs=1e-9)
+    assert y[x == zero] == pytest.approx(0.0, abs=1e-12)
+    assert np.all(((y > 0.0) == (x < zero)) | (np.abs(y) < 1e-12))
+    # so near to the zero that a logarithmic axis shows it
+    assert np.min(np.abs(y[x != zero])) < 1e-4 * np.max(np.abs(y[x > zero]))
+    turn = np.abs(np.diff(np.diff(y * x**2) / np.diff(x)))
+    assert np.max(turn) < 0.05 * np.max(np.abs(np.diff(y * x**2) / np.diff(x)))
+
+
+def test_a_jump_of_samples_makes_no_bump() -> None:
+    at = np.geomspace(1e-3, 1.0, 12)
+    _, y = line_through(at, np.where(at < 0.1, 5e-4, -1.0), [])
+    assert np.max(y) < 2e-3
+
+
+def test_numbers_have_minus_signs_and_words_hyphens() -> None:
+    assert minus("minimum -0.0478 at h = -2e-3, half-space, x-1") == "minimum −0.0478 at h = −2e−3, half-space, x-1"
+
+
+def test_grouped_numbers_are_rows_of_their_own() -> None:
+    rows = _rows({"thin": {"at_contact": np.float64(-1.5), "changes": [1.0, 2.5]}, "checks": [{"a": 1}]})
+    assert rows == [
+        {"number": "thin: at contact", "value": "-1.5"}, {"number": "thin: changes", "value": "1, 2.5"},
+    ]  # fmt: skip
+
+
+def test_contours_are_continued_up_to_the_limit() -> None:
+    nan, inf = np.nan, np.inf
+    found = _continued(np.array([[1.0, inf], [2.0, 4.0], [nan, 5.0], [nan, nan]]))
+    assert found == pytest.approx(np.array([[1.0, 1e3], [2.0, 4.0], [2.0, 5.0], [2.0, 5.0]]))

@@ -66,16 +66,18 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def _rows(numbers: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return names and values; rows of a check are left out, as the sentences hold what they show."""
-    return [
-        {"number": key.replace("_", " "), "value": _written(value)}
-        for key, value in numbers.items()
-        if not (isinstance(value, list) and value and isinstance(value[0], dict))
-    ]
+    """Return names and values, groups one row each number; rows of a check are left to the sentences."""
+    rows = []
+    for key, value in numbers.items():
+        if isinstance(value, Mapping):
+            rows += [{**row, "number": f"{key.replace('_', ' ')}: {row['number']}"} for row in _rows(value)]
+        elif not (isinstance(value, list) and value and isinstance(value[0], dict)):
+            rows.append({"number": key.replace("_", " "), "value": _written(value)})
+    return rows
 
 
 def _written(value: Any) -> str:
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(map(_written, value))
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 

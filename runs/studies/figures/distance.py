@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import Curve, Pair, at_features
+from runs.studies.figures.pair import Curve, Pair, at_features, line_through
 from runs.studies.figures.part import Columns, Findings, Part
 
 LAYERS = {"thin": 1.16, "thick": 6.0}
@@ -44,7 +44,7 @@ def draw(found: Findings) -> Any:
     figure, (near, far) = panels(6.0, 6.0)
     for name, color, style in (("thick", BLUE, "-"), ("thin", ORANGE, "--")):
         table, n = found.tables[name], found.numbers[name]
-        x, y = np.array(table["L"]), np.array(table["T"])
+        x, y = line_through(table["L"], table["T"], n["sign_changes"], power=2.0)
         near.plot(x, 1e7 * y, style, color=color, label=f"$h'$ = {n['thickness']:g}")
         for attracts, line in ((True, "-"), (False, ":")):
             part = np.where((y > 0.0) == attracts, np.abs(y), np.nan)

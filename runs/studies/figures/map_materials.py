@@ -24,8 +24,8 @@ CHECKED = (
 def compute(quick: bool) -> Findings:
     """Return T/T0 at h' = 1.16, L' = 2 and the nearest L/h of separation over (nu1, E1/E2), and the check."""
     asked = at_features(quick)
-    poisson = np.linspace(0.0, 0.5, 11 if quick else 33)
-    ratio = np.geomspace(1e-5, 10.0, 13 if quick else 41)
+    poisson = np.linspace(0.0, 0.5, 11 if quick else 41)
+    ratio = np.geomspace(1e-5, 10.0, 13 if quick else 61)
     rho = DISTANCE / THICKNESS
     force, lower, upper = (np.full((poisson.size, ratio.size), np.nan) for _ in range(3))
     for i, nu in enumerate(poisson):
@@ -57,7 +57,8 @@ def compute(quick: bool) -> Findings:
         "lower_L_over_h": lower.ravel(),
         "upper_L_over_h": upper.ravel(),
     }
-    return Findings({"map": grid, "check": check}, numbers)
+    limit = {"nu1": poisson, "E1_over_E2": np.array([_largest_ratio(float(nu)) for nu in poisson])}
+    return Findings({"map": grid, "limit": limit, "check": check}, numbers)
 
 
 def _largest_ratio(poisson: float) -> float:
@@ -85,19 +86,33 @@ def draw(found: Findings) -> Any:
     force.annotate("attraction", (0.12, 8e-3), fontsize=12, style="italic", ha="center")
     force.legend(loc="lower left", frameon=True, framealpha=0.85, edgecolor="none")
     reach.set_yscale("log")  # labels of contours are placed for the axes as they are now
-    lower, upper = grid("lower_L_over_h"), grid("upper_L_over_h")
-    mesh = reach.pcolormesh(nu, ratio, lower, shading="nearest", rasterized=True, cmap="cividis_r", vmin=1.1, vmax=2.6)
-    figure.colorbar(mesh, ax=reach, label="least $L/h$ at which balls separate", extend="max")
+    limit = np.array(found.tables["limit"]["E1_over_E2"])
+    lower, upper = (_continued(grid(key)) for key in ("lower_L_over_h", "upper_L_over_h"))
+    filled = reach.contourf(nu, ratio, lower, np.linspace(1.1, 2.6, 31), cmap="cividis_r", extend="max")
+    figure.colorbar(filled, ax=reach, label="least $L/h$ at which balls separate", ticks=np.arange(1.2, 2.7, 0.2))
     lines = reach.contour(nu, ratio, lower, [1.2, 1.4, 1.6, 1.8, 2.0], colors="black", linewidths=0.9)
     reach.clabel(lines, fontsize=9, fmt="%.1f")
     lines = reach.contour(nu, ratio, upper, [4.0, 6.0, 8.0, 12.0], colors="white", linewidths=1.1, linestyles="--")
     reach.clabel(lines, fontsize=9, fmt="%g")
-    reach.set_title("(b) black: separation from, white: up to this $L/h$")
-    reach.annotate("attraction at every distance", (0.25, 1.6), fontsize=12, style="italic", ha="center")
+    reach.fill_between(nu, limit, 10.0, color="white", zorder=2.5)
+    reach.plot(nu, limit, color="black", lw=1.6, zorder=3)
+    reach.set_title("(b) Balls separate between two distances $L/h$:\nfrom the black lines' to the white dashed lines'")
+    reach.annotate("attraction at every distance", (0.25, 1.6), fontsize=12, style="italic", ha="center", zorder=4)
     for axes in (force, reach):
         axes.set(yscale="log", xlabel="Poisson's ratio of the layer $\\nu_1$", ylabel="$E_1 / E_2$")
         axes.set(xlim=(0.0, 0.5), ylim=(1e-5, 10.0))
     return figure
+
+
+def _continued(values: Any) -> Any:
+    """Return values over (E1/E2, nu1), continued beyond the largest E1/E2 that has one: for contours up to it."""
+    out = values.copy()
+    for column in out.T:
+        known = np.flatnonzero(np.isfinite(column))
+        if known.size:
+            column[known[-1] + 1 : known[-1] + 3] = column[known[-1]]
+            column[: known[-1]][~np.isfinite(column[: known[-1]])] = 1e3  # no end of the separation
+    return out
 
 
 def sentences(n: Mapping[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, feature, panels, zero_line
-from runs.studies.figures.pair import Curve, Pair, at_features, scene
+from runs.studies.figures.pair import Curve, Pair, at_features, line_through, scene
 from runs.studies.figures.part import Findings, Part
 
 UNIT = 60e6
@@ -53,14 +53,15 @@ def compute(quick: bool) -> Findings:
 def draw(found: Findings) -> Any:
     """Draw T'' over E1: where the balls separate, and enlarged where they attract."""
     t, n = found.tables["modulus"], found.numbers
-    young = np.array(t["E1_MPa"]) / 1e3
+    gigapascals = np.array(t["E1_MPa"]) / 1e3
+    young, force = line_through(gigapascals, t["T"], [n["sign_change_GPa"]], power=1.0)
     figure, (soft, stiff) = panels(5.0, 6.4)
-    soft.plot(young, 1e7 * np.array(t["T"]), color=BLUE)
+    soft.plot(young, 1e7 * force, color=BLUE)
     zero_line(soft)
     feature(soft, 0.06, 1e7 * n["at_60_MPa"], f"$E_1$ = 60 MPa:\n{1e7 * n['at_60_MPa']:.6f}", (24, -14))
     soft.set(xscale="log", xlim=(0.01, 30.0), ylim=(-7.0, 0.5), xlabel="$E_1$ [GPa]")
     soft.set(ylabel="$10^7\\,T'' = 10^7\\,T / (60\\,\\mathrm{MPa}\\,R^2)$", title="(a) soft layers separate the balls")
-    stiff.plot(young, 1e10 * np.array(t["T"]), color=BLUE)
+    stiff.plot(young, 1e10 * force, color=BLUE)
     zero_line(stiff)
     change, top = n["sign_change_GPa"], n["maximum_GPa"]
     feature(stiff, change, 0.0, f"T = 0 at {change:.3f} GPa\n$E_1/E_2$ = {n['sign_change_over_E2']:.4f}", (-8, 26))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
 from scipy.optimize import brentq
 
 from linear_bem import BallResult, Elastic, Problem, solve
@@ -131,6 +132,23 @@ def extremum(function: Callable[[float], float], at: Array, values: Array, sign:
     turns = [float(z.real) for z in curve.deriv().roots() if abs(z.imag) < 1e-9 and low <= z.real <= high]
     found = max((low, high, *turns), key=lambda s: sign * float(curve(s)) * values[best])
     return float(np.exp(found)), float(curve(found)) * float(values[best])
+
+
+def line_through(
+    at: Sequence[float] | Array, values: Sequence[float] | Array, zeros: Sequence[float], power: float = 0.0
+) -> tuple[Array, Array]:
+    """Return a dense line through samples and zeros: Akima's curve, hardly overshooting, of T x^power over log x.
+
+    Points crowd geometrically at both sides of each zero, so that |T| on logarithmic axes goes down to it.
+    """
+    x = np.concatenate([at, zeros])
+    y = np.concatenate([np.asarray(values) * np.asarray(at) ** power, np.zeros(len(zeros))])
+    order = np.argsort(x)
+    spline = Akima1DInterpolator(np.log(x[order]), y[order])
+    near = np.outer(zeros, np.concatenate([1.0 - 10.0 ** -np.arange(1.0, 6.0), 1.0 + 10.0 ** -np.arange(1.0, 6.0)]))
+    dense = np.unique(np.concatenate([np.geomspace(min(at), max(at), 800), near.ravel(), zeros]))
+    dense = dense[(dense >= min(at)) & (dense <= max(at))]
+    return dense, spline(np.log(dense)) / dense**power
 
 
 def halved(low: float, high: float, times: int, holds: Callable[[float], bool]) -> tuple[float, float]:

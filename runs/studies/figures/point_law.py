@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,26 +35,29 @@ class PointLaw:
     substrate_poisson: float = 0.3
     count: int = 160
 
-    def _spline(self) -> CubicSpline:
-        response = LayerResponse(Elastic(1.0, self.poisson), Elastic(1.0 / self.ratio, self.substrate_poisson))
-        y = np.linspace(np.log(NEAREST) - 0.1, np.log(FARTHEST) + 0.1, self.count)
-        return CubicSpline(y, smooth_kernel(response, np.exp(y)) * np.exp(y))
-
     def attraction(self, rho: Array | float) -> Array:
         """Return T/T0 at L/h = ``rho``."""
         y = np.log(np.asarray(rho, dtype=float))
-        spline = self._spline()
+        spline = _spline(self)
         # with f(y) = rho s(rho): rho^2 s' = f' - f
         return np.asarray(1.0 - spline(y, 1) + spline(y))
 
     def sign_changes(self) -> Array:
         """Return the values of L/h at which T changes sign."""
-        spline = self._spline()
+        spline = _spline(self)
         y = np.linspace(np.log(NEAREST), np.log(FARTHEST), 8 * self.count)
         values = 1.0 - spline(y, 1) + spline(y)
         k = np.flatnonzero(values[:-1] * values[1:] < 0.0)
         share = values[k] / (values[k] - values[k + 1])
         return np.asarray(np.exp(y[k] + share * (y[k + 1] - y[k])))
+
+
+@lru_cache(maxsize=8)
+def _spline(law: PointLaw) -> CubicSpline:
+    """Return rho s(rho) over log rho."""
+    response = LayerResponse(Elastic(1.0, law.poisson), Elastic(1.0 / law.ratio, law.substrate_poisson))
+    y = np.linspace(np.log(NEAREST) - 0.1, np.log(FARTHEST) + 0.1, law.count)
+    return CubicSpline(y, smooth_kernel(response, np.exp(y)) * np.exp(y))
 
 
 def against_solver(

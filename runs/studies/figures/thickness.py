@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import Curve, Pair, at_features
+from runs.studies.figures.pair import Curve, Pair, at_features, line_through
 from runs.studies.figures.part import Findings, Part
+
+THINNEST = 0.05
+"""Least h' at the fixed approach, and the left end of the axes."""
 
 
 def compute(quick: bool) -> Findings:
@@ -22,8 +25,9 @@ def compute(quick: bool) -> Findings:
     h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
     force = Curve(lambda t: Pair(thickness=t), h, asked)
-    # a thin layer at this approach would be squeezed to nothing: from ten times its depth on
-    approach = Curve(lambda t: Pair(thickness=t, approach=depth), h[h > 10.0 * depth], asked)
+    # a thin layer at this approach would be squeezed to nothing: from `THINNEST` on, 3.7 times the approach
+    deep = np.concatenate([np.geomspace(THINNEST, 0.1, 2 if quick else 8)[:-1], h[h >= 0.1]])
+    approach = Curve(lambda t: Pair(thickness=t, approach=depth), deep, asked)
     bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
     least, most = force.extremum(-1.0), approach.extremum(1.0)
     thinnest = h < 0.15
@@ -56,12 +60,13 @@ def draw(found: Findings) -> Any:
     """Draw T'(h') with its sign changes, extrema and limits; the thin end apart."""
     n = found.numbers
     figure, (main, thin) = panels(7.2, 4.6)
-    for name, color, style, label in (
-        ("approach", ORANGE, "--", f"fixed approach $D/R$ = {n['approach']:.5f}"),
-        ("force", BLUE, "-", "fixed force $Q'$ = 2.66666e-3 (the paper's)"),
+    for name, color, style, label, zeros in (
+        ("approach", ORANGE, "--", f"fixed approach $D/R$ = {n['approach']:.5f}", n["sign_changes_at_approach"]),
+        ("force", BLUE, "-", "fixed force $Q'$ = 2.66666 $\\times$ 10$^{-3}$ (the paper's)", n["sign_changes"]),
     ):
         table = found.tables[name]
-        main.plot(table["h"], 1e7 * np.array(table["T"]), style, color=color, label=label)
+        h, force = line_through(table["h"], table["T"], zeros)
+        main.plot(h, 1e7 * force, style, color=color, label=label)
     zero_line(main)
     limit = 1e7 * n["limit_thick"]
     main.axhline(limit, color="0.5", lw=0.8, ls=":")
@@ -73,11 +78,10 @@ def draw(found: Findings) -> Any:
     words = f"maximum at fixed approach:\n+{100 * n['overshoot_at_approach']:.2f} % at $h'$ = "
     place = n["h_of_maximum_at_approach"]
     feature(main, place, 1e7 * peak, f"{words}{place:.2f}", (14, 22), ORANGE)
-    main.set(xscale="log", xlim=(0.05, 200.0), ylim=(-2.2, 5.6), xlabel="layer thickness $h' = h/R$")
+    main.set(xscale="log", xlim=(THINNEST, 200.0), ylim=(-2.2, 5.6), xlabel="layer thickness $h' = h/R$")
     main.set(ylabel="$10^7\\,T' = 10^7\\,T/(E_1 R^2)$", title="(a) T > 0: attraction, T < 0: separation")
     main.legend(loc="center right", bbox_to_anchor=(1.0, 0.42))
-    table = found.tables["force"]
-    thin.plot(table["h"], 1e10 * np.array(table["T"]), color=BLUE)
+    thin.plot(h, 1e10 * force, color=BLUE)
     zero_line(thin)
     thin.axhline(1e10 * n["limit_thin"], color="0.5", lw=0.8, ls=":")
     thin.annotate(

@@ -1,0 +1,60 @@
+r"""A periodic patch: pressure and displacement repeat with its sides, and are multiplied in Fourier space.
+
+The surface answers the wave k with 2 pi G(k h)/k times `LayeredKernel.singular`. The wave k = 0 is a uniform pressure:
+it compresses a layer on a rigid base by 2 pi h G'(0), and moves a half-space to infinity. There displacements are
+measured from their mean [Stanley and Kato 1997, J. Tribol. 119, 481, doi 10.1115/1.2833523].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import fft
+
+from linear_bem.arrays import Array
+from linear_bem.grid.patches import Patch
+
+
+@dataclass
+class PeriodicPatch(Patch):
+    """A patch that is one period."""
+
+    @cached_property
+    def uniform(self) -> float:
+        """Displacement per uniform pressure/``singular`` [m]; infinite over an elastic base."""
+        if self.kernel.homogeneous or self.kernel.far_ratio > 0.0:
+            return np.inf
+        k = np.array([1e-5 / self.kernel.thickness])
+        return float(2.0 * np.pi * self.kernel.response_at(k)[0] / k[0])
+
+    @cached_property
+    def _symbol(self) -> Array:
+        kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
+        ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
+        k = np.hypot(kx, ky)
+        k[0, 0] = 1.0
+        symbol = 2.0 * np.pi * self.kernel.response_at(k) / k
+        symbol[0, 0] = 0.0 if np.isinf(self.uniform) else self.uniform
+        return np.asarray(symbol)
+
+    def complete(self, heights: Array) -> float:
+        """Return the least mean pressure times ``singular`` under which heights [m] are in contact everywhere."""
+        waves = fft.rfft2(heights) / np.where(self._symbol > 0.0, self._symbol, np.inf)
+        waves[0, 0] = 0.0
+        return float(np.max(fft.irfft2(waves, heights.shape)))
+
+    @cached_property
+    def influence(self) -> Array:
+        """Displacement per pressure/``singular`` [m] at the offsets from one loaded cell, shape (nx, ny)."""
+        return np.asarray(fft.irfft2(self._symbol, (self.nx, self.ny)))
+
+    def displacement(self, pressure: Array) -> Array:
+        """Return the displacement [m] at the cells under a pressure in units of 1/``singular``."""
+        return np.asarray(fft.irfft2(fft.rfft2(pressure) * self._symbol, pressure.shape))
+
+    def precondition(self, residual: Array) -> Array:
+        """Return an approximate solution p of `displacement` (p) = residual."""
+        inverse = 1.0 / np.where(self._symbol > 0.0, self._symbol, np.max(self._symbol))
+        return np.asarray(fft.irfft2(fft.rfft2(residual) * inverse, residual.shape))
