@@ -41,7 +41,8 @@ def write_run(folder: Path, steps: int = 2) -> Path:
             file["cell_fields/region"] = np.ones(len(nodes), dtype=np.int64)
             for name, values, unit in (("displacement", u, "m"), ("von_mises", 1e9 * depth * fading, "Pa")):
                 file[f"node_fields/{name}"] = values
-                file[f"node_fields/{name}"].attrs["unit"] = unit
+                file[f"node_fields/{name}"].attrs.update(unit=unit, kind=("Scalar", "Vector")[values.ndim - 1])
+            file["cell_fields/region"].attrs["kind"] = "Scalar"
             file.attrs.update(
                 deformed=True, layer_young=1e6, frame_origin=np.zeros(3), mirror_planes=np.eye(3)[:2],
                 ball_positions=[[-2e-3, 0.0], [2e-3, 0.0]], ball_radii=[2e-3, 2e-3], ball_approaches=[approach] * 2,
