@@ -108,7 +108,7 @@ class Snapshot:
     def load(cls, path: Path) -> Snapshot:
         """Return the state in a file; raises `OutputUnusable`."""
         try:
-            with np.load(path) as saved:
+            with path.open("rb") as file, np.load(file) as saved:  # numpy leaves a torn file open
                 fields = tuple(saved[name] for name in saved.files if name.startswith("values"))
                 source = Penalised(*(saved[f"source_{each.name}"] for each in dataclass_fields(Penalised)))
                 return cls(float(saved["fraction"]), saved["nodes"], fields, saved["approaches"], source)

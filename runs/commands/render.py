@@ -17,7 +17,7 @@ from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
 from runs.commands.doctor import INSTALL_PICTURES
 from runs.display.numbers import number
 from runs.pictures import sheet
-from runs.pictures.coloring import COLORINGS
+from runs.pictures.coloring import COLORINGS, prefixed
 from runs.pictures.drawing import VIEWS, Camera, Window, draw
 from runs.pictures.whole_model import FOLDER, write_whole
 from runs.pictures.written_step import WrittenStep, read_step, step_files
@@ -106,7 +106,10 @@ class _Shown:
         camera = Camera.on(step, view, width / height)
         seen = 2.0 * camera.half_height * width / height
         deepest = max(step.balls, key=lambda ball: ball.approach)
-        caption = f"step {step.number}:  D = {number(deepest.approach / deepest.radius, 3)} R"
+        over = f"{number(deepest.approach / deepest.radius, 3)} R"
+        factor, metre = prefixed("m", deepest.approach, step.dimensionless)
+        own = "" if step.dimensionless else f"{number(factor * deepest.approach)} {metre} = "
+        caption = f"step {step.number}:  D = {own}{over}"
         legend = sheet.Legend(
             self.coloring, self.limits, step.units[self.options.field], seen, caption, step.dimensionless
         )

@@ -232,10 +232,13 @@ def _ball(ball: DrawnBall) -> Any:
     if ball.shape == "sphere":
         center = (x, y, ball.radius - ball.approach)
         return pyvista.Icosphere(radius=ball.radius, center=center, nsub=6)
-    r, angle = np.meshgrid(np.linspace(0.0, ball.radius, 40), np.linspace(0.0, 2.0 * math.pi, 181))
-    z = r**2 / (2.0 * ball.radius) - ball.approach
-    bowl = pyvista.StructuredGrid(x + r * np.cos(angle), y + r * np.sin(angle), z)
-    return bowl.extract_surface(algorithm="dataset_surface").clean()
+    r = np.concatenate([np.linspace(0.0, ball.radius, 60), [ball.radius, 0.0]])  # the wall above, and the lid
+    z = np.concatenate([r[:60] ** 2 / (2.0 * ball.radius), [ball.radius, ball.radius]]) - ball.approach
+    around = np.append(np.linspace(0.0, 2.0 * math.pi, 181)[:-1], 0.0)  # its ends are one line, to the last digit
+    (r, angle), z = np.meshgrid(r, around), np.tile(z, (181, 1))
+    body = pyvista.StructuredGrid(x + r * np.cos(angle), y + r * np.sin(angle), z)
+    closed = body.extract_surface(algorithm="dataset_surface").clean().triangulate()
+    return closed.compute_normals(split_vertices=True, consistent_normals=True, auto_orient_normals=True)
 
 
 def _set_lights(plotter: Any, camera: Camera) -> None:

