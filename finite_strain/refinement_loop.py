@@ -63,8 +63,27 @@ class Refinement:
         if plan.has_own_energy:  # a function's name does not say what it computes: never resumed
             parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
-        self.records: list[Record] = on_root(comm, lambda: saved_records(folder, self.key))
+        self.records: list[Record]
+        self.records, damage = on_root(comm, self._saved)
+        self.damage = [note for note in damage if note]
         self.earlier_seconds = sum(record.seconds for record in self.records)
+
+    def _saved(self) -> tuple[list[Record], list[str]]:
+        """Return what an earlier run saved, without the steps of its last mesh whose states are damaged (rank 0)."""
+        records, note = saved_records(self.folder, self.key)
+        notes, number = [note], len(records) - 1
+        while records and not records[-1].finished and records[-1].rows:
+            record, fraction = records[-1], records[-1].rows[-1].own.fraction
+            models = ("own",) if record.rows[-1].small is None else ("own", "small")
+            faults = [Snapshot.fault(self._file(number, model, fraction)) for model in models]
+            if not any(faults):
+                break
+            again = f"the load step to {fraction:.3g} of the load was solved again"
+            notes += [f"{fault}: {again}" for fault in faults if fault]
+            record.rows.pop()
+            record.steps = [step for step in record.steps if step.fraction < fraction]
+            record.changes = {name: path[: len(record.steps)] for name, path in record.changes.items()}
+        return records, notes
 
     def run(self) -> Result:
         """Run one discretisation after another (collective)."""
@@ -198,7 +217,7 @@ class Refinement:
         if number == 0 or fraction not in self.plan.goals:
             return None
         file = self._file(number - 1, model, fraction)
-        there = self.comm.bcast(file.exists() if self.comm.rank == 0 else None, root=0)
+        there = self.comm.bcast(self.comm.rank == 0 and file.exists() and not Snapshot.fault(file), root=0)
         return run.predicted_by(Snapshot.load(file)) if there else None
 
     def _resume(self, run: MeshRun, record: Record, number: int) -> None:
@@ -207,7 +226,10 @@ class Refinement:
             if each is None:
                 continue
             met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
-            each.path.resume([each.predicted_by(Snapshot.load(self._file(number, model, f))) for f in met])
+            files = [self._file(number, model, fraction) for fraction in met]
+            faults: list[str] = on_root(self.comm, partial(list, map(Snapshot.fault, files)))
+            good = [file for file, fault in zip(files, faults, strict=True) if not fault]
+            each.path.resume([each.predicted_by(Snapshot.load(file)) for file in good])
 
     def _judge(self, record: Record) -> None:
         """Record the accuracy of T at the last step: the largest error of a ball's T over the scale, and its terms."""
@@ -236,7 +258,7 @@ class Refinement:
         near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
         reference = NEAR_ZERO if near_zero else "the largest tangential force"
         said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
-        notes = list(form_notes(plan.problem))
+        notes = [*self.damage, *form_notes(plan.problem)]
         if near_zero and record.scale > 0.0:
             sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in steps[-1].balls]
             known = ", ".join(f"{100 * error / size:.2g} %" if size > 0.0 else "zero" for size, error in sizes)

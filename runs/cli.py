@@ -129,12 +129,17 @@ def render(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: pictures in RUN.")] = None,
     animation: Annotated[bool, typer.Option(help="Draw the load path as a GIF (and MP4 with ffmpeg).")] = True,
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
+    whole: Annotated[
+        bool, typer.Option("--whole", help="No pictures: the fields of the whole scene, mirrored, for ParaView.")
+    ] = False,
 ) -> None:
     """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
     from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
 
     views = {} if view is None else {"views": tuple(view)}
-    render_run(run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), **views))
+    render_run(
+        run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), whole=whole, **views)
+    )
 
 
 @app.command()

@@ -186,7 +186,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
             f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not call for; add the table"
         )
     dropped = sorted(wanted & model.leaves_out)
-    notes = tuple(f"[{e}] left out, as {asked} was asked for by name: {EFFECTS[e].without}" for e in dropped)
+    notes = tuple(f"[{e}] left out by --model {asked}: {EFFECTS[e].without}" for e in dropped)
     return model, without(scene.problem, dropped), notes
 
 

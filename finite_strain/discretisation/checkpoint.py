@@ -6,9 +6,11 @@ numbering, number of ranks and version, so it serves as checkpoint and as predic
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -94,14 +96,23 @@ class Snapshot:
         draft.replace(path)
 
     @classmethod
+    def fault(cls, path: Path) -> str:
+        """Return why a file holds no state; nothing if it holds one."""
+        try:
+            cls.load(path)
+        except OutputUnusable as error:
+            return str(error).split(":", maxsplit=1)[0]
+        return ""
+
+    @classmethod
     def load(cls, path: Path) -> Snapshot:
         """Return the state in a file; raises `OutputUnusable`."""
         try:
-            with np.load(path) as saved:
+            with path.open("rb") as file, np.load(file) as saved:  # numpy leaves a torn file open
                 fields = tuple(saved[name] for name in saved.files if name.startswith("values"))
                 source = Penalised(*(saved[f"source_{each.name}"] for each in dataclass_fields(Penalised)))
                 return cls(float(saved["fraction"]), saved["nodes"], fields, saved["approaches"], source)
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error) as error:
             raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
 
 

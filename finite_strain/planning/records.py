@@ -14,7 +14,8 @@ import numpy as np
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import BallResult, Step
 
-NAME = "discretisations.json"
+NAME, BEFORE = "discretisations.json", "discretisations.before.json"
+"""File of the records, and what it was before the last step."""
 
 
 @dataclass(frozen=True)
@@ -166,10 +167,13 @@ class Record:
 
 
 def save_records(folder: Path, key: str, records: list[Record]) -> None:
-    """Write every discretisation of a run into its folder's file, as a whole or not at all."""
-    draft = (folder / NAME).with_suffix(".part")
+    """Write every discretisation of a run into its folder's file, as a whole or not at all; the last file is kept."""
+    path = folder / NAME
+    draft = path.with_suffix(".part")
     draft.write_text(json.dumps({"key": key, "discretisations": records}, default=_plain), encoding="utf-8")
-    draft.replace(folder / NAME)
+    if path.exists():
+        path.replace(folder / BEFORE)
+    draft.replace(path)
 
 
 def _plain(value: object) -> object:
@@ -178,13 +182,23 @@ def _plain(value: object) -> object:
     return value.tolist() if isinstance(value, np.ndarray) else vars(value)
 
 
-def saved_records(folder: Path, key: str) -> list[Record]:
-    """Return the records that an earlier run of the same key saved in a folder."""
-    path = folder / NAME
-    try:
-        saved = json.loads(path.read_text(encoding="utf-8"))
-        return [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []
-    except FileNotFoundError:
-        return []
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
+    """Return the records that an earlier run of the same key saved in a folder, and a note if its last file is damaged.
+
+    The file before it lacks one load step at most. Raises `OutputUnusable` if that cannot be read either.
+    """
+    damage = ""
+    for name in (NAME, BEFORE):
+        path = folder / name
+        try:
+            saved = json.loads(path.read_text(encoding="utf-8"))
+            records = [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            damage = damage or f"{path} cannot be read ({error})"
+            continue
+        return records, f"{damage}: the run went on from {BEFORE}" if damage else ""
+    if damage:
+        raise OutputUnusable(f"{damage}: remove it to start anew")
+    return [], ""

@@ -17,8 +17,9 @@ from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
 from runs.commands.doctor import INSTALL_PICTURES
 from runs.display.numbers import number
 from runs.pictures import sheet
-from runs.pictures.coloring import COLORINGS
+from runs.pictures.coloring import COLORINGS, prefixed
 from runs.pictures.drawing import VIEWS, Camera, Window, draw
+from runs.pictures.whole_model import FOLDER, write_whole
 from runs.pictures.written_step import WrittenStep, read_step, step_files
 from runs.process import ranks
 from runs.session.run_folder import PICTURES
@@ -31,7 +32,10 @@ FRAME = (960, 600)
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """Options of the command line: field, views, step (None: the last), folder, animation, size in pixels."""
+    """Options of the command line: field, views, step (None: the last), folder, animation, size in pixels.
+
+    ``whole``: write the whole scene's fields for ParaView instead of pictures.
+    """
 
     field: str = "von_mises"
     views: tuple[str, ...] = tuple(VIEWS)
@@ -39,6 +43,7 @@ class RenderOptions:
     out: Path | None = None
     animation: bool = True
     size: tuple[int, int] = SIZE
+    whole: bool = False
 
 
 def render_run(run: Path, options: RenderOptions) -> list[Path]:
@@ -47,6 +52,10 @@ def render_run(run: Path, options: RenderOptions) -> list[Path]:
         return []
     _check(options)
     files = step_files(run)
+    if options.whole:
+        index = write_whole(files, options.out or files[max(files)].parent / FOLDER)
+        tell(f"the whole scene, step by step, for ParaView and meshio: {index}")
+        return [index]
     last = options.step if options.step is not None else max(files)
     if last not in files:
         raise InvalidProblem(f"--step {last}: {run} holds steps {', '.join(map(str, sorted(files)))}")
@@ -97,7 +106,10 @@ class _Shown:
         camera = Camera.on(step, view, width / height)
         seen = 2.0 * camera.half_height * width / height
         deepest = max(step.balls, key=lambda ball: ball.approach)
-        caption = f"step {step.number}:  D = {number(deepest.approach / deepest.radius, 3)} R"
+        over = f"{number(deepest.approach / deepest.radius, 3)} R"
+        factor, metre = prefixed("m", deepest.approach, step.dimensionless)
+        own = "" if step.dimensionless else f"{number(factor * deepest.approach)} {metre} = "
+        caption = f"step {step.number}:  D = {own}{over}"
         legend = sheet.Legend(
             self.coloring, self.limits, step.units[self.options.field], seen, caption, step.dimensionless
         )

@@ -12,8 +12,9 @@ import numpy as np
 from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs.display import surface
+from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale, attraction, leading_ball
-from runs.display.style import BLUE, GREEN, ORANGE, blank, save_figure
+from runs.display.style import BLUE, GREEN, ORANGE, blank, dark_on_white, look, save_figure
 
 LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
 BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
@@ -21,6 +22,7 @@ BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
+@look()
 def draw_comparison(
     folder: Path, rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale,
     between: Sequence[Mapping[str, float]] = (),
@@ -61,14 +63,15 @@ def draw_comparison(
     factors.set_xlabel(length.heading("approach $D$"))
     factors.set_ylabel("T finite / T linear")
     factors.set_xlim(left=0.0)
-    factors.set_title("Strengthening by finite strain", loc="left", fontsize=10)
+    factors.set_title("Strengthening by finite strain")
     if factors.get_legend_handles_labels()[0]:
-        factors.legend(frameon=False)
+        factors.legend()
     else:
         factors.text(0.5, 0.5, "no tangential force to compare", transform=factors.transAxes, ha="center")
     save_figure(figure, folder, "tangential_force")
 
 
+@look()
 def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
     """Write tangential_force.png and .svg: T(Q) of one model."""
     ball = leading_ball(steps[-1]["balls"])
@@ -84,13 +87,16 @@ def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, mo
     save_figure(figure, folder, "tangential_force")
 
 
+@look()
 def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
     """Write surface.png: contact pressure from above and a section through the balls; nothing without a surface."""
     top = surface.load(folder)
     if top is None:
         return
-    figure = blank(7.0, 7.0)
-    above, section = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
+    (x0, x1), (y0, y1) = _window(balls, scale)
+    width, ratio = 6.6, min(max((y1 - y0) / (x1 - x0), 0.3), 1.2)
+    figure = blank(width, 0.8 * width * (ratio + 0.35) + 1.6)
+    above, section = figure.subplots(2, 1, height_ratios=(ratio, 0.35))
     _draw_pressure(figure, above, top, balls, scale)
     _draw_section(section, top, problem, balls, scale)
     save_figure(figure, folder, "surface", ("png",))
@@ -99,25 +105,38 @@ def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, An
 def _draw_pressure(
     figure: Any, axes: Any, top: surface.Surface, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
-    points = top.points / scale.radius
-    mesh = axes.tripcolor(
-        *points[:, :2].T, top.triangles, top.pressure / scale.young, shading="gouraud", cmap="magma_r", vmin=0.0
-    )
-    figure.colorbar(mesh, ax=axes, label="contact pressure $p / E_1$", shrink=0.8)
+    length, unit = scale.units.length, scale.units.pressure
+    points, positions = top.points[:, :2], np.array([ball["position"] for ball in balls])
+    nearest = np.argmin(np.linalg.norm(points[:, None] - positions, axis=2), axis=1)
+    patches = [contact_patch(points[nearest == i], top.pressure[nearest == i]) for i in range(len(balls))]
+    raw = np.isin(nearest, [i for i, patch in enumerate(patches) if patch is None])
+    shown: dict[str, Any] = {
+        "shading": "gouraud",
+        "cmap": dark_on_white(),
+        "vmin": 0.0,
+        "vmax": top.pressure.max() / unit.size,
+    }
+    mesh = axes.tripcolor(*points.T / length.size, top.triangles, np.where(raw, top.pressure, 0.0) / unit.size, **shown)
+    for patch in patches:
+        if patch is not None:
+            x, y = patch.x / length.size, patch.y / length.size
+            mesh = axes.pcolormesh(x, y, patch.pressure / unit.size, rasterized=True, **shown)
+            axes.plot(x[-1], y[-1], color="0.15", lw=1.2)
+    figure.colorbar(mesh, ax=axes, label=unit.heading("contact pressure $p$"), shrink=0.9)
     for ball in balls:
-        x, y = (c / scale.radius for c in ball["position"])
-        axes.plot(x, y, "+", color="white", ms=8)
+        axes.plot(*(c / length.size for c in ball["position"]), "+", color="white", ms=10, mew=1.8)
     (x0, x1), (y0, y1) = _window(balls, scale)
-    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel="$x / R$", ylabel="$y / R$")
-    axes.set_title("Contact pressure, from above (+: axes of the balls)", loc="left", fontsize=10)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
+    axes.set_title("Contact pressure from above (+: axes of the balls)")
 
 
 def _draw_section(
     axes: Any, top: surface.Surface, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
+    size = scale.units.length.size
     line, heights = surface.section(top, [ball["position"] for ball in balls])
-    axes.plot(line / scale.radius, heights / scale.radius, color=FINITE, lw=1.5, label="surface", zorder=3)
-    axes.axhline(0.0, color="0.6", lw=0.8, ls="--", zorder=0)
+    axes.plot(line / size, heights / size, color=FINITE, lw=2.2, label="surface", zorder=3)
+    axes.axhline(0.0, color="0.3", lw=1.0, ls="--", zorder=4)
     along = surface.along_section([ball["position"] for ball in balls])
     lowest = min(float(np.nanmin(heights)), 0.0)
     angle = np.linspace(-math.pi, 0.0, 181)
@@ -136,13 +155,15 @@ def _draw_section(
             half = half or 3.0 * math.sqrt(ball["contact_area"] / math.pi)
             t = np.linspace(-half, half, 181)
             x, z = center + t, profile(t * direction[0], t * direction[1]) - ball["approach"]
-        axes.plot(x / scale.radius, z / scale.radius, color="0.25", lw=1.0)
-    centers = [along(ball["position"]) / scale.radius for ball in balls]
-    margin = 1.3 * max(ball["radius"] for ball in balls) / scale.radius
+        axes.fill(x / size, z / size, color="#dde2e9", zorder=1)
+        axes.plot(x / size, z / size, color="0.25", lw=1.2, zorder=2)
+    centers = [along(ball["position"]) / size for ball in balls]
+    margin = 1.3 * max(ball["radius"] for ball in balls) / size
     axes.set(xlim=(min(centers) - margin, max(centers) + margin), aspect="equal")
-    axes.set(xlabel="along the section $/ R$", ylabel="$z / R$")
-    axes.set_ylim(1.6 * lowest / scale.radius - 0.1, 1.0)
-    axes.set_title("Section through the balls", loc="left", fontsize=10)
+    length = scale.units.length
+    axes.set(xlabel=length.heading("along the section"), ylabel=length.heading("$z$"))
+    axes.set_ylim((1.6 * lowest - 0.1 * scale.radius) / size, scale.radius / size)
+    axes.set_title("Section through the balls (dashed: undeformed)")
 
 
 def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -150,7 +171,8 @@ def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[flo
     sides = []
     for axis in (0, 1):
         values = [ball["position"][axis] for ball in balls]
-        sides.append(((min(values) - margin) / scale.radius, (max(values) + margin) / scale.radius))
+        size = scale.units.length.size
+        sides.append(((min(values) - margin) / size, (max(values) + margin) / size))
     return sides[0], sides[1]
 
 
@@ -160,8 +182,8 @@ def _label_forces(axes: Any, scale: Scale) -> None:
     axes.set_ylabel(scale.units.force.heading("tangential force $T$"))
     axes.set_xlim(left=0.0)
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    axes.set_title("T > 0: attraction, T < 0: separation", loc="right", fontsize=10)
-    axes.legend(frameon=False)
+    axes.set_title("T > 0: attraction, T < 0: separation")
+    axes.legend()
 
 
 def _vector(value: Any) -> tuple[float, float]:

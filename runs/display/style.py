@@ -12,6 +12,8 @@ from runs.process.files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#666666"
 """Okabe and Ito's colours, distinguishable with every kind of colour vision."""
+LAYER = ["#efeae0", "#f6d6a0", "#f3a95f", "#e06a3c", "#b02f4b", "#6a1a56", "#2a1041"]
+"""From the colour of unstressed foam to dark, with monotonically decreasing lightness."""
 SETTINGS = {
     "font.size": 10,
     "figure.dpi": 100,
@@ -56,6 +58,13 @@ def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("s
     for kind in kinds:
         with replacing(folder / f"{stem}.{kind}") as draft:
             figure.savefig(draft, format=kind, **({"dpi": 160} if kind == "png" else {"metadata": {"Date": None}}))
+
+
+def dark_on_white() -> Any:
+    """Return the colour map of a pressure: white is zero, and the colours are those of the pictures."""
+    from matplotlib.colors import LinearSegmentedColormap  # noqa: PLC0415
+
+    return LinearSegmentedColormap.from_list("dark on white", ["#ffffff", *LAYER[1:]])
 
 
 def map_colors() -> dict[str, Any]:

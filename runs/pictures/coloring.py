@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runs.display.style import LAYER
+
 Array = NDArray[np.float64]
-_LAYER = ["#efeae0", "#f6d6a0", "#f3a95f", "#e06a3c", "#b02f4b", "#6a1a56", "#2a1041"]
-"""From the colour of unstressed foam to dark, with monotonically decreasing lightness."""
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -34,7 +34,7 @@ class Coloring:
         from matplotlib.colors import LinearSegmentedColormap  # noqa: PLC0415
 
         if self.colors.startswith("layer"):
-            stops = _LAYER[::-1] if self.colors.endswith("_r") else _LAYER
+            stops = LAYER[::-1] if self.colors.endswith("_r") else LAYER
             return LinearSegmentedColormap.from_list(self.colors, stops)
         return matplotlib.colormaps[self.colors]
 

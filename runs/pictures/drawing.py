@@ -200,11 +200,14 @@ def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
     whole = _ball(ball)
     if view == "surface":
         plotter.add_mesh(
-            whole, color=_BALL, opacity=0.35, smooth_shading=True, specular=0.6, specular_power=50, ambient=0.2,
+            whole, color=_BALL, opacity=0.35, smooth_shading=True, split_sharp_edges=True, specular=0.6,
+            specular_power=50, ambient=0.2,
         )  # fmt: skip
         return
     half = whole.clip(normal=window.across, origin=window.origin, invert=False)
-    plotter.add_mesh(half, color=_BALL, smooth_shading=True, specular=0.35, specular_power=30, ambient=0.25)
+    plotter.add_mesh(
+        half, color=_BALL, smooth_shading=True, split_sharp_edges=True, specular=0.35, specular_power=30, ambient=0.25,
+    )  # fmt: skip
     section = whole.slice(normal=window.across, origin=window.origin)
     if section.n_points:
         plotter.add_mesh(_filled(section), color=_SECTION, lighting=False)
@@ -232,10 +235,13 @@ def _ball(ball: DrawnBall) -> Any:
     if ball.shape == "sphere":
         center = (x, y, ball.radius - ball.approach)
         return pyvista.Icosphere(radius=ball.radius, center=center, nsub=6)
-    r, angle = np.meshgrid(np.linspace(0.0, ball.radius, 40), np.linspace(0.0, 2.0 * math.pi, 181))
-    z = r**2 / (2.0 * ball.radius) - ball.approach
-    bowl = pyvista.StructuredGrid(x + r * np.cos(angle), y + r * np.sin(angle), z)
-    return bowl.extract_surface(algorithm="dataset_surface").clean()
+    r = np.concatenate([np.linspace(0.0, ball.radius, 60), [ball.radius, 0.0]])  # the wall above, and the lid
+    z = np.concatenate([r[:60] ** 2 / (2.0 * ball.radius), [ball.radius, ball.radius]]) - ball.approach
+    around = np.append(np.linspace(0.0, 2.0 * math.pi, 181)[:-1], 0.0)  # its ends are one line, to the last digit
+    (r, angle), z = np.meshgrid(r, around), np.tile(z, (181, 1))
+    body = pyvista.StructuredGrid(x + r * np.cos(angle), y + r * np.sin(angle), z)
+    closed = body.extract_surface(algorithm="dataset_surface").clean().triangulate()
+    return closed.compute_normals(consistent_normals=True, auto_orient_normals=True, point_normals=False)
 
 
 def _set_lights(plotter: Any, camera: Camera) -> None:

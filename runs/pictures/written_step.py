@@ -66,7 +66,20 @@ def step_files(run: Path) -> dict[int, Path]:
 
 
 def read_step(path: Path, number: int, field: str) -> WrittenStep:
-    """Return a written step with one node field beside its displacement; raises `OutputUnusable`."""
+    """Return a written step with one node field beside its displacement, as it is drawn; raises `OutputUnusable`."""
+    step, deformed = _read(path, number, field)
+    if not deformed:  # small strain: contact is met at the undeformed place, moved straight down
+        step.displacement[:, :2] = 0.0
+    return step
+
+
+def read_whole(path: Path, number: int) -> WrittenStep:
+    """Return a written step of the whole scene with all its node fields; raises `OutputUnusable`."""
+    return _read(path, number, None)[0]
+
+
+def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool]:
+    """Return a step with one field, or with all, and whether its contact is in the deformed configuration."""
     try:
         import h5py  # noqa: PLC0415  (not needed where nothing is drawn)
     except ImportError as error:
@@ -74,7 +87,8 @@ def read_step(path: Path, number: int, field: str) -> WrittenStep:
     try:
         with h5py.File(path, "r") as file:
             there = file["node_fields"]
-            for name in ("displacement", field):
+            names = [name for name in there if name != "displacement"] if field is None else [field]
+            for name in ("displacement", *names):
                 if name not in there:
                     raise OutputUnusable(
                         f"{path}: holds no field {name} (there are {', '.join(there)}); name another --field, "
@@ -89,14 +103,13 @@ def read_step(path: Path, number: int, field: str) -> WrittenStep:
                 there["displacement"][:],
                 file["cells"][:],
                 file["cell_fields/region"][:],
-                {field: there[field][:]},
-                {name: str(there[name].attrs["unit"]) for name in ("displacement", field)},
+                {name: there[name][:] for name in names},
+                {name: str(there[name].attrs["unit"]) for name in ("displacement", *names)},
                 tuple(DrawnBall((float(p[0]), float(p[1])), float(r), float(d), str(s)) for p, r, d, s in balls),
                 float(file.attrs["layer_young"]),
             )
-            if not file.attrs["deformed"]:  # small strain: contact is met at the undeformed place, moved straight down
-                part.displacement[:, :2] = 0.0
-            return _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
+            whole = _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
+            return whole, bool(file.attrs["deformed"])
     except (OSError, KeyError, ValueError) as error:
         if isinstance(error, OutputUnusable):
             raise

@@ -16,13 +16,17 @@ class Clock:
 
     def __init__(self, expected: Sequence[float] = (), now: Callable[[], float] = time.monotonic) -> None:
         self._expected, self._now = list(expected), now
-        self._began, self._share, self._mesh, self._unknowns = now(), 0.0, 0, 0.0
-        self._saved = 0.0
+        self._began = self._worked = now()
+        self._share, self._mesh, self._unknowns, self._saved = 0.0, 0, 0.0, 0.0
 
     @property
     def elapsed(self) -> float:
         """Seconds since the run began."""
         return self._now() - self._began
+
+    def begin(self) -> None:
+        """Note that the work begins: time before, such as that of compiling, counts for no pace."""
+        self._worked = self._now()
 
     def next_mesh(self, unknowns: float, saved: float = 0.0) -> None:
         """Begin a mesh of which a share was ``saved`` before; one that was not planned costs more than the last."""
@@ -52,7 +56,7 @@ class Clock:
             return None
         done = self._work()
         new = done - self._saved
-        pace = self.elapsed / new if new > ENOUGH * total else 1.0
+        pace = (self._now() - self._worked) / new if new > ENOUGH * total else 1.0
         return pace * (total - done)
 
     def _work(self) -> float:

@@ -51,6 +51,7 @@ class Progress:
         self._bar = Bar(self.clock) if root and expected and on_terminal() else None
         self._step_began = self._noted = time.monotonic()
         self._cuts = self._steps = self._steps_done = 0
+        self._begun = False
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
@@ -78,6 +79,9 @@ class Progress:
         """Note that a load step begins."""
         signals.check()
         self._step_began = time.monotonic()
+        if not self._begun:
+            self._begun = True
+            self.clock.begin()
         if self.root:
             self.log(f"attempt: mesh {mesh}, fraction {_word(fraction)}, cuts {cuts}")
             before, self._cuts = self._cuts, cuts

@@ -61,11 +61,17 @@ class RunFolder:
         mark = self._mark()
         # a run on a full disk may have left only its first files, complete or not
         strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
-        if mark is None and strangers:
+        damaged = mark is None and (self.path / MARK).exists()
+        if damaged and strangers and not fresh:
+            raise OutputUnusable(
+                f"{self.path / MARK}: is damaged, and its run cannot be told from others; name another --out, or "
+                "replace it with --fresh"
+            )
+        if mark is None and strangers and not damaged:
             raise OutputUnusable(
                 f"{self.path}: holds files of no run ({', '.join(sorted(strangers)[:3])}); name a new or empty --out"
             )
-        if mark is not None and fresh:
+        if (mark is not None or damaged) and fresh:
             self._clear()
         elif mark is not None and mark.get("identity") != self.identity:
             raise OutputUnusable(

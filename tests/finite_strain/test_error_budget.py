@@ -96,6 +96,6 @@ def test_a_resumed_run_restores_the_relative_changes_of_earlier_steps(tmp_path: 
     large, size = np.array([[2.0, 0.0]]), np.array([2.0])
     Answers(plan, records)._change("T", large, 0.5 * large, None, size)
     save_records(tmp_path, "key", records)
-    resumed = saved_records(tmp_path, "key")
+    resumed, _ = saved_records(tmp_path, "key")
     errors = [Answers(plan, each)._change("T", large, large, None, size)[0] for each in (records, resumed)]
     assert errors[0] == errors[1] > 0.0  # of a step without a change of its own

@@ -14,6 +14,8 @@ import pytest
 from finite_strain import Numerics
 from finite_strain.observer import Silence
 from finite_strain.planning.records import (
+    BEFORE,
+    NAME,
     Answer,
     ContactState,
     Discretisation,
@@ -187,12 +189,12 @@ def test_the_accuracy_report_is_complete() -> None:
 
 def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(tmp_path: Any) -> None:
     records, file = first(0.04), tmp_path / "discretisations.json"
-    assert saved_records(tmp_path, "mine") == []
+    assert saved_records(tmp_path, "mine") == ([], "")
     records[0].rows[0] = Row(records[0].rows[0].own)  # a pair that found no equilibrium
     save_records(tmp_path, "mine", records)
     written = file.read_text(encoding="utf-8")
-    assert saved_records(tmp_path, "another's") == []
-    back = saved_records(tmp_path, "mine")
+    assert saved_records(tmp_path, "another's") == ([], "")
+    back, _ = saved_records(tmp_path, "mine")
     assert [each.level for each in back] == [QUADRATIC, CUBIC]
     assert back[0].rows[0].small is None
     save_records(tmp_path, "mine", back)
@@ -207,8 +209,15 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     )
     assert back[1].at(0.5) is None
     file.write_text("{ torn", encoding="utf-8")
+    again, note = saved_records(tmp_path, "mine")  # the file before it is kept
+    assert [each.level for each in again] == [QUADRATIC, CUBIC]
+    assert "discretisations.json cannot be read" in note
+    (tmp_path / BEFORE).write_text("{ torn", encoding="utf-8")
     with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
         saved_records(tmp_path, "mine")
+    for name in (NAME, BEFORE):
+        (tmp_path / name).unlink()
+    assert saved_records(tmp_path, "mine") == ([], "")
 
 
 def test_a_run_with_other_numerics_has_another_key(tmp_path: Path) -> None:

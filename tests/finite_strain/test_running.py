@@ -302,6 +302,22 @@ def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
         solve(tmp_path, None)
 
 
+@pytest.mark.parametrize("damaged", [NAME, "state_1_own_001.npz"])
+def test_a_damaged_file_costs_a_load_step_and_not_the_run(
+    damaged: str, result: Any, folder: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(Stopped):
+        solve(tmp_path, StopAfter(1))
+    whole = (tmp_path / damaged).read_bytes()
+    (tmp_path / damaged).write_bytes(whole[: len(whole) // 2])
+    again = Recorder()
+    found = solve(tmp_path, again)
+    assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}  # not the path finder's
+    assert again.info["resumed_steps"] == 0
+    assert any(damaged in note for note in found.solved.notes)
+    assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
+
+
 def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     heard = Recorder()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from linear_bem import Ball, Layer, Load, Problem
 from runs.display import figures, surface
+from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale
 from runs.display.style import minus
 from runs.studies.figures.answer import _rows
@@ -70,6 +72,39 @@ def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
     pixels = image.imread(tmp_path / "surface.png")[..., :3]
     assert pixels.shape[0] > 500
     assert np.unique(pixels.reshape(-1, 3), axis=0).shape[0] > 200
+
+
+def test_a_contact_has_its_own_edge_and_not_that_of_the_elements() -> None:
+    x, y = (c.ravel() for c in np.meshgrid(np.arange(-1.5, 1.5, 0.13), np.arange(-1.5, 1.5, 0.13)))
+    points = np.stack([x, y], 1)
+    semi_axes = 1.0, 0.8
+    squared = 1.0 - (x / semi_axes[0]) ** 2 - (y / semi_axes[1]) ** 2
+    pressure = 3.0 * np.sqrt(np.maximum(squared * (1.0 + 0.1 * x), 0.0))  # Hertz's, a little to one side
+    pressure[squared < 0.05] *= 0.5  # what averages over the cells at a node do at the edge
+    patch = contact_patch(points, pressure)
+    assert patch is not None
+    assert (patch.x[-1] / semi_axes[0]) ** 2 + (patch.y[-1] / semi_axes[1]) ** 2 == pytest.approx(
+        np.ones(180), abs=0.02
+    )
+    assert np.all(patch.pressure[-1] == 0.0)
+    inside = 3.0 * np.sqrt(1.0 - patch.x[:-4] ** 2 - (patch.y[:-4] / 0.8) ** 2) * np.sqrt(1.0 + 0.1 * patch.x[:-4])
+    assert patch.pressure[:-4] == pytest.approx(inside, abs=0.03 * 3.0)
+    # a flat punch's pressure has no zero line, and three nodes are no contact to fit
+    assert contact_patch(points, np.where(squared > 0.0, 1.0 / np.sqrt(np.maximum(squared, 0.01)), 0.0)) is None
+    assert contact_patch(points[:3], np.ones(3)) is None
+
+
+@pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])
+def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: Path) -> None:
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    surface.keep(tmp_path, bowl())
+    top = surface.load(tmp_path)
+    assert top is not None
+    balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
+    figure = Figure()
+    figures._draw_pressure(figure, figure.subplots(), top, balls, Scale.of(PAIR, data))
+    assert label in figure.axes[1].get_ylabel()
 
 
 def test_missing_ratios_leave_gaps_and_not_errors(tmp_path: Path) -> None:

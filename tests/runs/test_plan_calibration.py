@@ -16,6 +16,7 @@ MEASURED = {
     "path": (10920, 18.38, 521e6),
     "unlike": (18840, 11.59, 740e6),
     "thick": (20163, 10.26, 825e6),
+    "order 4": (32643, 17.96, 1.80e9),
 }
 """Unknowns, processor time [s] and memory [bytes] by the command of `runs.studies.scaling.plan_calibration`."""
 

@@ -58,6 +58,8 @@ def test_the_time_left_follows_the_plan_first_and_then_the_pace() -> None:
     at = Time()
     clock = Clock([10.0, 30.0], at)
     assert clock.left == pytest.approx(40.0)
+    at.now += 90.0  # forms are compiled
+    clock.begin()
     at.now += 20.0  # twice as slow as planned
     clock.reached(0.999999)
     assert clock.left == pytest.approx(60.0, rel=1e-4)

@@ -13,6 +13,7 @@ from PIL import Image
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.commands import render
 from runs.commands.render import RenderOptions, read_size, render_run
+from runs.pictures import drawing
 from runs.pictures.coloring import COLORINGS, prefixed, round_length
 from runs.pictures.written_step import read_step, step_files
 from tests.launch import python
@@ -41,7 +42,8 @@ def write_run(folder: Path, steps: int = 2) -> Path:
             file["cell_fields/region"] = np.ones(len(nodes), dtype=np.int64)
             for name, values, unit in (("displacement", u, "m"), ("von_mises", 1e9 * depth * fading, "Pa")):
                 file[f"node_fields/{name}"] = values
-                file[f"node_fields/{name}"].attrs["unit"] = unit
+                file[f"node_fields/{name}"].attrs.update(unit=unit, kind=("Scalar", "Vector")[values.ndim - 1])
+            file["cell_fields/region"].attrs["kind"] = "Scalar"
             file.attrs.update(
                 deformed=True, layer_young=1e6, frame_origin=np.zeros(3), mirror_planes=np.eye(3)[:2],
                 ball_positions=[[-2e-3, 0.0], [2e-3, 0.0]], ball_radii=[2e-3, 2e-3], ball_approaches=[approach] * 2,
@@ -110,6 +112,15 @@ def test_a_written_part_is_completed_without_a_seam(run: Path) -> None:
     assert volumes.sum() == pytest.approx(4.0 * 6e-3 * 5e-3 * 2e-3)
     assert len(np.unique(np.round(step.points * 1e9), axis=0)) == len(step.points)
     assert step.thickness == pytest.approx(2e-3)
+
+
+def test_a_paraboloid_is_a_solid_body() -> None:
+    body = drawing._ball(drawing.DrawnBall((1e-3, 0.0), 2e-3, 0.5e-3, "paraboloid"))
+    assert body.clean().is_manifold  # closed: no bowl to look into
+    # the paraboloid's pi R^3 / 4 below its rim and the cylinder of half the radius above it
+    assert body.volume == pytest.approx(math.pi * 2e-3**3 * (0.25 + 0.5), rel=2e-3)
+    assert body.bounds[4] == pytest.approx(-0.5e-3)
+    assert body.bounds[5] == pytest.approx(1.5e-3)
 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:

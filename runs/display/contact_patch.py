@@ -1,0 +1,77 @@
+"""One ball's contact pressure as a smooth field with an edge of its own, from values at the nodes of a surface.
+
+Near the edge of a frictionless contact the pressure falls as the square root of the distance, so its square is smooth
+up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DEGREES = (2, 4, 6)
+"""Degrees of polynomials that are tried: nodal values rattle, and a higher one follows that outside."""
+BETTER = 0.7
+"""Deviation of a higher degree over a lower one's from which it is taken."""
+WELL_INSIDE = 0.3
+"""Least pressure over the peak of the nodes that it is fitted to; averages farther out include free cells."""
+GOOD = 0.05
+"""Largest root mean square deviation of the fit, over the peak."""
+BEYOND = 1.4
+"""Largest distance from the middle at which the edge is looked for, over the largest of a fitted node."""
+RINGS, RAYS = 40, 180
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Points x, y (rings, rays) [m] from the middle to the edge, the last ring, and the pressure there [Pa]."""
+
+    x: Array
+    y: Array
+    pressure: Array
+
+
+def contact_patch(points: Array, pressure: Array) -> Patch | None:
+    """Return the contact around ``points`` (n, 2) [m] of one ball; None where the fit is not good."""
+    peak = float(pressure.max(initial=0.0))
+    inside = pressure > WELL_INSIDE * peak
+    if peak <= 0.0 or np.count_nonzero(inside) < 2 * len(_terms(DEGREES[-1])):
+        return None
+    middle = np.average(points[inside], axis=0, weights=pressure[inside])
+    offset = points[inside] - middle
+    size = float(np.hypot(*offset.T).max())
+    known = pressure[inside] / peak
+    degree, factors, deviation = 0, np.zeros(0), np.inf
+    for tried in DEGREES:
+        matrix = _powers(offset[:, 0] / size, offset[:, 1] / size, tried)
+        found = np.linalg.lstsq(matrix, known**2, rcond=None)[0]
+        error = float(np.sqrt(np.mean((np.sqrt(np.maximum(matrix @ found, 0.0)) - known) ** 2)))
+        if error < BETTER * deviation:
+            degree, factors, deviation = tried, found, error
+    if deviation > GOOD:
+        return None
+    angle = np.linspace(0.0, 2.0 * np.pi, RAYS)
+    along = np.linspace(0.0, BEYOND, 400)[:, None]
+    squared = _powers(along * np.cos(angle), along * np.sin(angle), degree) @ factors
+    first = np.argmax(squared <= 0.0, axis=0)
+    if np.any(first == 0):
+        return None
+    before, after = (np.take_along_axis(squared, (first - k)[None], axis=0)[0] for k in (1, 0))
+    edge = (first - 1 + before / (before - after)) * (along[1, 0] - along[0, 0])
+    ring = np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * edge  # close rings where the pressure falls steeply
+    x, y = ring * np.cos(angle), ring * np.sin(angle)
+    values = peak * np.sqrt(np.maximum(_powers(x, y, degree) @ factors, 0.0))
+    values[-1] = 0.0
+    return Patch(middle[0] + size * x, middle[1] + size * y, values)
+
+
+def _terms(degree: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+
+
+def _powers(x: Array, y: Array, degree: int) -> Array:
+    return np.stack([x**i * y**j for i, j in _terms(degree)], axis=-1)
