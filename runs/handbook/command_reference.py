@@ -22,7 +22,9 @@ def page() -> str:
 
 def _section(name: str, command: Any) -> str:
     usage = " ".join(part for p in command.params if (part := _usage(p)))
-    rows = [f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"]
+    rows = [
+        f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"
+    ]
     table = "| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
     return f"## `{name}`\n\n{command.help}\n\n```text\nthirdbody {name} {usage}\n```\n\n{table}"
 

@@ -65,10 +65,7 @@ def _prose(table: type[BaseModel]) -> str:
 def _row(table: str, key: str, field: FieldInfo) -> str:
     examples = {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
     example = _toml(examples[key]) if key in examples else ""
-    if field.is_required():
-        default = "needed"
-    else:
-        default = "" if field.default is None else _toml(field.default)
+    default = "needed" if field.is_required() else "" if field.default is None else _toml(field.default)
     cells = (f"`{key}`", meaning(field), default, example, field.description or "")
     return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
 

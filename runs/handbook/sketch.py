@@ -1,4 +1,4 @@
-"""The sketch of the physics page: a section through two balls and the layer they dent, as the linear model solves it."""
+"""The sketch of the physics page: a section through two balls and the layer they dent, by the linear model."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def draw(folder: Path) -> None:
         axes.fill_between(x, -THICKNESS, surface, color="#e8dcc8", lw=0.0, zorder=1)
         axes.plot(x, surface, color="#8a6d3b", lw=1.2, zorder=3)
         axes.axhline(0.0, color=GREY, lw=0.7, ls=":", zorder=1)
-        axes.fill_between([-3.3, 3.3], -THICKNESS - 0.22, -THICKNESS, color="#b8bdc2", hatch="///", lw=0.0, zorder=1)
+        axes.fill_between([-3.3, 3.3], -THICKNESS - 0.22, -THICKNESS, color="#b8bdc2", lw=0.0, zorder=1)
         for side in (-1.0, 1.0):
             _ball(axes, side * half)
             _arrow(axes, (side * half, 2.75), (side * half, 2.05), BLUE, "Q", (side * half + 0.13, 2.5))
@@ -39,8 +39,8 @@ def draw(folder: Path) -> None:
         _measure(axes, (half, -APPROACH), (half, 0.0), "D", (half + 0.1, -0.5 * APPROACH - 0.06))
         _measure(axes, (half, 0.7), (half + 0.72, 1.39), "R", (half + 0.46, 0.88))
         axes.text(0.0, -0.62 * THICKNESS, "layer: E, nu", ha="center")
-        axes.text(0.0, -THICKNESS - 0.175, "rigid base, or a substrate", ha="center", backgroundcolor="#b8bdc2", fontsize=8)
-        axes.annotate("z", (-3.2, 0.62), (-3.2, 0.02), ha="center", arrowprops={"arrowstyle": "<-", "color": GREY})
+        axes.text(0.0, -THICKNESS - 0.175, "rigid base, or a substrate", ha="center", fontsize=8)
+        axes.annotate("z", (-3.2, 0.02), (-3.2, 0.7), ha="center", arrowprops={"arrowstyle": "<-", "color": GREY})
         axes.annotate("x", (-3.22, 0.04), (-2.5, 0.04), va="center", arrowprops={"arrowstyle": "<-", "color": GREY})
         axes.set(xlim=(-3.3, 3.3), ylim=(-THICKNESS - 0.22, 2.85), aspect="equal")
         axes.set_axis_off()

@@ -69,6 +69,12 @@ class Tutorial:
 def environment() -> Mapping[str, str]:
     """Return the environment of the blocks: this Python's commands first, this checkout, plain output."""
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
-    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": str(WIDTH), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    plain = {
+        "NO_COLOR": "1",
+        "TERM": "dumb",
+        "COLUMNS": str(WIDTH),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     python = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
     return {**os.environ, **plain, "PATH": programs, "PYTHONPATH": python, "MPLBACKEND": "Agg"}

@@ -26,7 +26,7 @@ class LoadTable(Table):
     total_force: Force | None = None
     """Normal force on one rigid holder of all balls."""
     steps: Listed | None = None
-    """Loads with output on the way, rising; in the unit of the load, or fractions of it where the balls' loads differ."""
+    """Loads with output on the way, rising, in the unit of the load; fractions of it where the balls' loads differ."""
 
     @model_validator(mode="before")
     @classmethod

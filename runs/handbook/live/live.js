@@ -35,7 +35,7 @@ const liveModel = (() => {
       const hertz = 4 / 3 * d ** 1.5 / (1 - nu * nu);
       const normal = hertz * Math.exp(interpolate(axes, p.normal, at));
       const points = interpolate([FINE, REACH], table.point_ratio, [nu, clamp(l / h, REACH.low, REACH.high)]);
-      const unit = reference(nu, l, normal), largest = table.errors.largest;
+      const unit = reference(nu, l, normal), largest = table.errors[part(h)].largest;
       const tangential = (interpolate(axes, p.remainder, at) + points) * unit;
       return {normal, tangential, error: largest.tangential * unit, normalError: largest.normal * normal};
     }

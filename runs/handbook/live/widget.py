@@ -26,11 +26,11 @@ def html() -> str:
 
 
 def with_errors(page: str) -> str:
-    """Return the text around the fragment with the table's errors in place of {{ NAME }} and {{ NAME_median }}."""
-    errors = table.read().data["errors"]
-    for name in ("tangential", "section"):
-        page = page.replace(f"{{{{ {name} }}}}", f"{errors['largest'][name]:.1g}")
-        page = page.replace(f"{{{{ {name}_median }}}}", f"{errors['median'][name]:.1g}")
+    """Return the text around the fragment, with errors in place of {{ PART_NAME }}, {{ PART_NAME_median }}."""
+    for part, errors in zip(("thin", "thick"), table.read().data["errors"], strict=True):
+        for kind, values in (("", errors["largest"]), ("_median", errors["median"])):
+            for name, value in values.items():
+                page = page.replace(f"{{{{ {part}_{name}{kind} }}}}", f"{value:.1g}")
     return page
 
 
@@ -62,7 +62,7 @@ def strengthening(page: str) -> list[dict[str, Any]]:
 
 def _rows(page: str, start: int) -> list[list[str]]:
     """Return the cells of the lines of the first table after ``start``: its header first, no rule."""
-    lines = page[page.index("\n|", start) + 1 :].split("\n\n")[0].splitlines()
+    lines = page[page.index("\n|", start) + 1 :].split("\n\n", maxsplit=1)[0].splitlines()
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if not line.startswith("|-")]
 
 
