@@ -1,7 +1,8 @@
-"""The workflows of the forge: they parse, and the files and extras that their commands name exist."""
+"""What others read of the project: its workflows name what exists, its citation and archive entry agree with it."""
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 
@@ -25,3 +26,14 @@ def test_the_workflows_parse_and_name_what_exists() -> None:
             assert ROOT.joinpath(*module.split(".")).with_suffix(".py").exists(), module
         for named in re.findall(r"\.\[([\w,]+)\]", command):
             assert set(named.split(",")) <= set(extras), named
+
+
+def test_citation_and_archive_entry_agree_with_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    archive = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert f"\nversion: {project['version']}\n" in citation
+    assert f"\nlicense: {archive['license']}\n" in citation
+    assert f'title: "{archive["title"]}"' in citation
+    for related in archive["related_identifiers"]:
+        assert f"doi: {related['identifier']}" in citation
