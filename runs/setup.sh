@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Makes this checkout ready to run: Debian packages, a .venv over /usr/bin/python3, the project in it.
 #
-#   bash runs/setup.sh [run|render|test|packages]
+#   bash runs/setup.sh [run|render|docs|test|packages]
 #
-# run: what a simulation needs (the default); render: that and pyvista (150 MB), for `thirdbody render`; test: all that and ruff, mypy,
-# pytest, meshio; packages: only the Debian packages.
+# run: what a simulation needs (the default); render: that and pyvista (150 MB), for `thirdbody render`; docs: run
+# and Sphinx, for the handbook; test: all that and ruff, mypy, pytest, meshio; packages: only the Debian packages.
 # runs/quickstart.sh and tests/run.sh source this file. Nothing that is already there is installed again, and a set-up that was
 # interrupted goes on where it stopped.
 
@@ -199,7 +199,7 @@ ensure_venv() {
   if [[ $fault != absent ]]; then
     [[ -e $mark ]] || stop "cannot use .venv: $fault." "Move it away and run this again:  mv '$venv' '$venv.old'"
     say "making .venv anew: $fault"
-    rm -rf "${venv:?}"/{bin,include,lib,lib64,share,pyvenv.cfg} "$venv"/.thirdbody-*-{run,render,test}
+    rm -rf "${venv:?}"/{bin,include,lib,lib64,share,pyvenv.cfg} "$venv"/.thirdbody-*-{run,render,docs,test}
   fi
   printf begun >"$mark"
   logged "making .venv from /usr/bin/python3 (Python $python_version)" /usr/bin/python3 -m venv --system-site-packages "$venv" ||
@@ -349,15 +349,16 @@ make_ready() {
   if [[ -n $log ]]; then rm -f "$log"; fi
 }
 
-# set_up run|render|test|packages
+# set_up run|render|docs|test|packages
 set_up() {
   local hash=''
   case $1 in
     run) extras=(cli) ;;
     render) extras=(cli render) ;;
-    test) extras=(cli render test) ;;
+    docs) extras=(cli docs) ;;
+    test) extras=(cli render docs test) ;;
     packages) extras=() ;;
-    *) stop "what is '$1'?" "Usage:  bash runs/setup.sh [run|render|test|packages]" ;;
+    *) stop "what is '$1'?" "Usage:  bash runs/setup.sh [run|render|docs|test|packages]" ;;
   esac
   check_system
   set_mpi_environment

@@ -63,7 +63,7 @@ def graded_rule(low: float, high: float, finest: float, order: int = 6) -> tuple
 def uniform_square_displacement(
     layer: Layer, substrate: Elastic | None, half_side: float, pressure: float, x: ArrayLike, y: ArrayLike = 0.0
 ) -> Array:
-    """Return the surface displacement [m] under ``pressure`` [Pa] on |x|, |y| <= half_side [m].
+    """Return the surface displacement [m] under ``pressure`` [Pa] on ``|x|, |y| <= half_side`` [m].
 
     Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels
     that double away from the point, from half a layer thickness on (error below 1e-9 of the largest displacement).

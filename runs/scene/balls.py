@@ -23,12 +23,19 @@ class BallsTable(Table):
     """[balls]: axis positions, shape, and the keys that the shape takes; one radius or one per ball."""
 
     positions: Positions
+    """Where the balls' axes stand, [x, y] of each."""
     shape: Literal["sphere", "paraboloid", "ellipsoid", "cone", "punch"] = "sphere"
+    """The body; it decides which of the keys below are needed."""
     radius: Lengths | None = None
+    """Of a sphere or a punch; of a paraboloid at its apex."""
     semi_axes: ThreeLengths | None = None
+    """Of an ellipsoid, along x, y and z."""
     slope: Angle | None = None
+    """Of a cone's flank against the surface."""
     tip_radius: Length | None = None
+    """Of a cone's rounded tip."""
     edge_radius: Length | None = None
+    """Of a punch's rounded edge."""
 
     def balls(self) -> tuple[Ball, ...]:
         """Return the balls; raises `InvalidProblem` where the keys are not those of the shape."""

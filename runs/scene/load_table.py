@@ -20,9 +20,13 @@ class LoadTable(Table):
     """[load]: exactly one key of the load, and the intermediate load ``steps`` with output."""
 
     approach: Lengths | None = None
+    """How deep each ball is pressed in below the undeformed surface."""
     force: Forces | None = None
+    """Normal force of each ball, which then finds its own depth."""
     total_force: Force | None = None
+    """Normal force on one rigid holder of all balls."""
     steps: Listed | None = None
+    """Loads with output on the way, rising, in the unit of the load; fractions of it where the balls' loads differ."""
 
     @model_validator(mode="before")
     @classmethod

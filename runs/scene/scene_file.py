@@ -44,21 +44,27 @@ class LayerTable(Table):
     """[layer]: constants and thickness."""
 
     young: Pressure
+    """Young's modulus; at finite strain the one of small strains."""
     poisson: Number
+    """Poisson's ratio, 0 to 0.5; 0.5 is incompressible."""
     thickness: Length
+    """Of the undeformed layer; `inf`: a half-space."""
 
 
 class ElementsTable(Table):
     """[elements]: volumetric formulation of the finite elements; absent: chosen by Poisson's ratio."""
 
     form: Literal["displacement", "mixed"]
+    """Displacement alone, or with the pressure as a further unknown; chosen by itself: mixed from nu = 0.49 on."""
 
 
 class OutputTable(Table):
     """[output]: which fields a finite-element run writes, every so many load steps; absent: all, on every step."""
 
     fields: tuple[str, ...] | None = None
+    """Names of the fields; `thirdbody solve` names the known ones if one is misspelt."""
     every: Whole = 1
+    """Write on every n-th load step; the last one is always written."""
 
     def faults(self) -> list[str]:
         """Return what is out of range, one text each."""
@@ -74,8 +80,11 @@ class AccuracyTable(Table):
     """
 
     tangential_force: Number | None = None
+    """Relative error of T that is asked for."""
     seconds: Number | None = None
+    """Wall time of the whole run, from which the next finer mesh is refused."""
     unknowns: Number | None = None
+    """Largest number of unknowns of a mesh."""
 
     @property
     def budget(self) -> dict[str, float]:

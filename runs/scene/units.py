@@ -217,6 +217,6 @@ Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_p
 
 
 class Table(BaseModel):
-    """A table of the scene: unknown keys are faults."""
+    """A table of the scene: unknown keys are faults; the text below a key describes it in the handbook."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)

@@ -11,7 +11,9 @@ class SubstrateTable(Table):
     """[substrate]: isotropic elastic constants."""
 
     young: Pressure
+    """Young's modulus of the half-space below the layer."""
     poisson: Number
+    """Poisson's ratio, 0 to 0.5."""
 
 
 SUBSTRATE = Effect(

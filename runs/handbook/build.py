@@ -1,0 +1,96 @@
+"""The command that builds the handbook: ``python -m runs.handbook.build``, or ``bash runs/handbook/build.sh``.
+
+Pages in ``pages/`` are copied to a folder of sources. There, tutorials are run, and pages are added that are made from
+the code (scene file, command line, live page, sketch) or that have their place elsewhere in the project (studies,
+derivations, rules for contributors). Sphinx turns all of them into HTML; its warnings are errors.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from runs.handbook import command_reference, scene_reference, sketch
+from runs.handbook.live import widget
+from runs.handbook.tutorials import ROOT, Tutorial
+from runs.studies import STUDIES
+
+HERE = Path(__file__).resolve().parent
+PAGES = HERE / "pages"
+OUT = Path("out/handbook")
+ELSEWHERE = {
+    "linear_bem/README.md": "linear_model.md",
+    ".github/CONTRIBUTING.md": "contributing.md",
+    **{f"runs/studies/{name}/README.md": f"studies/{name}.md" for name in STUDIES},
+}
+"""Files of the project that are pages of the handbook, too."""
+LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
+
+
+def prepare(sources: Path, run_tutorials: bool = True) -> None:
+    """Write every page into ``sources``; raises `TutorialFailed`."""
+    shutil.rmtree(sources, ignore_errors=True)
+    shutil.copytree(PAGES, sources)
+    for name, text in (("scene.md", scene_reference.page()), ("commands.md", command_reference.page())):
+        (sources / name).write_text(text, encoding="utf-8")
+    for name, page in ELSEWHERE.items():
+        target = sources / page
+        target.parent.mkdir(exist_ok=True)
+        target.write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
+        for picture in (*(ROOT / name).parent.glob("*.svg"), *(ROOT / name).parent.glob("*.png")):
+            shutil.copy(picture, target.parent)
+    sketch.draw(sources)
+    live = sources / "live.md"
+    live.write_text(widget.with_errors(live.read_text(encoding="utf-8")), encoding="utf-8")
+    (sources / "live_widget.html").write_text(widget.html(), encoding="utf-8")
+    if run_tutorials:
+        for tutorial in tutorials():
+            text = Tutorial(tutorial, sources.parent / "work").run()
+            (sources / "tutorials" / tutorial.name).write_text(text, encoding="utf-8")
+    originals = {sources / page: ROOT / name for name, page in ELSEWHERE.items()}
+    originals |= {sources / page.relative_to(PAGES): page for page in PAGES.rglob("*.md")}
+    for copy, original in originals.items():
+        copy.write_text(linked(copy.read_text(encoding="utf-8"), original, copy, sources), encoding="utf-8")
+
+
+def linked(text: str, original: Path, copy: Path, sources: Path) -> str:
+    """Return a page's text with links that fit its copy in ``sources``; pictures that it shows are copied there."""
+
+    def found(link: re.Match[str]) -> str:
+        file = (original.parent / link["target"]).resolve()
+        name = file.relative_to(ROOT).as_posix()
+        if file.is_relative_to(PAGES):
+            target = sources / file.relative_to(PAGES)
+        elif name in ELSEWHERE:
+            target = sources / ELSEWHERE[name]
+        else:
+            target = sources / file.name
+            shutil.copy(file, target)
+        return f"]({os.path.relpath(target, copy.parent)}{link['part'] or ''})"
+
+    return LINK.sub(found, text)
+
+
+def tutorials() -> list[Path]:
+    """Return the tutorials in the order of their index, in which they may use each other's runs."""
+    index = (PAGES / "tutorials" / "index.md").read_text(encoding="utf-8")
+    return [PAGES / "tutorials" / f"{name}.md" for name in re.findall(r"^([a-z_]+)$", index, re.MULTILINE)]
+
+
+def build(out: Path = OUT, run_tutorials: bool = True) -> int:
+    """Build ``out``/html and return Sphinx's exit code."""
+    from sphinx.cmd.build import main  # noqa: PLC0415  (only the handbook needs it)
+
+    prepare(out / "sources", run_tutorials)
+    options = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(HERE), "-d", str(out / "doctrees")]
+    return int(main([*options, str(out / "sources"), str(out / "html")]))
+
+
+if __name__ == "__main__":
+    code = build()
+    if code == 0:
+        print(f"handbook: {(OUT / 'html' / 'index.html').resolve()}")
+    sys.exit(code)

@@ -1,0 +1,42 @@
+"""The page that lists every command with its arguments and options, made from the command line itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from runs.cli import app
+
+HEAD = """# The command line
+
+`thirdbody COMMAND --help` prints the same. This page is made from the command line itself.
+"""
+
+
+def page() -> str:
+    """Return the page in Markdown."""
+    group: Any = typer.main.get_command(app)
+    return "\n".join([HEAD, *(_section(name, command) for name, command in group.commands.items())])
+
+
+def _section(name: str, command: Any) -> str:
+    usage = " ".join(part for p in command.params if (part := _usage(p)))
+    rows = [
+        f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"
+    ]
+    table = "| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
+    return f"## `{name}`\n\n{command.help}\n\n```text\nthirdbody {name} {usage}\n```\n\n{table}"
+
+
+def _usage(parameter: Any) -> str:
+    if parameter.param_type_name == "argument":
+        return str(parameter.metavar or parameter.human_readable_name)
+    return f"[{_name(parameter)}]"
+
+
+def _name(parameter: Any) -> str:
+    if parameter.param_type_name == "argument":
+        return str(parameter.metavar or parameter.human_readable_name)
+    value = "" if parameter.is_flag else f" {parameter.metavar or parameter.name.upper()}"
+    return f"{max(parameter.opts, key=len)}{value}"

@@ -1,0 +1,28 @@
+"""Sphinx's settings; `runs.handbook.build` prepares the sources."""
+
+from __future__ import annotations
+
+from importlib.metadata import version as installed
+
+project = "thirdbody"
+author = "The thirdbody developers"
+version = release = installed("thirdbody")
+html_title = "thirdbody"
+html_theme = "furo"
+html_show_sourcelink = False
+html_show_copyright = False
+html_copy_source = False
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["colon_fence", "deflist", "html_image"]
+myst_heading_anchors = 3
+default_role = "code"  # docstrings name code in single backquotes
+nitpicky = False
+autodoc_mock_imports = ["dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"]
+"""The reference of the finite elements is built where they are absent, too."""
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_member_order = "bysource"
+autosummary_generate = False
+napoleon_use_rtype = False
+templates_path: list[str] = []
+exclude_patterns: list[str] = []

@@ -1,0 +1,1 @@
+"""The live page: its table, and the JavaScript that computes with it."""

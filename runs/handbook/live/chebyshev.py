@@ -1,0 +1,66 @@
+"""Tensor interpolation at Chebyshev points, as the live page does it in the browser.
+
+Barycentric formula of the second form [Berrut and Trefethen 2004, SIAM Review 46, 501, doi 10.1137/S0036144502417715],
+with the points of the first kind, cos((j + 1/2) pi / n).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SCALES: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "linear": (lambda x: x, lambda y: y),
+    "log": (math.log, math.exp),
+    "sqrt": (math.sqrt, lambda y: y * y),
+}
+"""Coordinates in which an axis is interpolated, and their inverses."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One variable of a table: its range, the coordinate in which it is interpolated, and the number of points."""
+
+    name: str
+    low: float
+    high: float
+    scale: str
+    count: int
+
+    def nodes(self) -> Array:
+        """Return the variable at the Chebyshev points, shape (count,)."""
+        into, back = SCALES[self.scale]
+        middle, half = 0.5 * (into(self.high) + into(self.low)), 0.5 * (into(self.high) - into(self.low))
+        return np.array([back(middle + half * x) for x in _points(self.count)])
+
+    def weights(self, value: float) -> Array:
+        """Return the weights of the nodes' values at ``value``, shape (count,); they sum to 1."""
+        into = SCALES[self.scale][0]
+        x = (2.0 * into(value) - into(self.high) - into(self.low)) / (into(self.high) - into(self.low))
+        away = x - _points(self.count)
+        if np.any(away == 0.0):
+            return np.asarray(away == 0.0, dtype=float)
+        signs = (-1.0) ** np.arange(self.count)
+        terms = signs * np.sin((np.arange(self.count) + 0.5) * np.pi / self.count) / away
+        return np.asarray(terms / np.sum(terms))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON object of the axis."""
+        return dict(vars(self))
+
+
+def interpolate(axes: Sequence[Axis], values: Array, at: Sequence[float]) -> Array:
+    """Return the table ``values`` (one axis of the array per axis, further ones kept) at the point ``at``."""
+    for axis, place in zip(axes, at, strict=True):
+        values = np.tensordot(axis.weights(place), values, axes=(0, 0))
+    return values
+
+
+def _points(count: int) -> Array:
+    return np.cos((np.arange(count) + 0.5) * np.pi / count)

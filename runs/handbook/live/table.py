@@ -1,0 +1,246 @@
+"""The table behind the handbook's live page: two equal spheres on a layer with a rigid base, at small strain.
+
+    python -m runs.handbook.live.table            # about 15 minutes of processor time; continues after an interruption
+
+Lengths are over R, forces over E R^2, so that the table holds for all R and E. With E* = E/(1 - nu^2):
+
+- Q over that of one ball on a half-space, 4/3 E* sqrt(R) D^(3/2) [Hertz 1881], as its logarithm;
+- T over that of two point loads Q on a half-space, T0 = Q^2/(pi E* L^2), less the same ratio for point loads on the
+  layer, which depends on L/h and nu alone and has a finer table. The remainder, due to the contacts' size, is smooth;
+- one ball alone: contact radius a and the surface around it, for the section.
+
+D is tabulated as a share of the deepest approach, the smaller of 0.5 R and 0.44 h. Every value is then computed anew
+at random points by `linear_bem.solve`; the largest differences are part of the table, and the page shows them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, solve_contact
+from runs.handbook.live.chebyshev import Array, Axis, interpolate
+
+FILE = Path(__file__).with_name("table.json")
+CACHE = Path("out/live-table")
+DEEPEST, DEEPEST_SHARE = 0.5, 0.44
+"""Largest approach over R, and over h."""
+POISSON = Axis("poisson", 0.0, 0.5, "linear", 6)
+DISTANCE = Axis("distance", 2.0, 8.0, "log", 10)
+DEPTH = Axis("depth", 0.02, 1.0, "sqrt", 5)
+BREAK = DEEPEST / DEEPEST_SHARE
+THICKNESS = (Axis("thickness", 0.5, BREAK, "log", 5), Axis("thickness", BREAK, 12.0, "log", 9))
+"""The deepest approach has a kink where both limits are equal: no table spans it."""
+FINE_POISSON = Axis("poisson", 0.0, 0.5, "linear", 8)
+REACH = Axis("distance over thickness", 0.15, 16.0, "log", 40)
+AROUND = Axis("distance from the contact", 0.0, 8.0, "sqrt", 16)
+RANDOM_POINTS, SEED = 240, 20211
+SEQUENCE_ACCURACY, CHECK_ACCURACY = 1e-3, 1e-4
+"""Relative accuracy of T asked of the solver for the table, and at the random points."""
+
+
+def deepest(thickness: float) -> float:
+    """Return the largest tabulated approach over R for a thickness over R."""
+    return min(DEEPEST, DEEPEST_SHARE * thickness)
+
+
+def pair(poisson: float, thickness: float, distance: float, approach: float) -> Problem:
+    """Return two balls of R = 1 on a layer of E = 1."""
+    balls = (Ball((-0.5 * distance, 0.0), 1.0), Ball((0.5 * distance, 0.0), 1.0))
+    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", (approach, approach)))
+
+
+def hertz_force(poisson: float, approach: float) -> float:
+    """Return Q / (E R^2) of one ball on a half-space."""
+    return 4.0 / 3.0 * approach**1.5 / (1.0 - poisson**2)
+
+
+def point_ratio(poisson: float, reach: float) -> float:
+    """Return T of two point loads on the layer over T0, at ``reach`` = L/h."""
+    kernel = LayeredKernel(Layer(1.0, poisson, 1.0))
+    return float(-(reach**2) * kernel.scaled_slope(reach))
+
+
+@dataclass(frozen=True)
+class LiveTable:
+    """What the page computes with; `pair_forces` and `section` are its formulas."""
+
+    data: dict[str, Any]
+
+    def patch(self, thickness: float) -> tuple[Axis, dict[str, Any]]:
+        """Return the axis and the tables of the part that holds ``thickness``."""
+        number = int(thickness > BREAK)
+        return THICKNESS[number], self.data["patches"][number]
+
+    def pair_forces(self, poisson: float, thickness: float, distance: float, approach: float) -> tuple[float, float]:
+        """Return Q and T (> 0: attraction) over E R^2."""
+        axis, tables = self.patch(thickness)
+        axes = (POISSON, axis, DEPTH, DISTANCE)
+        at = (poisson, thickness, approach / deepest(thickness), distance)
+        normal = hertz_force(poisson, approach) * math.exp(float(interpolate(axes, _array(tables["normal"]), at)))
+        ratio = float(interpolate(axes, _array(tables["remainder"]), at))
+        reach = min(max(distance / thickness, REACH.low), REACH.high)
+        ratio += float(interpolate((FINE_POISSON, REACH), _array(self.data["point_ratio"]), (poisson, reach)))
+        return normal, ratio * reference(poisson, distance, normal)
+
+    def one_ball(self, poisson: float, thickness: float, approach: float) -> tuple[float, Array]:
+        """Return a / R of one ball alone, and w / D at the points `AROUND` outside of its contact."""
+        axis, tables = self.patch(thickness)
+        axes, at = (POISSON, axis, DEPTH), (poisson, thickness, approach / deepest(thickness))
+        return float(interpolate(axes, _array(tables["radius"]), at)), interpolate(axes, _array(tables["around"]), at)
+
+    def dent(self, poisson: float, thickness: float, approach: float, r: float) -> float:
+        """Return w / R at the distance ``r`` from the axis of one ball alone."""
+        radius, around = self.one_ball(poisson, thickness, approach)
+        if r <= radius:
+            return approach - 1.0 + math.sqrt(1.0 - r * r)
+        return approach * float(interpolate((AROUND,), around, (min(r - radius, AROUND.high),)))
+
+    def section(self, poisson: float, thickness: float, distance: float, approach: float) -> Callable[[float], float]:
+        """Return w(x) / R under both balls: each dents the layer as alone, at its depth below the other's dent."""
+        alone = approach
+        for _ in range(30):
+            alone = approach - self.dent(poisson, thickness, alone, distance)
+        half = 0.5 * distance
+
+        def surface(x: float) -> float:
+            w = sum(self.dent(poisson, thickness, alone, abs(x - side * half)) for side in (-1.0, 1.0))
+            under = [approach - 1.0 + math.sqrt(1.0 - d * d) for s in (-1, 1) if (d := abs(x - s * half)) < 1.0]
+            return max([w, *under])
+
+        return surface
+
+
+def reference(poisson: float, distance: float, normal: float) -> float:
+    """Return T0 = Q^2 / (pi E* L^2) over E R^2."""
+    return normal**2 * (1.0 - poisson**2) / (math.pi * distance**2)
+
+
+def compute(say: Callable[[str], None] = print) -> LiveTable:
+    """Return the table, with its errors; finished parts are read from `CACHE`."""
+    CACHE.mkdir(parents=True, exist_ok=True)
+    fine = [[point_ratio(nu, reach) for reach in REACH.nodes()] for nu in FINE_POISSON.nodes()]
+    table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis, say) for axis in THICKNESS]})
+    return LiveTable({**_axes(), **table.data, "errors": errors(table, RANDOM_POINTS, say)})
+
+
+def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, float, float]]:
+    """Yield (poisson, thickness, distance, approach) spread over the whole table, the same ones every time.
+
+    An eighth of them lies on each axis's ends, where interpolation is worst.
+    """
+    random = np.random.default_rng(seed)
+    shares = np.clip(random.uniform(-1.0 / 14.0, 15.0 / 14.0, (count, 4)), 0.0, 1.0)
+    for s in shares:
+        thickness = THICKNESS[0].low * (THICKNESS[1].high / THICKNESS[0].low) ** float(s[1])
+        distance = DISTANCE.low * (DISTANCE.high / DISTANCE.low) ** float(s[2])
+        share = DEPTH.low * (DEPTH.high / DEPTH.low) ** float(s[3])
+        yield POISSON.high * float(s[0]), thickness, distance, share * deepest(thickness)
+
+
+def errors(table: LiveTable, count: int, say: Callable[[str], None] = print) -> list[dict[str, Any]]:
+    """Return, for each part of the table, the differences from the solver at random points; see `difference`."""
+    found: tuple[list[Array], ...] = tuple([] for _ in THICKNESS)
+    for number, at in enumerate(random_points(count)):
+        found[int(at[1] > BREAK)].append(difference(table, *at))
+        if number % 20 == 19:
+            say(f"checked at {number + 1} of {count} random points")
+    names = ("tangential", "normal", "section")
+    return [
+        {
+            "points": len(part),
+            "largest": dict(zip(names, _rounded(np.max(part, axis=0)), strict=True)),
+            "median": dict(zip(names, _rounded(np.median(part, axis=0)), strict=True)),
+        }
+        for part in found
+    ]
+
+
+def difference(table: LiveTable, poisson: float, thickness: float, distance: float, approach: float) -> Array:
+    """Return the sizes of the differences from the solver at one point: T over T0, Q over Q, w over D."""
+    at = (poisson, thickness, distance, approach)
+    solution = solve_contact(pair(*at), CHECK_ACCURACY)
+    ball = solution.result().balls[0]
+    normal, tangential = table.pair_forces(*at)
+    x = np.linspace(-0.5 * distance - 3.0, 0.5 * distance + 3.0, 61)
+    section = table.section(*at)
+    w = np.array([section(float(place)) for place in x])
+    unit = reference(poisson, distance, ball.normal_force)
+    off_section = np.max(np.abs(w - solution.displacement(x, np.zeros_like(x)))) / approach
+    return np.abs([(tangential - ball.tangential_force[0]) / unit, normal / ball.normal_force - 1.0, off_section])
+
+
+def _patch(thicknesses: Axis, say: Callable[[str], None]) -> dict[str, Any]:
+    """Return the tables over (poisson, thickness, depth, ...) of one part."""
+    shape = (POISSON.count, thicknesses.count, DEPTH.count)
+    normal, remainder = np.empty((*shape, DISTANCE.count)), np.empty((*shape, DISTANCE.count))
+    radius, around = np.empty(shape), np.empty((*shape, AROUND.count))
+    indices = list(product(*map(range, shape)))
+    for number, index in enumerate(indices):
+        poisson, thickness, share = (a.nodes()[i] for a, i in zip((POISSON, thicknesses, DEPTH), index, strict=True))
+        found = _of_depth(float(poisson), float(thickness), float(share))
+        normal[index], remainder[index] = found["normal"], found["remainder"]
+        radius[index], around[index] = found["radius"], found["around"]
+        if number % 10 == 9:
+            say(f"h = {thicknesses.low:.3g} to {thicknesses.high:.3g} R: {number + 1} of {len(indices)}")
+    tables = {"normal": normal, "remainder": remainder, "radius": radius, "around": around}
+    return {name: _rounded(values) for name, values in tables.items()}
+
+
+def _of_depth(poisson: float, thickness: float, share: float) -> dict[str, Any]:
+    """Return the values over the distance, and those of one ball alone, from `CACHE` if they are there."""
+    approach = share * deepest(thickness)
+    file = CACHE / f"{poisson:.12f}-{thickness:.12f}-{approach:.12f}-{DISTANCE.count}-{AROUND.count}.json"
+    if file.exists():
+        return dict(json.loads(file.read_text()))
+    sequence, normal, remainder = ContactSequence(SEQUENCE_ACCURACY), [], []
+    for distance in map(float, DISTANCE.nodes()):
+        state = sequence.solve(pair(poisson, thickness, distance, approach))
+        force = float(state.normal_forces[0])
+        ratio = float(state.tangential_force[0, 0]) / reference(poisson, distance, force)
+        normal.append(math.log(force / hertz_force(poisson, approach)))
+        remainder.append(ratio - point_ratio(poisson, distance / thickness))
+    layer = Layer(1.0, poisson, thickness)
+    alone = solve_contact(Problem(layer, (Ball((0.0, 0.0), 1.0),), Load("approach", (approach,))), CHECK_ACCURACY)
+    radius = math.sqrt(alone.result().balls[0].contact_area / math.pi)
+    r = radius + AROUND.nodes()
+    around = alone.displacement(r, np.zeros_like(r)) / approach
+    found = {"normal": normal, "remainder": remainder, "radius": radius, "around": around.tolist()}
+    file.write_text(json.dumps(found))
+    return found
+
+
+def _axes() -> dict[str, Any]:
+    axes = {"poisson": POISSON, "distance": DISTANCE, "depth": DEPTH, "around": AROUND, "reach": REACH}
+    return {
+        "axes": {name: axis.to_dict() for name, axis in {**axes, "fine_poisson": FINE_POISSON}.items()},
+        "thickness": [axis.to_dict() for axis in THICKNESS],
+        "deepest": [DEEPEST, DEEPEST_SHARE],
+    }
+
+
+def _rounded(values: Any) -> Any:
+    """Return nested lists of numbers with six significant digits."""
+    return np.vectorize(lambda v: float(f"{v:.6g}"))(np.asarray(values, dtype=float)).tolist()
+
+
+def _array(values: Any) -> Array:
+    return np.asarray(values, dtype=float)
+
+
+def read() -> LiveTable:
+    """Return the table as it is shipped."""
+    return LiveTable(json.loads(FILE.read_text(encoding="utf-8")))
+
+
+if __name__ == "__main__":
+    made = compute()
+    FILE.write_text(json.dumps(made.data, separators=(",", ":")) + "\n", encoding="utf-8")
+    print(f"{FILE}: {FILE.stat().st_size / 1e3:.0f} kB; {made.data['errors']}")

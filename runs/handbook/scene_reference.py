@@ -1,0 +1,106 @@
+"""The page that explains the scene file key by key, made from the models that read it."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Iterator
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from runs.scene import units
+from runs.scene.effects import EFFECTS
+from runs.scene.messages import EXAMPLES, RARER_EXAMPLES
+from runs.scene.scene_file import Tables
+
+UNITS = {"length": "m", "angle": "rad", "force": "N", "pressure": "Pa"}
+"""Words in the names of the types of `runs.scene.units`, and the unit of a plain number."""
+PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false"}
+
+
+def page() -> str:
+    """Return the page in Markdown."""
+    parts = [HEAD]
+    for name, table in tables():
+        effect = EFFECTS.get(name)
+        parts.append(f"## `[{name}]`\n")
+        if effect is not None:
+            parts.append(f"Effect: {effect.words}. Without this table, {effect.without}.\n")
+        parts.append(_prose(table))
+        rows = [_row(name, key, field) for key, field in table.model_fields.items()]
+        parts.append("| key | value | default | example | |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n")
+    return "\n".join(parts)
+
+
+def tables() -> Iterator[tuple[str, type[BaseModel]]]:
+    """Yield every table of a scene with its name, in the order in which a scene has them."""
+    for name, field in Tables.model_fields.items():
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if inspect.isclass(kind) and issubclass(kind, BaseModel):
+                yield name, kind
+
+
+HEAD = """# The scene file, key by key
+
+A scene is a TOML file. `title` stands at its top; all else is in tables. Lengths, forces, pressures and angles are
+strings with a unit, such as `"10 mm"`, `"57.4 kPa"` or `"20 deg"`, or plain numbers in m, N, Pa and rad.
+`[layer]`, `[balls]` and `[load]` are needed. A table of an *effect* is optional: what a scene does not name is not
+simulated, and costs nothing. Faults are reported all at once, each with its table, key, rule and value, before any
+long work.
+
+This page is made from the code that reads scenes.
+"""
+
+
+def _prose(table: type[BaseModel]) -> str:
+    text = inspect.cleandoc(table.__doc__ or "")
+    text = re.sub(r"^\[\w+\]: ", "", text).replace("``", "`")
+    return text[:1].upper() + text[1:] + "\n"
+
+
+def _row(table: str, key: str, field: FieldInfo) -> str:
+    examples = {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
+    example = _toml(examples[key]) if key in examples else ""
+    default = "needed" if field.is_required() else "" if field.default is None else _toml(field.default)
+    cells = (f"`{key}`", meaning(field), default, example, field.description or "")
+    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
+
+
+def meaning(field: FieldInfo) -> str:
+    """Return what a key's value may be, in words."""
+    if field.metadata:
+        known = [name for name, kind in _types() if list(kind.__metadata__) == field.metadata]
+        return _words(known[0])
+    annotation = field.annotation
+    kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    return " or ".join(_of(kind) for kind in kinds if kind is not type(None))
+
+
+def _of(kind: Any) -> str:
+    if get_origin(kind) is Literal:
+        return " or ".join(f"`{json.dumps(value)}`" for value in get_args(kind))
+    if get_origin(kind) is tuple:
+        return f"list of {_of(get_args(kind)[0])}s"
+    named = [name for name, known in _types() if known == kind]
+    return _words(named[0]) if named else PLAIN[kind]
+
+
+def _types() -> list[tuple[str, Any]]:
+    """Return the types of `runs.scene.units` that parse what a scene has written."""
+    return [(name, kind) for name, kind in vars(units).items() if hasattr(kind, "__metadata__")]
+
+
+def _words(name: str) -> str:
+    words = re.sub(r"(?<!^)(?=[A-Z])", " ", name).lower().replace("listed", "list")
+    unit = next((f" ({unit})" for word, unit in UNITS.items() if word in words), "")
+    if get_args(getattr(units, name))[0] == units.OneOrMany:
+        words = f"{words.removesuffix('s')}, or a list with one per ball"
+    return words + unit
+
+
+def _toml(value: Any) -> str:
+    return f"`{json.dumps(value)}`"

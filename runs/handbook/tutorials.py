@@ -1,0 +1,80 @@
+"""Runs the tutorials as printed: files are written, commands and Python run in order, and what they print is put in.
+
+In a page, a fenced block ``toml`` whose first line is ``# NAME.toml`` is a file of that name; ``sh`` holds commands;
+``python`` a script of its own. A block ``output`` after one of those is filled with what it printed: the page itself
+holds none. ``sh`` blocks with the first line ``# not run here`` are left alone.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+NOT_RUN = "# not run here"
+WIDTH = 100
+
+
+class TutorialFailed(Exception):
+    """A block of a page ended with an error."""
+
+
+@dataclass
+class Tutorial:
+    """One page, run in ``folder``; pages that share a folder find each other's runs there."""
+
+    page: Path
+    folder: Path
+
+    def run(self) -> str:
+        """Return the page with what its blocks printed; raises `TutorialFailed`."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._printed = ""
+        return BLOCK.sub(self._filled, self.page.read_text(encoding="utf-8"))
+
+    def _filled(self, block: re.Match[str]) -> str:
+        language, text = block["language"], block["text"]
+        match language:
+            case "toml":
+                name = re.match(r"# (\S+\.toml)\n", text)
+                if name:
+                    (self.folder / name[1]).write_text(text, encoding="utf-8")
+            case "sh" if not text.startswith(NOT_RUN):
+                self._printed = self._stdout(["bash", "-euo", "pipefail", "-c", text], block)
+            case "python":
+                self._printed = self._stdout([sys.executable, "-c", text], block)
+            case "output":
+                return f"```text\n{self._printed}```"
+            case _:
+                return block[0].replace(NOT_RUN + "\n", "")
+        return block[0]
+
+    def _stdout(self, command: list[str], block: re.Match[str]) -> str:
+        done = subprocess.run(
+            command, cwd=self.folder, env=environment(), capture_output=True, text=True, check=False, timeout=600
+        )
+        if done.returncode:
+            line = self.page.read_text(encoding="utf-8")[: block.start()].count("\n") + 1
+            raise TutorialFailed(f"{self.page}:{line}: exit code {done.returncode}\n{block['text']}\n{done.stderr}")
+        lines = [line.rstrip() for line in done.stdout.strip("\n").splitlines()]
+        return "\n".join(lines) + "\n" if lines else ""
+
+
+def environment() -> Mapping[str, str]:
+    """Return the environment of the blocks: this Python's commands first, this checkout, plain output."""
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    plain = {
+        "NO_COLOR": "1",
+        "TERM": "dumb",
+        "COLUMNS": str(WIDTH),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    python = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    return {**os.environ, **plain, "PATH": programs, "PYTHONPATH": python, "MPLBACKEND": "Agg"}
