@@ -92,7 +92,7 @@ class FiniteStrain:
         law, texts = law_of(self.law, {}) if isinstance(self.law, str) else (self.law, [])
         if isinstance(law, Law):
             texts = law.faults(poisson)
-        elif law is not None and not callable(law):
+        elif not texts and not callable(law):
             texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}"]
         return [f"finite_strain.{text}" for text in texts]
 

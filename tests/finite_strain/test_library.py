@@ -33,7 +33,7 @@ def with_law(law: Any) -> Any:
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_forty_lines_reproduce_a_scenes_answer(ranks: int) -> None:
-    done = mpirun(ranks, "-m", "tests.finite_strain.library", timeout=300.0)
+    done = mpirun(ranks, "-m", "tests.finite_strain.library", timeout=600.0)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     own, named = (said[name]["balls"][0] for name in ("own", "named"))
