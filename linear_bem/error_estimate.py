@@ -96,8 +96,8 @@ def errors_of_one(contacts: Contacts) -> Errors:
 
     On polynomials of degree d a gap g in contact is corrected by pressures of about g k/(2 pi singular), the
     half-space's response at the largest wave number that the polynomials resolve, k = 4 d/a; forces and approaches are
-    correct to second order in the error of the pressure, at least to a fifth of g over the approach. Over 13 pairs
-    (`tests/linear_bem/test_errors.py`) the errors were 0.1 to 0.9 of these bounds, or less.
+    correct to second order in the error of the pressure, at least to a fifth of g over the approach. The
+    factors are chosen on scans of pairs, and hold on the scenes of `tests/linear_bem/test_errors.py`.
     """
     values = quantities(contacts)
     if isinstance(contacts, GridContacts):
