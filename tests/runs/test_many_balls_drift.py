@@ -21,12 +21,13 @@ from runs.evolution.forces import Forces, State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.loads import DENSE, effective_approaches
 from runs.evolution.pair_forces import PairForces
+from runs.evolution.pair_list import CUT
 from runs.evolution.providers import Provider
 from runs.models import choose
 from runs.process import signals
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import Options
-from tests.launch import python
+from tests.launch import ROOT, python
 from tests.runs.foam_balls import RADIUS, line, of, scene, spread
 from tests.test_architecture import LOADED
 
@@ -36,6 +37,8 @@ ROUNDOFF = 1e-9
 INTERIOR = 1e-7
 """Of the interior-point method, relative to the largest velocity."""
 TOLERANCE = 1e-6 * RADIUS
+CLOSE = 1e-6
+"""Share of the law left out where the sums themselves are looked at."""
 
 
 def lattice(columns: int, rows: int, spacing: float) -> Array:
@@ -48,11 +51,11 @@ def triangular(columns: int, rows: int, spacing: float) -> tuple[Array, Array]:
     return spacing * np.array(x), spacing * np.array([columns, 0.5 * np.sqrt(3.0) * rows])
 
 
-def in_cell(pair: PairForces, count: int, cell: Array) -> PairForces:
+def in_cell(pair: PairForces, count: int, cell: Array, cut: float = CUT) -> PairForces:
     places = [tuple(p) for p in lattice(count, 1, 4.0 * pair.problem.balls[0].radius)]
     balls = tuple(Ball(place, pair.problem.balls[0].radius) for place in places)
     problem = Problem(pair.problem.layer, balls, Load("approach", pair.problem.load.values[:1] * count))
-    return PairForces(problem, [pair.singles[0]] * count, pair.law, 0.0, cell)
+    return PairForces(problem, [pair.singles[0]] * count, pair.law, 0.0, cell, cut)
 
 
 @pytest.fixture(scope="module")
@@ -137,15 +140,16 @@ def test_a_cell_stands_for_its_images_and_its_edge_for_nothing(thin: PairForces)
     x = np.array([(1.5, 1.5), (4.4, 2.0), (7.2, 1.2), (2.0, 5.1), (5.5, 5.6), (1.2, 7.9), (7.0, 7.5)])
     x += rng.uniform(-0.2, 0.2, x.shape)
     cell = np.array([side, side])
-    forces = in_cell(thin, len(x), cell)
+    forces = in_cell(thin, len(x), cell, CLOSE)
     assert forces.reach > side  # a ball acts on another, and on itself, through several images
     here = forces(x)
     copies = np.array([(0, 0), *[(i, j) for i in range(-4, 5) for j in range(-4, 5) if (i, j) != (0, 0)]])
     many = (x[None] + side * copies[:, None]).reshape(-1, 2)
-    wide = PairForces(in_cell(thin, len(many), cell).problem, [thin.singles[0]] * len(many), thin.law)(many)
-    assert here.normal == pytest.approx(wide.normal[: len(x)], rel=1e-6)
+    problem = in_cell(thin, len(many), cell).problem
+    wide = PairForces(problem, [thin.singles[0]] * len(many), thin.law, cut=CLOSE)(many)
+    assert here.normal == pytest.approx(wide.normal[: len(x)], rel=10.0 * CLOSE)
     size = float(np.max(np.abs(here.tangential)))
-    assert here.tangential == pytest.approx(wide.tangential[: len(x)], abs=1e-6 * size)
+    assert here.tangential == pytest.approx(wide.tangential[: len(x)], abs=10.0 * CLOSE * size)
     assert here.tangential.sum(axis=0) == pytest.approx(0.0, abs=ROUNDOFF * size)
     moved = forces(x + np.array([4.3, -7.7]) + side * np.array([[1.0, 0.0]] * 3 + [[0.0, -2.0]] * 4))
     assert moved.tangential == pytest.approx(here.tangential, abs=ROUNDOFF * size)
@@ -410,6 +414,20 @@ def written(folder: Path, count: int = 121, cycles: float = 1.0, more: str = "",
     file = folder / "layer.toml"
     file.write_text(text, encoding="utf-8")
     return file
+
+
+def test_the_shipped_layer_gathers_and_its_resistance_stops_it(tmp_path: Path) -> None:
+    file = tmp_path / "layer.toml"
+    shipped = (ROOT / "runs" / "scenes" / "layer_of_36_balls.toml").read_text(encoding="utf-8")
+    file.write_text(shipped.replace("cycles = 200", "cycles = 4"), encoding="utf-8")
+    document = evolved(file, tmp_path / "out")
+    first, last = document["path"][0], document["path"][-1]
+    assert len(last["contacts"]) > len(first["contacts"])
+    x, force = np.array(first["positions"]), np.array(first["tangential_force"])
+    slow = np.hypot(*force.T) < 2e-4 * np.array(first["normal_force"])
+    moved = np.hypot(*(np.array(document["path"][1]["positions"]) - x).T)
+    alone = np.array([not any(i in pair for pair in first["contacts"]) for i in range(36)])
+    assert np.all(moved[~slow & alone] > 0.0)
 
 
 def evolved(file: Path, out: Path) -> dict[str, Any]:
