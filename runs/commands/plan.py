@@ -12,6 +12,8 @@ from linear_bem.result import Result
 from runs.advice import USUAL, Adviser
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
+from runs.evolution.expectation import expectation, sentence
+from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.models import MODELS, Model, Run, choose, load_path, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -37,6 +39,10 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     """Print the plan of ``solve``, and of ``compare`` if the scene supports it."""
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
+        return
+    if scene.reciprocation is not None and problem.size > IN_ONE_FILE:  # their linear solution takes minutes
+        expected = expectation(scene)
+        sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
     ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
     plans = [_model_plan(model, scene, problem, ahead)]

@@ -33,8 +33,8 @@ Law = Callable[[Array], tuple[Array, Array]]
 
 CUT, CORRECTED = 1e-4, 10.0
 """Share of the largest pull, and of the largest influence, below which they are left out; the share of the influence is
-as many times larger in a periodic cell, where what is left out is corrected for. That leaves 0.01 to 0.1 % of T of random
-starts there (h = 1.16 R to 6 R)."""
+as many times larger in a periodic cell, where what is left out is corrected for. That leaves 0.02 to 0.1 % of T there
+(random starts, h = 0.8 R to 6 R)."""
 FARTHEST = 1e5
 """Largest distance of a table over the smallest touching distance: 1/L is below `CUT` from there on."""
 STEP = 2e-3
