@@ -40,7 +40,7 @@ class Finished:
 
     @property
     def outcome(self) -> str:
-        """What the layer has done: "gathers", "orders" or "stays"."""
+        """What the layer has done, so far if it is interrupted: "gathers", "orders" or "stays"."""
         if self.row["cluster_mean"] >= GATHERED:
             return "gathers"
         return "orders" if self.row["hexatic_end"] - self.row["hexatic_start"] >= ORDERED else "stays"
@@ -77,17 +77,18 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_ends(folder, [(d.case, folder / CASES) for d in found if d.case.seed == 1])
         pictures.draw_growth(folder, [(d.case, d.rows) for d in found])
     lines = [sentence(found, laws), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
-    missing = [case.name for case in wanted if case not in [done.case for done in found]]
+    ended = [done.case for done in found if done.row["ended"] != "interrupted"]
+    missing = [case.name for case in wanted if case not in ended]
     if missing:
-        lines += ["", f"**Not there: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
+        lines += ["", f"**Not there or interrupted: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
     seconds = sum(done.row["seconds"] for done in found)
     lines += ["", f"Made by `{command('collective', quick)}` in {seconds / 60.0:.1f} minutes of processor time."]
     return "\n".join(lines)
 
 
 def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run that is complete; None where it is not."""
-    document = cases.finished(folder / case.name)
+    """Return a run as far as it is there; None where it has not begun."""
+    document = cases.saved(folder / case.name)
     if document is None:
         return None
     with open(folder / case.name / "structure.csv", encoding="utf-8", newline="") as file:
@@ -145,12 +146,12 @@ def table(found: Sequence[Finished]) -> list[str]:
         "hexatic_end": "psi_6 at the end",
         "nearest_distance": "nearest distance / R",
         "path": "path",
-        "at_rest": "at rest",
+        "ended": "ended",
         "steps": "steps",
         "seconds": "seconds",
     }
     rows = [
-        {**done.row, "outcome": done.outcome, "at_rest": "yes" if done.row["at_rest"] else "no"}
+        {**done.row, "outcome": done.outcome}
         for done in sorted(found, key=lambda d: (d.case.count, d.case.thickness, d.case.fraction, d.case.seed))
     ]
     return markdown(rows, names, digits=3)
