@@ -62,6 +62,7 @@ def finished(rows: list[dict[str, float]], **row: float) -> answer.Finished:
 def test_verdicts_turn_with_clusters_and_order() -> None:
     assert finished([]).outcome == "stays"
     assert finished([], cluster_mean=4.0).outcome == "gathers"
+    assert finished([], cluster_mean=3.9).outcome == "small groups"
     assert finished([], hexatic_end=0.56).outcome == "orders"
 
 
