@@ -12,8 +12,6 @@ from linear_bem.result import Result
 from runs.advice import USUAL, Adviser
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, number
-from runs.evolution.expectation import expectation, sentence
-from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.models import MODELS, Model, Run, choose, load_path, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -31,6 +29,8 @@ NAMES = {
     "meshes": "meshes",
     "accuracy": "refined until",
 }
+MANY = 100
+"""Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 ROUGH = 1e-2
 """Relative accuracy of the linear solution on which a plan is based."""
 
@@ -40,7 +40,9 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
         return
-    if scene.reciprocation is not None and problem.size > IN_ONE_FILE:  # their linear solution takes minutes
+    if scene.reciprocation is not None and problem.size > MANY:
+        from runs.evolution.expectation import expectation, sentence  # noqa: PLC0415  (only where balls drift)
+
         expected = expectation(scene)
         sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
