@@ -125,7 +125,8 @@ def sentence(found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> str:
     attract = [h for h, law in laws.items() if law.ratio[0] > 0.0]
     part = [h for h, law in laws.items() if law.ratio[0] <= 0.0]
     driven = [done.row["force_over_load"] for done in found]
-    ends = [done.row["cluster_mean"] for done in found if done.outcome == "gathers"]
+    ended = [done for done in found if done.row["ended"] != "interrupted"]
+    ends = [done.row["cluster_mean"] for done in ended if done.outcome == "gathers"]
     still = sum(done.outcome == "stays" for done in found)
     chains = [done.row["coordination"] for done in found if done.outcome == "small groups"]
     return (
