@@ -35,6 +35,8 @@ NAMES = {
     "meshes": "meshes",
     "accuracy": "refined until",
 }
+MANY = 100
+"""Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 ROUGH = 1e-2
 """Relative accuracy of the linear solution on which a plan is based."""
 
@@ -43,6 +45,12 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     """Print the plan of ``solve``, and of ``compare`` if the scene supports it."""
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
+        return
+    if scene.reciprocation is not None and problem.size > MANY:
+        from runs.evolution.expectation import expectation, sentence  # noqa: PLC0415  (only where balls drift)
+
+        expected = expectation(scene)
+        sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
     with waiting(f"the linear model on {problem.size} ball(s), for this plan"):
         ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))

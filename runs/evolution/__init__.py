@@ -17,4 +17,8 @@ law here is isotropic, and ``direction`` only sets the arrow in the pictures.
 
 Balls are hard. They rest on one level and touch when their axes are 2 sqrt(R_i R_j) apart (see
 `runs.evolution.hard_balls`); contacts push and never pull. T does not move a ball without load (Q = 0); pushes do.
+
+Effects, none of which is there unless the scene has its table: with ``[rolling_resistance]`` the force on a ball has to
+overcome a share of its load (`runs.evolution.motion`); with ``[periodic]`` the balls are in a cell that repeats
+(`runs.evolution.pair_list`).
 """

@@ -167,14 +167,14 @@ class Evolution:
             path = drift.path(self._start(seed), self.end)
         else:
             path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare)
-        written = time.monotonic()
+        written, before = time.monotonic(), self.steps
         for moment in path:
             signals.check()
+            self.steps = before + drift.steps
             record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
             if time.monotonic() - written > SAVED_EVERY:
                 keep()
                 written = time.monotonic()
-        self.steps += drift.steps
 
     def _document(
         self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float

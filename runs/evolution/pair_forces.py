@@ -32,7 +32,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
 from runs.evolution.loads import effective_approaches
-from runs.evolution.pair_list import CUT, CUT_IN_CELL, CutLaw, PairList
+from runs.evolution.pair_list import CORRECTED, CUT, CutLaw, PairList
 
 Array = NDArray[np.float64]
 
@@ -129,14 +129,15 @@ class PairForces:
         law: PairLaw,
         share: float = 0.0,
         cell: Array | None = None,
-        cut: float | None = None,
+        cut: float = CUT,
     ) -> None:
         self.problem, self.singles, self.law, self.share, self.cell = problem, list(singles), law, share, cell
         kinds = dict.fromkeys(self.singles)
         self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
         self._approaches = np.array(problem.load.values, dtype=float)
-        self._cut = cut or (CUT if cell is None else CUT_IN_CELL)
-        self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), self._cut)
+        self._cut = cut
+        touch, corrected = 2.0 * min(ball.radius for ball in problem.balls), 1.0 if cell is None else CORRECTED
+        self._table = CutLaw(law, touch, corrected * cut, cut)
         self._list = PairList(self._table.reach, cell)
 
     @property

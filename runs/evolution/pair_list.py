@@ -31,9 +31,10 @@ Whole = NDArray[np.intp]
 Law = Callable[[Array], tuple[Array, Array]]
 """Distances [m] in; influence [m/N] and pull [1/N] out."""
 
-CUT, CUT_IN_CELL = 1e-4, 1e-3
-"""Share of the largest value of a pair law below which it is left out: among balls alone in the plane, and in a cell,
-where what is left out is corrected for. That leaves 0.1 to 0.2 % of T in a cell (random starts, h = 1.16 R to 6 R)."""
+CUT, CORRECTED = 1e-4, 10.0
+"""Share of the largest pull, and of the largest influence, below which they are left out; the share of the influence is
+as many times larger in a periodic cell, where what is left out is corrected for. That leaves 0.02 to 0.1 % of T there
+(random starts, h = 0.8 R to 6 R)."""
 FARTHEST = 1e5
 """Largest distance of a table over the smallest touching distance: 1/L is below `CUT` from there on."""
 STEP = 2e-3
@@ -47,16 +48,19 @@ MOST = 40_000_000
 
 
 class CutLaw:
-    """A pair law as a table, zero from its ``reach`` [m] on; ``beyond`` [m^3/N] is the integral of what is left out."""
+    """A pair law as a table, zero from its ``reach`` [m] on; ``beyond`` [m^3/N] is the integral of what is left out.
 
-    def __init__(self, law: Law, touch: float, cut: float) -> None:
+    ``influence`` and ``pull`` are the shares of their largest values below which both are left out.
+    """
+
+    def __init__(self, law: Law, touch: float, influence: float, pull: float) -> None:
         start, end = np.log(0.5 * touch), np.log(FARTHEST * touch)
         nodes = start + STEP * np.arange(int(np.ceil((end - start) / STEP)) + 1)
         at = np.exp(nodes)
         values = np.stack(law(at), axis=1)
         outside = at >= touch
         largest = np.max(np.abs(values[outside]), axis=0)
-        above = np.flatnonzero(np.any(np.abs(values) > cut * largest, axis=1))
+        above = np.flatnonzero(np.any(np.abs(values) > np.array([influence, pull]) * largest, axis=1))
         # the reach is a node, so that no cell of the table holds the bend at its beginning
         last = min(int(above[-1]) + 1, len(nodes) - 1) if len(above) else 0
         self.reach = float(at[last])

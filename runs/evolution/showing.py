@@ -10,7 +10,7 @@ from runs.display import tables
 from runs.display.numbers import number
 from runs.evolution import drawing, layer_pictures, outcome, structure
 from runs.evolution.drift import Moment
-from runs.evolution.hard_balls import HardBalls
+from runs.evolution.hard_balls import IN_ONE_FILE, HardBalls
 from runs.process.json_values import Document
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.session.session import Session
@@ -38,7 +38,10 @@ def show(session: Session, document: Document) -> None:
     out = tables.console()
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
-    tables.show_balls(out, document["balls"], session.scale, title)
+    if len(document["balls"]) <= IN_ONE_FILE:
+        tables.show_balls(out, document["balls"], session.scale, title)
+    else:
+        tables.say(out, title)
     tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document))
     tables.say(out, *tables.notes(document["solved"]))
 

@@ -9,6 +9,7 @@ import pytest
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import plan_run
 from runs.models import choose, standing
+from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import read_scene
 from tests.launch import ROOT
 
@@ -40,7 +41,7 @@ def test_the_experiment_is_the_papers(diameter: int) -> None:
 def test_the_default_model_has_every_effect_of_the_scene(path: Path) -> None:
     scene = read_scene(path)
     model, problem, notes = choose(standing(scene))
-    assert set(scene.effects) <= model.effects | {"reciprocation"}
+    assert set(scene.effects) <= model.effects | {name for name, effect in EFFECTS.items() if effect.of_drift}
     assert model.name == ("finite_strain" if path in FINITE else "linear_bem")
     assert problem == scene.problem
     assert notes == ()

@@ -22,8 +22,8 @@ from runs.studies.framework.tables import markdown, save_csv
 
 Array = NDArray[np.float64]
 
-GATHERED = 4.0
-"""Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered."""
+GATHERED, GROUPED = 4.0, 1.3
+"""Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
 """Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
 GROWING = (2.0, 0.5)
@@ -40,9 +40,11 @@ class Finished:
 
     @property
     def outcome(self) -> str:
-        """What the layer has done: "gathers", "orders" or "stays"."""
+        """What the layer has done, so far if it is interrupted: "gathers", "small groups", "orders" or "stays"."""
         if self.row["cluster_mean"] >= GATHERED:
             return "gathers"
+        if self.row["cluster_mean"] >= GROUPED:
+            return "small groups"
         return "orders" if self.row["hexatic_end"] - self.row["hexatic_start"] >= ORDERED else "stays"
 
 
@@ -77,17 +79,18 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_ends(folder, [(d.case, folder / CASES) for d in found if d.case.seed == 1])
         pictures.draw_growth(folder, [(d.case, d.rows) for d in found])
     lines = [sentence(found, laws), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
-    missing = [case.name for case in wanted if case not in [done.case for done in found]]
+    ended = [done.case for done in found if done.row["ended"] != "interrupted"]
+    missing = [case.name for case in wanted if case not in ended]
     if missing:
-        lines += ["", f"**Not there: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
+        lines += ["", f"**Not there or interrupted: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
     seconds = sum(done.row["seconds"] for done in found)
     lines += ["", f"Made by `{command('collective', quick)}` in {seconds / 60.0:.1f} minutes of processor time."]
     return "\n".join(lines)
 
 
 def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run that is complete; None where it is not."""
-    document = cases.finished(folder / case.name)
+    """Return a run as far as it is there; None where it has not begun."""
+    document = cases.saved(folder / case.name)
     if document is None:
         return None
     with open(folder / case.name / "structure.csv", encoding="utf-8", newline="") as file:
@@ -121,13 +124,24 @@ def sentence(found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> str:
 
     attract = [h for h, law in laws.items() if law.ratio[0] > 0.0]
     part = [h for h, law in laws.items() if law.ratio[0] <= 0.0]
+    driven = [done.row["force_over_load"] for done in found]
+    ended = [done for done in found if done.row["ended"] != "interrupted"]
+    ends = [done.row["cluster_mean"] for done in ended if done.outcome == "gathers"]
+    still = sum(done.outcome == "stays" for done in found)
+    chains = [done.row["coordination"] for done in found if done.outcome == "small groups"]
     return (
         "**An intermediate layer gathers where T attracts touching balls "
         f"(here h >= {min(attract, default=np.nan):g} R) and orders where T separates at every distance "
-        f"(h <= {max(part, default=np.nan):g} R), if the balls are close enough to feel each other.** "
-        f"Runs that gather (h/R at area fractions): {thicknesses('gathers')}. Runs that "
-        f"order: {thicknesses('orders')}. Runs that stay as they are: {thicknesses('stays')}. Gathering does not go on "
-        "to one group: beyond a distance of about 1.2 h balls separate, so clusters of that size repel each other."
+        f"(h <= {max(part, default=np.nan):g} R); it stays as it is where resistance to rolling is above T/Q: without "
+        f"resistance {still} of {len(found)} runs do.** The largest T/Q of a start is {min(driven):.1g} to "
+        f"{max(driven):.1g}. Runs that gather (h/R at area fractions): {thicknesses('gathers')}. Runs with small "
+        f"groups ({min(chains, default=np.nan):.2g} to {max(chains, default=np.nan):.2g} contacts a ball: pairs and "
+        "chains): "
+        f"{thicknesses('small groups')}. Runs that order: {thicknesses('orders')}. Layers that gather have clusters of "
+        f"{min(ends, default=np.nan):.3g} to {max(ends, default=np.nan):.3g} balls at the end of their path (where "
+        "contacts run through the whole cell, the cluster is a network). Farther apart than about 1.2 h balls separate "
+        "and clusters with them: the nearer that distance is to contact, the smaller the groups in which growth slows "
+        "down. Whether it ends there these paths are too short to tell."
     )
 
 
@@ -141,16 +155,17 @@ def table(found: Sequence[Finished]) -> list[str]:
         "outcome": "outcome",
         "cluster_mean": "mean cluster",
         "coordination": "contacts per ball",
+        "force_over_load": "T/Q at first, largest",
         "hexatic_start": "psi_6 at first",
         "hexatic_end": "psi_6 at the end",
         "nearest_distance": "nearest distance / R",
         "path": "path",
-        "at_rest": "at rest",
+        "ended": "ended",
         "steps": "steps",
         "seconds": "seconds",
     }
     rows = [
-        {**done.row, "outcome": done.outcome, "at_rest": "yes" if done.row["at_rest"] else "no"}
+        {**done.row, "outcome": done.outcome}
         for done in sorted(found, key=lambda d: (d.case.count, d.case.thickness, d.case.fraction, d.case.seed))
     ]
     return markdown(rows, names, digits=3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from runs.evolution.providers import provider
 from runs.models import MODELS
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
-from runs.studies.framework.study import write
+from runs.studies.framework.study import read_json, write
 
 Array = NDArray[np.float64]
 
@@ -61,9 +60,9 @@ def cases(quick: bool) -> list[Case]:
     if quick:
         return [Case(h, 0.3, 200, 1) for h in (1.16, 6.0)]
     thicknesses = (1.16, 2.0, 6.0, 3.0, 0.8)
-    first = [*(Case(h, 0.3, 200, 1) for h in thicknesses), Case(1.16, 0.3, 1000, 1), Case(6.0, 0.3, 1000, 1)]
-    grid = [Case(h, phi, 200, 1) for phi in (0.15, 0.5) for h in thicknesses]
-    return [*first, *grid, *(Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3))]
+    grid = [Case(h, phi, 200, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
+    seeds = [Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3)]
+    return [*grid, Case(1.16, 0.3, 1000, 1), seeds[0], Case(6.0, 0.3, 1000, 1), *seeds[1:]]
 
 
 @dataclass(frozen=True)
@@ -139,20 +138,14 @@ def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = Tru
             return None
         write(file, scene_text(case, pair_law(case.thickness)))
     elif not compute:
-        return finished(folder / case.name)
+        return saved(folder / case.name)
     with open_session(read_scene(file), MODEL, Options(False, folder / case.name, fresh)) as session:
         return session.saved if session.complete else Evolution(session, TABLES).complete(pictures=False)
 
 
-def finished(folder: Path) -> dict[str, Any] | None:
-    """Return the document of a run that is complete."""
-    try:
-        if json.loads((folder / "run.json").read_text(encoding="utf-8"))["state"] != "finished":
-            return None
-        document: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return document
+def saved(folder: Path) -> dict[str, Any] | None:
+    """Return the document of a run, complete or interrupted; None where there is none."""
+    return read_json(folder / "result.json")
 
 
 def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]]) -> dict[str, Any]:
@@ -164,13 +157,17 @@ def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]
         "balls": case.count,
         "seed": case.seed,
         "path": last["cycle"],
-        "at_rest": bool(document["rest"]["at_rest"]),
+        "ended": "interrupted"
+        if not document["solved"]["converged"]
+        else "at rest"
+        if document["rest"]["at_rest"]
+        else "path spent",
         "cluster_mean": last["cluster_mean"],
         "coordination": last["coordination"],
         "hexatic_start": first["hexatic_local"],
         "hexatic_end": last["hexatic_local"],
         "nearest_distance": last["nearest_distance_mean"],
-        "steps": document["solved"]["iterations"],
+        "force_over_load": first["force_over_load"],
+        "steps": document["solved"]["iterations"] or None,
         "seconds": document["solved"]["seconds"],
-        "cut_error": document["cut_error"],
     }

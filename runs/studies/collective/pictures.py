@@ -15,7 +15,7 @@ from runs.evolution.layer_pictures import draw_layer
 from runs.session.run_folder import PATH
 from runs.studies.collective.cases import DISTANCES, Case, PairLaw
 
-COLORS = {"gathers": BLUE, "orders": GREEN, "stays": GREY}
+COLORS = {"gathers": BLUE, "small groups": PURPLE, "orders": GREEN, "stays": GREY}
 CURVES = (BLUE, ORANGE, GREEN, PURPLE, GREY)
 
 
@@ -29,7 +29,8 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
                 continue
             seen.add((case.thickness, case.fraction))
             outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
-            text = f"{row['cluster_mean']:.2g}" if outcome == "gathers" else f"{row['hexatic_end']:.2f}"
+            grouped = outcome in ("gathers", "small groups")
+            text = f"{row['cluster_mean']:.3g}" if grouped else f"{row['hexatic_end']:.2f}"
             outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
                               ha="center", fontsize=8)  # fmt: skip
         for name, color in COLORS.items():
@@ -37,10 +38,10 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
         thicknesses = sorted(laws)
         outcomes.set(
             xscale="log", xlabel="h / R", ylabel="area fraction", xlim=(0.7 * thicknesses[0], 1.4 * thicknesses[-1]),
-            ylim=(0.0, 0.68), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
+            ylim=(0.0, 0.75), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
         )  # fmt: skip
         outcomes.minorticks_off()
-        outcomes.legend(ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.0))
+        outcomes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.0))
         outcomes.set_title("Balls in a cluster, or |psi_6|, at the end", pad=14)
         for (h, law), color in zip(laws.items(), CURVES, strict=False):
             pair.plot(DISTANCES, 1e3 * law.ratio, color=color, label=f"h = {h:g} R")
@@ -78,7 +79,7 @@ def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, 
     thicknesses = sorted({case.thickness for case, _ in chosen})
     with look():
         figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
-        for case, rows in chosen:
+        for case, rows in sorted(chosen, key=lambda c: (c[0].count, c[0].thickness)):
             color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
             style = "-" if case.count < 1000 else "--"
             path = np.array([row["cycle"] for row in rows])

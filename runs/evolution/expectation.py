@@ -1,0 +1,45 @@
+"""What ``plan`` says about the drift of many balls: how many pairs act on each other, and how long a path takes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from runs.evolution.pair_forces import PairLaw
+from runs.evolution.pair_list import CORRECTED, CUT, CutLaw
+from runs.scene.scene_file import Scene
+
+PER_PAIR, PER_BALL = 6.5e-7, 1.5e-4
+"""Processor time of a step [s]: 4.6 evaluations of the forces, and six problems of contacts."""
+STEPS = 36.0
+"""Steps of a path to rest over the root of the number of balls: 510 of 200 balls that gather (tolerance 1e-4 R)."""
+
+
+def expectation(scene: Scene) -> dict[str, Any]:
+    """Return number of pairs, steps and processor time [s] of a path, to a factor of about three."""
+    problem = scene.problem
+    periodic = scene.drift.get("periodic")
+    x, touch = problem.positions, 2.0 * min(ball.radius for ball in problem.balls)
+    law = CutLaw(PairLaw(problem), touch, CUT if periodic is None else CORRECTED * CUT, CUT)
+    sides = np.ptp(x, axis=0) + touch if periodic is None else np.array(periodic.lengths)
+    around = problem.size * math.pi * law.reach**2 / float(np.prod(sides))
+    pairs = 0.5 * problem.size * (around if periodic is not None else min(around, problem.size - 1.0))
+    steps = STEPS * math.sqrt(problem.size)
+    return {
+        "reach": law.reach,
+        "pairs": pairs,
+        "steps": steps,
+        "seconds": steps * (pairs * PER_PAIR + problem.size * PER_BALL),
+    }
+
+
+def sentence(found: dict[str, Any]) -> str:
+    """Return the expectation in words."""
+    minutes = found["seconds"] / 60.0
+    time = f"{minutes:.0f} minutes" if minutes < 120.0 else f"{minutes / 60.0:.0f} hours"
+    return (
+        f"evolve: about {found['pairs']:.1g} pairs act on each other, each step takes all of them; to rest about "
+        f"{found['steps']:.1g} steps, {time} of one core, within a factor of three (a finite-strain table not counted)"
+    )

@@ -1,0 +1,77 @@
+"""The study of many balls: its starts, its verdicts, its growth law, and its page."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runs import studies
+from runs.evolution.hard_balls import HardBalls
+from runs.studies.collective import answer, cases
+from runs.studies.collective.cases import Case
+
+CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cases, "cases", lambda quick: [*CASES, Case(6.0, 0.3, 101, 1)])
+        patch.setattr(cases, "MODEL", "point_load")
+        patch.setattr(cases, "GATHERING", 0.05)
+        patch.setattr(cases, "PARTING", 1.0)
+        folder.joinpath("out", "cases").mkdir(parents=True)
+        for case in CASES:
+            cases.evolve(case, folder / "out" / "cases")
+        studies.run_study("collective", studies.Options(quick=True, out=folder / "out", tables=True))
+    return folder / "out"
+
+
+def test_starts_are_random_without_overlap_and_the_same_again() -> None:
+    case = Case(1.0, 0.5, 120, 7)
+    x = cases.random_start(case)
+    balls = HardBalls(np.ones(case.count), np.array([case.length] * 2))
+    assert len(balls.near(x, -1e-9)) == 0
+    assert case.count * np.pi / case.length**2 == pytest.approx(0.5)
+    assert np.array_equal(x, cases.random_start(case))
+    assert not np.allclose(x, cases.random_start(dataclasses.replace(case, seed=8)))
+
+
+def test_the_page_holds_what_ran_and_names_what_did_not(out: Path) -> None:
+    text = (out / "answer.md").read_text(encoding="utf-8")
+    assert "Not there or interrupted: 1 of 3 runs:** h6-phi0.3-n101-seed1" in text
+    assert "T changes sign" in text
+    with open(out / "collective.csv", encoding="utf-8", newline="") as file:
+        rows = {float(row["h/R"]): row for row in csv.DictReader(file)}
+    assert set(rows) == {2.0, 0.8}
+    assert float(rows[2.0]["coordination"]) > 0.0 == float(rows[0.8]["coordination"])
+    assert float(rows[0.8]["nearest_distance"]) > float(rows[2.0]["nearest_distance"])
+    for name in ("map.svg", "ends.png", "growth.svg"):
+        assert (out / name).stat().st_size > 5_000, name
+
+
+def finished(rows: list[dict[str, float]], **row: float) -> answer.Finished:
+    return answer.Finished(CASES[0], {"cluster_mean": 1.0, "hexatic_start": 0.4, "hexatic_end": 0.4, **row}, rows)
+
+
+def test_verdicts_turn_with_clusters_and_order() -> None:
+    assert finished([]).outcome == "stays"
+    assert finished([], cluster_mean=4.0).outcome == "gathers"
+    assert finished([], cluster_mean=3.9).outcome == "small groups"
+    assert finished([], hexatic_end=0.56).outcome == "orders"
+
+
+def test_a_power_law_is_found_with_its_error() -> None:
+    path = np.geomspace(0.1, 100.0, 30)
+    noise = np.exp(0.05 * np.random.default_rng(0).normal(size=len(path)))
+    size = np.maximum(8.0 * path**0.4, 1.0) * noise
+    law = answer.growth(finished([{"cycle": p, "cluster_mean": s} for p, s in zip(path, size, strict=True)]))
+    assert law is not None
+    assert law.exponent == pytest.approx(0.4, abs=4.0 * law.error)
+    assert 0.0 < law.error < 0.05
+    assert answer.growth(finished([{"cycle": p, "cluster_mean": 1.0} for p in path])) is None
