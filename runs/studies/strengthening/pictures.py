@@ -69,15 +69,15 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
 
 
 def _laws(found: Found, rows: Mapping[str, Rows]) -> Any:
-    figure, axes = panels(4.6, 4.6, height=4.2)
     chosen = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
-    for axis, foams in zip(axes, (False, True), strict=True):
-        here = [case for case in chosen if (case.labels["nu"] < 0.4) == foams]
+    ratios = sorted({case.labels["nu"] for case in chosen}, reverse=True) or [0.48]
+    figure, axes = panels(*[4.6] * len(ratios), height=4.2)
+    for axis, nu in zip(axes, ratios, strict=True):
+        here = [case for case in chosen if case.labels["nu"] == nu]
         for i, case in enumerate(here):
             name = str(case.labels["law"]).replace("_", " ")
             _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
-        shown = f", ν = {here[0].labels['nu']:g}" if here else ""
-        _finish(axis, [row for case in here for row in rows[case.name]], f"$S_Q$ by law, h = 1.16 R{shown}")
+        _finish(axis, [row for case in here for row in rows[case.name]], f"$S_Q$ by law, h = 1.16 R, ν = {nu:g}")
     return figure
 
 
