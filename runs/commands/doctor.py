@@ -27,6 +27,11 @@ PACKAGES = {
 }
 OVER_SYSTEM_PYTHON = f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv && .venv/bin/pip install -e '.[cli]'"
 INSTALL_PICTURES = "bash runs/setup.sh render"
+OPTIONAL = {
+    "clarabel": ("many balls in contact and rolling resistance need it in `thirdbody evolve`", "pip install clarabel"),
+    "pyvista": ("`thirdbody render` needs it", INSTALL_PICTURES),
+}
+"""Packages that some commands need: which, and how to install the package."""
 OLDEST_DOLFINX = (0, 5, 2)
 LAUNCHED_BY_MPI = ("OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX_", "PMI_", "PRTE_", "ORTE_")
 PROBE = """
@@ -129,10 +134,10 @@ def examine(*, as_json: bool) -> int:
 
 def look(python: str = sys.executable) -> list[Finding]:
     """Return all findings about ``python`` and the libraries that it would use."""
-    report = probe(python, ["numpy", "scipy", *PACKAGES, "pyvista"])
+    report = probe(python, ["numpy", "scipy", *PACKAGES, *OPTIONAL])
     found = [_python(python, report)]
     found += [_numpy(report, python), *(_package(name, report, python) for name in PACKAGES), _blas(report)]
-    return [*found, _launcher(), _pictures(report)]
+    return [*found, _launcher(), *(_optional(name, report) for name in OPTIONAL)]
 
 
 def probe(python: str, names: Sequence[str]) -> Report:
@@ -214,14 +219,13 @@ def _blas(report: Report) -> Finding:
     return Finding("BLAS", found)
 
 
-def _pictures(report: Report) -> Finding:
-    this = report.packages["pyvista"]
+def _optional(name: str, report: Report) -> Finding:
+    this, (use, remedy) = report.packages[name], OPTIONAL[name]
     if not this.error:
-        return Finding("pyvista", f"{this.version}, {this.folder}")
-    found = f"none: only `thirdbody render` needs it ({INSTALL_PICTURES})"
-    if "No module named 'pyvista'" in this.error:
-        return Finding("pyvista", found)
-    return Finding("pyvista", "broken", this.error, INSTALL_PICTURES, blocks=False)
+        return Finding(name, f"{this.version}, {this.folder}")
+    if f"No module named '{name}'" in this.error:
+        return Finding(name, f"none: only {use} ({remedy})")
+    return Finding(name, "broken", this.error, remedy, blocks=False)
 
 
 def _launcher() -> Finding:
