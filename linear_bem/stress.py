@@ -137,8 +137,8 @@ def _summed(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float, names:
 def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return the stress tensor [Pa] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
-    Shape (3, 3, *points), axes x, y, z with z up, tension positive; in the layer and in the substrate (at the bond: of
-    the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on grids, where
+    Shape (3, 3) and that of the points, axes x, y, z with z up, tension positive; in the layer and in the substrate (at
+    the bond: of the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on grids, where
     cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem` for depths too small for
     that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is known.
     """
@@ -155,8 +155,8 @@ def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Arra
 def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return the displacement [m] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
-    Shape (3, *points), along x, y and z with z up: a pressed surface has a negative third component, minus what
-    `Solution.displacement` returns. Errors and limits as for `stress`.
+    Shape (3,) and that of the points, along x, y and z with z up: a pressed surface has a negative third component,
+    minus what `Solution.displacement` returns. Errors and limits as for `stress`.
     """
     _check_depth(solution, depth, "interior_displacement")
     along_x, along_y, down = _summed(solution, x, y, depth, PLANAR)

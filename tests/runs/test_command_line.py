@@ -121,7 +121,7 @@ def test_plan_speaks_json() -> None:
     assert done.returncode == 0, done.stderr
     plan = strict(done.stdout)
     assert plan["effects_present"] == ["substrate"]
-    assert plan["effects_absent"] == ["finite_strain", "reciprocation"]
+    assert plan["effects_absent"] == ["finite_strain", "reciprocation", "periodic", "rolling_resistance"]
     assert plan["models"][0]["model"] == "linear_bem"
     assert plan["models"][0]["unknowns"] > 0
 

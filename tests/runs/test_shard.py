@@ -93,7 +93,7 @@ def test_a_shard_that_is_none_is_refused(text: str) -> None:
 
 def test_parts_of_a_study_without_cases_and_a_published_quick_one_are_refused() -> None:
     for more, words in (
-        (("figures", "--shard", "1/2"), "no parts"),
+        (("figures", "--shard", "1/2"), "cannot be split"),
         (("strengthening", "--quick", "--publish"), "full"),
     ):
         done = mpirun(1, "-m", "runs.cli", "study", *more)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.strengthening.fitting import Fit
 from runs.studies.strengthening.matrix import SIDES
@@ -24,7 +25,9 @@ def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None],
     with look():
         save_figure(_headline(rows, fits), folder, "strengthening")
         save_figure(_parameters(found, rows), folder, "parameters")
-        save_figure(_laws(found, rows), folder, "laws")
+        laws = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
+        if laws:
+            save_figure(_laws(laws, rows), folder, "laws")
 
 
 def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
@@ -68,9 +71,8 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
     return figure
 
 
-def _laws(found: Found, rows: Mapping[str, Rows]) -> Any:
-    chosen = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
-    ratios = sorted({case.labels["nu"] for case in chosen}, reverse=True) or [0.48]
+def _laws(chosen: Sequence[Case], rows: Mapping[str, Rows]) -> Any:
+    ratios = sorted({case.labels["nu"] for case in chosen}, reverse=True)
     figure, axes = panels(*[4.6] * len(ratios), height=4.2)
     for axis, nu in zip(axes, ratios, strict=True):
         here = [case for case in chosen if case.labels["nu"] == nu]
