@@ -138,9 +138,9 @@ def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Arra
     """Return the stress tensor [Pa] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
     Shape (3, 3) and that of the points, axes x, y, z with z up, tension positive; in the layer and in the substrate (at
-    the bond: of the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on grids, where
-    cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem` for depths too small for
-    that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is known.
+    the bond: of the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on
+    grids, where cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem` for depths too
+    small for that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is known.
     """
     _check_depth(solution, depth, "stress")
     sigma, tau_x, tau_y, total, difference, shear = _summed(solution, x, y, depth, STRESSES)
