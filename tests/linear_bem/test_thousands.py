@@ -4,10 +4,12 @@ The small scenes here take every path of large ones: more than a hundred contact
 is used from a few hundred.
 """
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse.linalg
 from scipy.spatial import cKDTree
 
 import linear_bem.memory
@@ -24,6 +26,7 @@ from linear_bem import (
     solve_contact,
 )
 from linear_bem.errors import TooLarge
+from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
@@ -112,6 +115,28 @@ def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     assert np.all(loads[~free] == 0.0)
     residual = compliance * loads + influence @ loads - right
     assert np.max(np.abs(residual[free])) < 1e-8
+
+
+def test_balls_in_a_row_take_the_mesh_too():
+    kernel = LayeredKernel(Layer(1.0, 0.48, 1.0), Elastic(100.0, 0.3))
+    row = np.stack([3.0 * np.arange(2000), np.zeros(2000)], axis=1)
+    assert len(FarField.of(kernel, row, 0.0, 1e-5).first) < 50_000
+
+
+def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
+    def newer(a, b, x0=None, *, rtol=1e-5, atol=0.0, maxiter=None, M=None, callback=None):
+        asked.append(rtol)
+        return b, 0
+
+    asked = []
+    with monkeypatch.context() as patched:
+        patched.setattr(scipy.sparse.linalg, "cg", newer)
+        module = importlib.reload(coupled_system)
+        points = np.stack([np.arange(700.0), np.zeros(700)], axis=1)
+        influence = PointInfluence(FarField.of(LayeredKernel(Layer(1.0, 0.3, np.inf)), points, 0.0, 1e-5), points)
+        module.solve_coupled(influence, np.ones(700), np.ones(700), np.ones(700, dtype=bool))
+    importlib.reload(coupled_system)
+    assert asked == [coupled_system.RESIDUAL]
 
 
 def test_the_scale_of_the_forces_is_within_five_per_cent_of_the_whole_sum():
