@@ -22,6 +22,7 @@ from linear_bem import (
     LayeredKernel,
     Load,
     Problem,
+    sampled_solution,
     solve,
     solve_contact,
 )
@@ -31,6 +32,7 @@ from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.smooth.displacement import DirectSums
+from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls
 
 BASES = {"half-space": (np.inf, None), "rigid base": (6.0, None), "elastic base": (2.0, Elastic(10.0, 0.3))}
@@ -163,6 +165,10 @@ def test_a_sampled_solution_meets_a_sharper_one_within_its_stated_error(load, ba
     assert np.max(difference) < 1e-3 * largest
     assert np.max(np.abs(forces(quick).sum(axis=0))) < 1e-3 * largest
     assert [b.normal_force for b in quick.balls] == pytest.approx([b.normal_force for b in sharp.balls], rel=1e-4)
+    for name in ("normal_force", "approach"):
+        for here, there in zip(quick.balls, sharp.balls, strict=True):
+            known = here.errors[name] + there.errors[name] + 1e-9 * abs(getattr(there, name))
+            assert abs(getattr(here, name) - getattr(there, name)) <= known
     if load == "total_force":
         assert sum(b.normal_force for b in quick.balls) == pytest.approx(problem.load.values[0], rel=1e-8)
 
@@ -225,6 +231,21 @@ def test_balls_that_the_others_lift_off_carry_nothing_and_do_not_touch():
     for i in lifted:
         x, y = (np.array([c]) for c in problem.balls[i].position)
         assert solution.displacement(x, y)[0] > problem.load.values[i] - 1.1e-4 * 0.15
+
+
+def test_a_sample_without_a_solution_leaves_the_error_unbounded_and_says_so(monkeypatch):
+    def lost(contacts):
+        sample = sample_error(contacts)
+        return replace(sample, tangential_force=np.full(len(sample.places), np.inf))
+
+    problem = scene("approach", "half-space", 110)
+    lifted = problem.with_load("approach", (*[0.1] * 109, -0.1))
+    monkeypatch.setattr(sampled_solution, "sample_error", lost)
+    result = solve(lifted, 1e-2)
+    assert result.solved.accuracy["reached"] == np.inf
+    assert result.balls[0].tangential_force_error == np.inf
+    assert result.balls[-1].tangential_force_error == 0.0
+    assert "is estimated to inf" in result.solved.notes[0]
 
 
 def test_every_step_is_reported_and_a_report_may_end_the_solution():
