@@ -13,6 +13,7 @@ import scipy.sparse.linalg
 from scipy.spatial import cKDTree
 
 import linear_bem.memory
+import linear_bem.problem
 from linear_bem import (
     Ball,
     Elastic,
@@ -269,6 +270,20 @@ def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeyp
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
     with pytest.raises(TooLarge, match=r"105 balls needs about 0.021 GB of memory, and 0.01 GB are free"):
         solve(scene("force"), 1e-3)
+
+
+def test_pairs_of_asperities_are_not_searched_for_overlaps(monkeypatch):
+    monkeypatch.setattr(linear_bem.problem, "_touching_distance", lambda a, b: pytest.fail("a pair was compared"))
+    caps = tuple(Ball((x, y), 5.0, asperity=True) for x, y in np.random.default_rng(7).uniform(0.0, 1.0, (50, 2)))
+    assert Problem(Layer(1.0, 0.3, 5.0), caps, Load("total_force", (1e-3,))).size == 50
+
+
+def test_the_pressure_of_many_contacts_is_the_sum_over_all(meshed):
+    _, solution = meshed
+    x, y = np.meshgrid(np.linspace(0.0, 8.0, 30), np.linspace(0.0, 8.0, 30))
+    every = sum(n.zone.pressure(x, y) for n in solution.contacts.smooth.nodes) / solution.contacts.kernel.singular
+    assert np.max(every) > 0.0
+    assert solution.pressure(x, y) == pytest.approx(every, rel=1e-12)
 
 
 def test_overlaps_among_many_balls_are_found_and_named_in_order():
