@@ -27,7 +27,7 @@ from linear_bem import (
     solve,
     solve_contact,
 )
-from linear_bem.errors import TooLarge
+from linear_bem.errors import NotConverged, TooLarge
 from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.kernel_split import FarField, PointInfluence
@@ -103,6 +103,14 @@ def test_the_meshs_slopes_are_those_of_its_kernel():
     assert at.value @ field == pytest.approx(value @ loads, abs=2e-5)
     for axis, matrix in enumerate((at.dx, at.dy)):
         assert matrix @ field == pytest.approx(-(value * d[:, :, axis]) @ loads, abs=6e-5)
+
+
+def test_points_out_of_the_mesh_are_refused():
+    mesh = ParticleMesh(np.zeros(2), np.full(2, 10.0), 1.0, lambda r: np.exp(-r * r))
+    mesh.at(np.array([0.0, 10.0]), np.array([10.0, 0.0]))
+    for x in (-5.0, 12.0, np.nan):
+        with pytest.raises(NotConverged, match="out of the mesh"):
+            mesh.at(np.array([5.0, x]), np.array([5.0, 5.0]))
 
 
 def test_the_coupled_system_is_solved_with_the_mesh_as_without():
