@@ -78,9 +78,10 @@ def solve(
         PETSc's options of the Newton and linear solvers without a prefix, such as ``{"pc_type": "lu"}``; they win over
         the built-in choice and over those of the prefix ``thirdbody_`` in ``PETSC_OPTIONS``.
     inspect
-        Called on all ranks after every answered step on each discretisation with the `Step` and the DOLFINx functions
-        by name: "displacement" [m], and of mixed regions "layer_pressure", "substrate_pressure" [Pa], positive in
-        tension. They live on the simulated part, in its own frame, and change with the next step: copy what is kept.
+        Called on all ranks after every answered step on each discretisation, except steps that a resumed run already
+        has, with the `Step` and the DOLFINx functions by name: "displacement" [m], and of mixed regions
+        "layer_pressure", "substrate_pressure" [Pa], positive in tension. They live on the simulated part, in its own
+        frame, and change with the next step: copy what is kept.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 

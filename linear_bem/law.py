@@ -28,8 +28,14 @@ class Law:
 
     def faults(self, poisson: float) -> list[str]:
         """Return what is wrong with the numbers on a layer of a Poisson's ratio: "key: rule, got value", one each."""
-        wrong = [(f.name, v) for f in fields(self) if not _finite(v := getattr(self, f.name))]
-        return [f"{key}: must be finite numbers, got {value!r}" for key, value in wrong] or self._out_of_range(poisson)
+        texts = []
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.type == "float":
+                texts += [] if _finite(value) else [f"{f.name}: must be a finite number, got {value!r}"]
+            elif not (isinstance(value, Sequence) and not isinstance(value, str) and all(map(_finite, value))):
+                texts.append(f"{f.name}: must be a tuple of finite numbers, got {value!r}")
+        return texts or self._out_of_range(poisson)
 
     def _out_of_range(self, poisson: float) -> list[str]:
         return []
@@ -179,6 +185,4 @@ def law_of(name: str, numbers: Mapping[str, Any]) -> tuple[Law | None, list[str]
 
 
 def _finite(value: object) -> bool:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return all(map(_finite, value))
     return isinstance(value, Real) and math.isfinite(value)

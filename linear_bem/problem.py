@@ -194,9 +194,12 @@ class Problem:
         return faults or self._overlaps()
 
     def _overlaps(self) -> list[str]:
-        # a pair can be too close only within twice the largest half width
-        widths = [_largest_half_width(ball) for ball in self.balls]
-        pairs = cKDTree(self.positions).query_pairs(2.0 * max(widths), output_type="ndarray")
+        # a pair of whole bodies can be too close only within twice the largest half width
+        whole = np.flatnonzero([not ball.asperity for ball in self.balls])
+        if whole.size == 0:
+            return []
+        widest = max(_largest_half_width(self.balls[i]) for i in whole)
+        pairs = whole[cKDTree(self.positions[whole]).query_pairs(2.0 * widest, output_type="ndarray")]
         faults = []
         for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
             a, b = self.balls[i], self.balls[j]

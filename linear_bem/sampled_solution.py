@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linear_bem.error_estimate import errors_of_one, least_error, pulls, reference_force
+from linear_bem.error_estimate import errors_of_one, least_error, pulls, quantities, reference_force
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Touched, smooth_state
@@ -108,7 +108,12 @@ def _judged(contacts: SmoothContacts, wanted: float) -> Estimated:
     sample, scale = sample_error(contacts), pulls(contacts)
     balls = [contacts.touching[k] for k in sample.places]
     ratio = float(np.max(sample.tangential_force / np.maximum(scale[balls], 1e-300)))
-    error = np.maximum((UNSAMPLED * ratio + contacts.smooth.residual) * scale, least_error(contacts))
+    share = UNSAMPLED * ratio + contacts.smooth.residual  # infinite where a ball alone finds no solution
+    error = np.where(scale > 0.0, np.maximum(share * np.where(scale > 0.0, scale, 1.0), least_error(contacts)), 0.0)
+    errors, known = errors_of_one(contacts), quantities(contacts)
+    # of forces and approaches the load gives one; the sample shows the other
+    free = "approach" if contacts.problem.load.kind == "force" else "normal_force"
+    errors[free] = np.maximum(errors[free], UNSAMPLED * sample.settled * np.abs(known[free]))
     reference = reference_force(contacts)
     reached = float(np.max(error)) / reference
     accuracy = {
@@ -124,4 +129,4 @@ def _judged(contacts: SmoothContacts, wanted: float) -> Estimated:
             f"T was requested to {wanted:.0e} of its largest size and is estimated to {reached:.0e}: "
             f"{len(balls)} balls solved exactly differ by up to {accuracy['sample_error']:.0e}",
         )
-    return Estimated(contacts, error, errors_of_one(contacts), notes, accuracy)
+    return Estimated(contacts, error, errors, notes, accuracy)

@@ -30,7 +30,7 @@ FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference":
 PLANAR, VERTICAL = ("u_r", "u_z"), ("sigma_z",)
 STRESSES = ("sigma_z", "tau_rz", "sum", "difference")
 SHALLOWEST = 0.02
-"""Least depth over the contact radius: nearer to the surface the quadrature does not resolve the singular part."""
+"""Least depth over the widest contact's radius: nearer to the surface the quadrature misses the singular part."""
 
 
 def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[str, Array]:
@@ -100,14 +100,12 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
     problem = solution.problem
     if isinstance(problem.layer, SurfaceResponse):
         raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
-    least = SHALLOWEST * float(
-        np.sqrt(np.min(solution.contacts.contact_areas[solution.contacts.normal_forces > 0.0]) / np.pi)
-    )
-    least = max(least, solution.contacts.resolution)
+    widest = float(np.sqrt(np.max(solution.contacts.contact_areas) / np.pi))
+    least = max(SHALLOWEST * widest, solution.contacts.resolution)
     if not depth >= least:
         raise InvalidProblem(
-            f"{what}: depth must be at least {least:.3g} m, {SHALLOWEST:g} of the least contact radius or one cell of "
-            f"the pressure, got {depth:g} m; go deeper, or solve again with a smaller accuracy for smaller cells"
+            f"{what}: depth must be at least {least:.3g} m, {SHALLOWEST:g} of the widest contact's radius or one cell "
+            f"of the pressure, got {depth:g} m; go deeper, or solve again with a smaller accuracy for smaller cells"
         )
     if depth > problem.layer.thickness and problem.substrate is None:
         raise InvalidProblem(
@@ -138,9 +136,10 @@ def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Arra
     """Return the stress tensor [Pa] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
     Shape (3, 3) and that of the points, axes x, y, z with z up, tension positive; in the layer and in the substrate (at
-    the bond: of the layer). Error below 3e-6 of the peak pressure from half a contact radius on, 5e-5 at 0.05 radii; on
-    grids, where cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem` for depths too
-    small for that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is known.
+    the bond: of the layer). Error below 3e-6 of the peak pressure from half the widest contact's radius on, 5e-5 at
+    0.05 radii; on grids, where cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem`
+    for depths too small for that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is
+    known.
     """
     _check_depth(solution, depth, "stress")
     sigma, tau_x, tau_y, total, difference, shear = _summed(solution, x, y, depth, STRESSES)

@@ -42,6 +42,11 @@ def check_own_energy(problem: Problem) -> None:
         raise InvalidProblem(
             f"finite_strain.law: psi(F) must return one number for F = I, an expression of ufl, got {error!r}"
         ) from error
+    if not np.all(np.isfinite([along, sheared])):
+        raise InvalidProblem(
+            f"finite_strain.law: psi(F) must be finite near F = I, got {along.tolist()}; write it without eigenvalues "
+            "or quotients that have no value where principal stretches coincide"
+        )
     stress = (along[2] - along[0]) / (2.0 * STEP)
     bends = [(v[2] - 2.0 * v[1] + v[0]) / STEP**2 for v in (along, sheared)]
     shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0

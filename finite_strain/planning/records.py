@@ -198,7 +198,8 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
         except (OSError, ValueError, TypeError, KeyError) as error:
             damage = damage or f"{path} cannot be read ({error})"
             continue
-        return records, f"{damage}: the run went on from {BEFORE}" if damage else ""
+        went_on = f"went on from {BEFORE}" if records else "started anew"
+        return records, f"{damage}: the run {went_on}" if damage else ""
     if damage:
         raise OutputUnusable(f"{damage}: remove it to start anew")
     return [], ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import signature
+
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -13,6 +15,8 @@ DIRECT = 600
 """Number of balls up to which the matrix is formed and factored."""
 RESIDUAL = 1e-10
 """Relative residual of conjugate gradients."""
+_NAMED = "rtol" if "rtol" in signature(cg).parameters else "tol"
+"""That residual's name: scipy 1.12 has the first, 1.14 no longer the second."""
 
 
 def solve_coupled(influence: PointInfluence, compliance: Array, right: Array, free: Mask) -> Array:
@@ -29,7 +33,7 @@ def solve_coupled(influence: PointInfluence, compliance: Array, right: Array, fr
     # symmetric scaling by the compliances makes the diagonal 1
     scale = np.where(free, 1.0 / np.sqrt(np.where(free, compliance, 1.0)), 0.0)
     operator = LinearOperator((count, count), lambda q: q + scale * (influence @ (scale * q)))
-    found, failed = cg(operator, scale * right, tol=RESIDUAL, atol=0.0, maxiter=1000)
+    found, failed = cg(operator, scale * right, atol=0.0, maxiter=1000, **{_NAMED: RESIDUAL})
     if failed:
         raise NotConverged(f"point loads: conjugate gradients did not reach a residual of {RESIDUAL:g}")
     return np.asarray(scale * found)

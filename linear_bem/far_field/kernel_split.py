@@ -62,7 +62,9 @@ class FarField:
         pairs = 0.5 * (tree.count_neighbors(tree, reach) - n) if within else 0.5 * n * (n - 1)
         best, least = None, PAIR * pairs
         rule = next(((a, c) for bound, a, c in MESHED if precision >= bound), None)
-        spacing = min(np.sqrt(np.prod(high - low) / n) if n > 1 else np.inf, kernel.thickness / PER_LAYER)
+        sides = high - low
+        apart = max(np.sqrt(np.prod(sides) / n), np.max(sides) / n) if n > 1 else np.inf  # also of balls in a row
+        spacing = min(apart, kernel.thickness / PER_LAYER)
         if rule is not None and least > NODE * (2 * ORDER) ** 2 + BALL * n and spacing > 0.0:
             for size in spacing / 2.0 ** (0.5 * np.arange(7)):
                 cutoff = rule[1] * size / rule[0]

@@ -19,6 +19,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.sparse import csr_matrix
 
 from linear_bem.arrays import Array
+from linear_bem.errors import NotConverged
 
 ORDER = 8
 """Order of the B-splines (degree 7): 64 nodes per point."""
@@ -68,11 +69,13 @@ class ParticleMesh:
         self.transform = transform * _factor(first)[:, None] * _factor(second)
 
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
-        """Return the splines at points [m]."""
+        """Return the splines at points [m]; raises `NotConverged` for points out of the mesh."""
         weights, derivatives, indices = [], [], []
         for axis, at in enumerate((x, y)):
             scaled = (np.ravel(at) - self.origin[axis]) / self.spacing
             base = np.floor(scaled)
+            if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[axis])):
+                raise NotConverged("far field: a contact grew or moved out of the mesh that its first guess had set")
             values = np.stack(_splines(scaled - base, ORDER), axis=1)
             weights.append(values)
             indices.append(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))

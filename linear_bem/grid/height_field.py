@@ -260,12 +260,15 @@ def _prescribed(
             f"approach: must be greater than the lowest height, {lowest:g} m, to make contact, got "
             f"{loads['approach']:g} m"
         )
-    if not isinstance(whole, PeriodicPatch) or np.isfinite(whole.uniform):
+    if not isinstance(whole, PeriodicPatch) or 0.0 < whole.uniform < math.inf:
         return depth, math.nan
     if not depth < mean:
+        medium = "half-space, whose displacement is measured from its mean"
+        if whole.uniform == 0.0:
+            medium = "incompressible layer, whose surface keeps its mean height"
         raise InvalidProblem(
-            f"approach: must be less than the mean height, {mean + lowest:g} m, on a periodic half-space, whose "
-            f"displacement is measured from its mean, got {loads['approach']:g} m; give the force"
+            f"approach: must be less than the mean height, {mean + lowest:g} m, on a periodic {medium}, got "
+            f"{loads['approach']:g} m; give the force"
         )
     return None, mean - depth
 

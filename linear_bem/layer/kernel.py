@@ -24,7 +24,8 @@ from scipy.special import erfc, j0, jv
 
 from linear_bem.arrays import Array
 from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_of, scaled_media
-from linear_bem.problem import Elastic, Layer, Problem
+from linear_bem.media import Elastic, Layer, without_empty_layer
+from linear_bem.problem import Problem
 
 _SPACING = 0.02
 _NEAR = 1.0
@@ -151,6 +152,7 @@ class LayeredKernel:
     """
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
+        layer, substrate = without_empty_layer(layer, substrate)
         self.thickness = layer.thickness
         self.singular = (1.0 - layer.poisson**2) / (np.pi * layer.young)
         self.homogeneous = not np.isfinite(layer.thickness) or substrate == Elastic(layer.young, layer.poisson)

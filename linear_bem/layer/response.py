@@ -47,6 +47,8 @@ class LayerResponse:
         self._one_less_lam = 4.0 * (1.0 - nu) / (1.0 + mu * below)
         self._kap = (mu - 1.0) / (mu + 3.0 - 4.0 * nu)
         self._lam = 1.0 - self._one_less_lam
+        # exactly 0 on a rigid base: whether that is so decides on cut-offs and on the meaning of a mean displacement
+        self._over_zero = 0.0 if substrate is None else self._one_less_lam + self._lam * self._one_less_kap
 
     def __call__(self, t: Array | float) -> Array:
         """Return G at t = k h >= 0."""
@@ -54,15 +56,14 @@ class LayerResponse:
         kap, lam = self._kap, self._lam
         e = np.exp(-2.0 * t)
         rise = -np.expm1(-2.0 * t)
-        at_zero = self._one_less_lam + lam * self._one_less_kap
-        numerator = at_zero - lam * kap * np.expm1(-4.0 * t) + 4.0 * kap * t * e
+        numerator = self._over_zero - lam * kap * np.expm1(-4.0 * t) + 4.0 * kap * t * e
         denominator = (self._one_less_lam + lam * rise) * (self._one_less_kap + kap * rise) - 4.0 * kap * t * t * e
         return np.asarray(numerator / denominator)
 
     @property
     def at_zero(self) -> float:
         """G(0): the substrate's compliance over the layer's (0 on a rigid base)."""
-        return (self._one_less_lam + self._lam * self._one_less_kap) / (self._one_less_lam * self._one_less_kap)
+        return self._over_zero / (self._one_less_lam * self._one_less_kap)
 
     @property
     def smallest_scale(self) -> float:

@@ -23,7 +23,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 from linear_bem.layer.kernel import panels
 from linear_bem.layer.response import MeasuredResponse, response_of, scaled_media
-from linear_bem.problem import Elastic, Layer
+from linear_bem.media import Elastic, Layer, without_empty_layer
 
 _POWERS = (0.5, 0.7, 1.0, 1.4, 2.0)
 
@@ -103,6 +103,7 @@ def estimates(
 
     ``kind`` names the quantity in ``values``: "approach", "normal_force" or "contact_radius".
     """
+    layer, substrate = without_empty_layer(layer, substrate)
     modulus = layer.contact_modulus
     log_a, log_d, log_q = _curve(*scaled_media(layer, substrate))
     pressed = values > 0.0

@@ -24,6 +24,8 @@ EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
 """Relative error of the displacement that residuals are recomputed with, and that of a sample of very many balls."""
 CHECKED, SAMPLED = 100, 16
 """Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
+FRAME = 1.31
+"""Largest distance of a contact from its frame's centre, over the frame's reach; see `Zone.pressure`."""
 RINGS = (1.12, 2.0)
 """Where penetration outside a contact is checked, over its outline's distance; nearer needs finer quadrature."""
 
@@ -111,11 +113,13 @@ class SmoothContacts:
 
     def pressure(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the contact pressure [Pa] at surface points [m]."""
-        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        total = np.zeros(np.broadcast(x, y).shape)
-        for n in self.smooth.nodes:
-            total = total + n.zone.pressure(x, y)
-        return total / self.kernel.singular
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        flat, total = np.stack([x.ravel(), y.ravel()], axis=1), np.zeros(x.size)
+        tree = cKDTree(flat)
+        for zone in (n.zone for n in self.smooth.nodes):
+            close = tree.query_ball_point(zone.centre, FRAME * zone.reach)
+            total[close] += zone.pressure(*flat[close].T)
+        return total.reshape(x.shape) / self.kernel.singular
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the surface displacement [m], positive into the layer, at any surface points [m]."""

@@ -51,6 +51,7 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
         (lambda F: 2 * psi(F), "got 2 Pa and 0.3"),
         (lambda F: psi(F) + ufl.tr(F), "no stress at F = I"),
         (lambda F: F, "must return one number"),
+        (lambda F: psi(F) + 0.0 * float("nan"), "must be finite near F = I"),
     ):
         with pytest.raises(InvalidProblem, match=words):
             check_own_energy(with_law(wrong))

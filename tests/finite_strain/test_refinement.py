@@ -212,6 +212,10 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     again, note = saved_records(tmp_path, "mine")  # the file before it is kept
     assert [each.level for each in again] == [QUADRATIC, CUBIC]
     assert "discretisations.json cannot be read" in note
+    assert note.endswith(f"the run went on from {BEFORE}")
+    nothing, note = saved_records(tmp_path, "another's")
+    assert nothing == []
+    assert note.endswith("the run started anew")
     (tmp_path / BEFORE).write_text("{ torn", encoding="utf-8")
     with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
         saved_records(tmp_path, "mine")

@@ -192,6 +192,17 @@ def test_depths_without_stress_are_refused(unlike, hertz):
         stress(solve_contact(Problem(own, rigid.balls, rigid.load), 1e-2), 0.0, 0.0, 0.1)
 
 
+def test_the_widest_contact_sets_the_least_depth():
+    balls = (Ball((0.0, 0.0), 1.0), Ball((8.0, 0.0), 0.01))
+    solution = solve_contact(Problem(Layer(1.0, 0.3, 20.0), balls, Load("approach", (0.1, 0.001))), 1e-3)
+    wide, narrow = np.sqrt(solution.contacts.contact_areas / np.pi)
+    with pytest.raises(InvalidProblem, match="of the widest contact's radius"):
+        vertical_stress(solution, 0.0, 0.0, 0.5 * narrow)
+    x = np.linspace(0.0, 0.5 * wide, 5)
+    below = -vertical_stress(solution, x, 0.0, 0.025 * wide)
+    assert below == pytest.approx(solution.pressure(x, 0.0 * x), rel=5e-3)
+
+
 def test_stress_on_a_grid_meets_polynomials_from_one_cell_on_and_is_refused_above():
     balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.0, 0.0), 1.0, "paraboloid"))
     problem = Problem(Layer(1.0, 0.4, 0.3), balls, Load("force", (0.05, 0.02)))

@@ -167,6 +167,24 @@ def test_full_contact_is_the_wave_itself():
     assert contact.mean_gap == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_rigid_base_holds_the_mean_of_a_periodic_wave():
+    heights, cell = wave(32, across=32)
+    area, nu = (32 * cell) ** 2, 0.3
+    full = solve_height_field(Layer(1.0, nu, 0.5), None, heights, cell, normal_force=0.2 * area, periodic=True)
+    assert full.mean_gap == pytest.approx(0.0, abs=1e-9)
+    oedometric = (1 + nu) * (1 - 2 * nu) / (1 - nu)
+    assert full.approach == pytest.approx(np.mean(heights) + 0.2 * 0.5 * oedometric, rel=1e-7)
+
+
+def test_an_incompressible_layer_on_a_rigid_base_keeps_its_mean_height():
+    heights, cell = wave(32, across=32)
+    layer, mean = Layer(1.0, 0.5, 0.5), float(np.mean(heights))
+    contact = solve_height_field(layer, None, heights, cell, approach=0.5 * mean, periodic=True)
+    assert contact.mean_gap == pytest.approx(0.5 * mean, rel=1e-8)
+    with pytest.raises(InvalidProblem, match="incompressible layer, whose surface keeps its mean height"):
+        solve_height_field(layer, None, heights, cell, approach=1.5 * mean, periodic=True)
+
+
 def test_light_contact_of_a_wave_is_hertz():
     heights, cell = wave(512, 0.01, 512)
     force = 2e-6

@@ -3,6 +3,7 @@ import pytest
 from scipy.special import j1
 
 from linear_bem import Elastic, Layer, LayeredKernel
+from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.layer.kernel import smooth_kernel
 from linear_bem.layer.response import LayerResponse
 from tests.linear_bem import brute_force
@@ -37,6 +38,15 @@ def test_response_tends_to_the_substrate_at_long_and_to_the_layer_at_short_waves
     assert g(1e-9) == pytest.approx(compliance, rel=1e-5)
     assert g.at_zero == pytest.approx(compliance, rel=1e-13)
     assert g(40.0) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.006, 0.3, 0.48, 0.5])
+def test_a_rigid_base_does_not_give_way_far_from_a_load_at_all(nu):
+    assert LayerResponse(Elastic(1.0, nu), None).at_zero == 0.0
+    kernel = LayeredKernel(Layer(1.0, nu, 1.0))
+    oedometric = (1 + nu) * (1 - 2 * nu) / (1 - nu)
+    patch = PeriodicPatch(kernel, (0.0, 0.0), 0.1, 8, 8, (0,))
+    assert patch.uniform * kernel.singular == pytest.approx(oedometric, rel=1e-8, abs=1e-8)
 
 
 def test_response_of_a_rigid_base_has_the_thin_layers_stiffness():

@@ -4,13 +4,16 @@ The small scenes here take every path of large ones: more than a hundred contact
 is used from a few hundred.
 """
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse.linalg
 from scipy.spatial import cKDTree
 
 import linear_bem.memory
+import linear_bem.problem
 from linear_bem import (
     Ball,
     Elastic,
@@ -20,14 +23,17 @@ from linear_bem import (
     LayeredKernel,
     Load,
     Problem,
+    sampled_solution,
     solve,
     solve_contact,
 )
-from linear_bem.errors import TooLarge
+from linear_bem.errors import NotConverged, TooLarge
+from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.smooth.displacement import DirectSums
+from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls
 
 BASES = {"half-space": (np.inf, None), "rigid base": (6.0, None), "elastic base": (2.0, Elastic(10.0, 0.3))}
@@ -99,6 +105,14 @@ def test_the_meshs_slopes_are_those_of_its_kernel():
         assert matrix @ field == pytest.approx(-(value * d[:, :, axis]) @ loads, abs=6e-5)
 
 
+def test_points_out_of_the_mesh_are_refused():
+    mesh = ParticleMesh(np.zeros(2), np.full(2, 10.0), 1.0, lambda r: np.exp(-r * r))
+    mesh.at(np.array([0.0, 10.0]), np.array([10.0, 0.0]))
+    for x in (-5.0, 12.0, np.nan):
+        with pytest.raises(NotConverged, match="out of the mesh"):
+            mesh.at(np.array([5.0, x]), np.array([5.0, 5.0]))
+
+
 def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     rng = np.random.default_rng(4)
     points = rng.uniform(0.0, 80.0, (1500, 2))
@@ -112,6 +126,28 @@ def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     assert np.all(loads[~free] == 0.0)
     residual = compliance * loads + influence @ loads - right
     assert np.max(np.abs(residual[free])) < 1e-8
+
+
+def test_balls_in_a_row_take_the_mesh_too():
+    kernel = LayeredKernel(Layer(1.0, 0.48, 1.0), Elastic(100.0, 0.3))
+    row = np.stack([3.0 * np.arange(2000), np.zeros(2000)], axis=1)
+    assert len(FarField.of(kernel, row, 0.0, 1e-5).first) < 50_000
+
+
+def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
+    def newer(a, b, x0=None, *, rtol=1e-5, atol=0.0, maxiter=None, M=None, callback=None):
+        asked.append(rtol)
+        return b, 0
+
+    asked = []
+    with monkeypatch.context() as patched:
+        patched.setattr(scipy.sparse.linalg, "cg", newer)
+        module = importlib.reload(coupled_system)
+        points = np.stack([np.arange(700.0), np.zeros(700)], axis=1)
+        influence = PointInfluence(FarField.of(LayeredKernel(Layer(1.0, 0.3, np.inf)), points, 0.0, 1e-5), points)
+        module.solve_coupled(influence, np.ones(700), np.ones(700), np.ones(700, dtype=bool))
+    importlib.reload(coupled_system)
+    assert asked == [coupled_system.RESIDUAL]
 
 
 def test_the_scale_of_the_forces_is_within_five_per_cent_of_the_whole_sum():
@@ -138,6 +174,10 @@ def test_a_sampled_solution_meets_a_sharper_one_within_its_stated_error(load, ba
     assert np.max(difference) < 1e-3 * largest
     assert np.max(np.abs(forces(quick).sum(axis=0))) < 1e-3 * largest
     assert [b.normal_force for b in quick.balls] == pytest.approx([b.normal_force for b in sharp.balls], rel=1e-4)
+    for name in ("normal_force", "approach"):
+        for here, there in zip(quick.balls, sharp.balls, strict=True):
+            known = here.errors[name] + there.errors[name] + 1e-9 * abs(getattr(there, name))
+            assert abs(getattr(here, name) - getattr(there, name)) <= known
     if load == "total_force":
         assert sum(b.normal_force for b in quick.balls) == pytest.approx(problem.load.values[0], rel=1e-8)
 
@@ -202,6 +242,21 @@ def test_balls_that_the_others_lift_off_carry_nothing_and_do_not_touch():
         assert solution.displacement(x, y)[0] > problem.load.values[i] - 1.1e-4 * 0.15
 
 
+def test_a_sample_without_a_solution_leaves_the_error_unbounded_and_says_so(monkeypatch):
+    def lost(contacts):
+        sample = sample_error(contacts)
+        return replace(sample, tangential_force=np.full(len(sample.places), np.inf))
+
+    problem = scene("approach", "half-space", 110)
+    lifted = problem.with_load("approach", (*[0.1] * 109, -0.1))
+    monkeypatch.setattr(sampled_solution, "sample_error", lost)
+    result = solve(lifted, 1e-2)
+    assert result.solved.accuracy["reached"] == np.inf
+    assert result.balls[0].tangential_force_error == np.inf
+    assert result.balls[-1].tangential_force_error == 0.0
+    assert "is estimated to inf" in result.solved.notes[0]
+
+
 def test_every_step_is_reported_and_a_report_may_end_the_solution():
     class Enough(Exception):
         pass
@@ -223,6 +278,20 @@ def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeyp
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
     with pytest.raises(TooLarge, match=r"105 balls needs about 0.021 GB of memory, and 0.01 GB are free"):
         solve(scene("force"), 1e-3)
+
+
+def test_pairs_of_asperities_are_not_searched_for_overlaps(monkeypatch):
+    monkeypatch.setattr(linear_bem.problem, "_touching_distance", lambda a, b: pytest.fail("a pair was compared"))
+    caps = tuple(Ball((x, y), 5.0, asperity=True) for x, y in np.random.default_rng(7).uniform(0.0, 1.0, (50, 2)))
+    assert Problem(Layer(1.0, 0.3, 5.0), caps, Load("total_force", (1e-3,))).size == 50
+
+
+def test_the_pressure_of_many_contacts_is_the_sum_over_all(meshed):
+    _, solution = meshed
+    x, y = np.meshgrid(np.linspace(0.0, 8.0, 30), np.linspace(0.0, 8.0, 30))
+    every = sum(n.zone.pressure(x, y) for n in solution.contacts.smooth.nodes) / solution.contacts.kernel.singular
+    assert np.max(every) > 0.0
+    assert solution.pressure(x, y) == pytest.approx(every, rel=1e-12)
 
 
 def test_overlaps_among_many_balls_are_found_and_named_in_order():
