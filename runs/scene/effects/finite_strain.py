@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
-from linear_bem.law import law_of
+from linear_bem.law import Law, law_of
 from linear_bem.problem import FiniteStrain
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Number, Numbers, Table
@@ -32,6 +33,12 @@ class FiniteStrainTable(Table):
 def _part(table: FiniteStrainTable) -> FiniteStrain:
     law, _ = law_of(table.law, table.numbers)  # None in a table with faults, which is not solved
     return FiniteStrain(law) if law is not None and table.numbers else FiniteStrain()
+
+
+def effect_identity(effect: FiniteStrain) -> dict[str, Any]:
+    """Return what tells one effect from another: two laws may have numbers of the same names."""
+    found = asdict(effect)
+    return {"law": {"name": effect.law.name, **found["law"]}} if isinstance(effect.law, Law) else found
 
 
 FINITE_STRAIN = Effect(
