@@ -82,6 +82,14 @@ def test_headings_keep_their_units_at_any_width(width: int, tmp_path: Path) -> N
     assert max(map(len, text.getvalue().splitlines())) <= width
 
 
+def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
+    read = scene(tmp_path)
+    found = [ball.to_dict() for ball in balls(read)]
+    left, right = ball_rows(found, Scale.of(read.problem, read.data), periodic=True)
+    assert left["|T| / Q"] == right["|T| / Q"] == pytest.approx(2e-3)
+    assert "T / Q" not in left
+
+
 def test_a_title_commands_no_terminal(tmp_path: Path) -> None:
     assert scene(tmp_path).title == "unlike  [31mballs [red]"
 
