@@ -104,6 +104,8 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
         np.sqrt(np.min(solution.contacts.contact_areas[solution.contacts.normal_forces > 0.0]) / np.pi)
     )
     least = max(least, solution.contacts.resolution)
+    if np.ndim(depth) != 0:
+        raise InvalidProblem(f"{what}: depth must be one number, got an array of {np.size(depth)}; ask depth by depth")
     if not depth >= least:
         raise InvalidProblem(
             f"{what}: depth must be at least {least:.3g} m, {SHALLOWEST:g} of the least contact radius or one cell of "
@@ -165,7 +167,7 @@ def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth:
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return sigma_z [Pa] alone, as `stress` does; at depth 0 it is minus the contact pressure."""
-    if depth == 0.0:
+    if np.ndim(depth) == 0 and depth == 0.0:
         return -solution.pressure(*np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)))
     _check_depth(solution, depth, "vertical_stress")
     return _summed(solution, x, y, depth, VERTICAL)[0]
