@@ -34,6 +34,8 @@ NAMES = {
     "domain": "domain [m]",
     "meshes": "meshes",
     "accuracy": "refined until",
+    "compare": "in compare",
+    "load_steps": "load steps",
 }
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
@@ -59,6 +61,9 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
+        if scene.steps is None and scene.reciprocation is None:
+            path = model.plan(problem, scene.tangential_force, scene.budget, None)
+            plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
     scale = Scale.of(problem, scene.data)
     quick = ahead.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     with waiting("the linear model with and without each effect, for this plan's advice"):
@@ -199,7 +204,7 @@ def _word(key: str, value: Any) -> str:
     if key == "accuracy":
         return _goal(value)
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
+        return ", ".join(f"{NAMES.get(k, k)} {_word(k, v)}" for k, v in value.items())
     if isinstance(value, list):
         pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
         return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"
