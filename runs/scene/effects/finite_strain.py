@@ -14,15 +14,21 @@ from runs.scene.units import Number, Numbers, Table
 class FiniteStrainTable(Table):
     """[finite_strain]: hyperelastic layer, contact in the deformed configuration.
 
-    ``law`` and its dimensionless numbers, all of one law and none of another: see `linear_bem.law`.
+    ``law`` and its dimensionless numbers, all of one law and none of another; their energies are in `linear_bem.law`.
     """
 
     law: str = "neo_hookean"
+    """One of `neo_hookean` (takes no numbers), `mooney_rivlin`, `yeoh`, `gent`, `ogden`, `hyperfoam`."""
     share: Number | None = None
+    """Of `mooney_rivlin`: C2 / (C1 + C2), 0 to 1."""
     ratios: Numbers | None = None
+    """Of `yeoh`: C2 / C1 and C3 / C1."""
     limit: Number | None = None
+    """Of `gent`: the value of I1 - 3 that no strain reaches."""
     exponents: Numbers | None = None
+    """Of `ogden` and `hyperfoam`: one of each term."""
     weights: Numbers | None = None
+    """Of `ogden` and `hyperfoam`: each term's part of the shear modulus; they add up to 1."""
 
     @property
     def numbers(self) -> dict[str, Any]:
