@@ -21,6 +21,7 @@ from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
+from runs.scene.units import Unit
 from runs.session.terminal import waiting
 
 NAMES = {
@@ -31,7 +32,6 @@ NAMES = {
     "seconds": "time on two idle cores",
     "processor_seconds": "time on one",
     "symmetries": "symmetries used",
-    "domain": "domain [m]",
     "meshes": "meshes",
     "accuracy": "refined until",
     "compare": "in compare",
@@ -146,7 +146,9 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     for model in document["models"]:
         say(f"{model['model']}: {model['summary']}", "bold")
         for key, value in model.items():
-            if key not in ("model", "summary", "seconds_of_meshes"):
+            if key == "domain":
+                say(f"  {_domain(value, scale.units.length)}")
+            elif key not in ("model", "summary", "seconds_of_meshes"):
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     table = document["evolution"]
     if table is not None:
@@ -179,6 +181,11 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
         for item in advice:
             if item["matters"] is matters:
                 say(f"  {heading}: {item['text']}")
+
+
+def _domain(sides: Mapping[str, Any], unit: Unit) -> str:
+    shown = {k: [x / unit.size for x in v] if isinstance(v, list) else v / unit.size for k, v in sides.items()}
+    return f"{unit.heading('domain')}: {_word('', shown)}"
 
 
 def _goal(accuracy: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ import pytest
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import Result
 from runs.evolution.pair_table import PairTable
-from runs.scene.scene_file import Scene, read_scene
+from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.session.session import Options, Session
 
 SCENE = """title = "foam"
@@ -53,3 +53,10 @@ def test_a_table_of_pairs_is_of_one_law(tmp_path: Path) -> None:
         PairTable(scene(law, tmp_path).problem, "finite_strain", solve, tmp_path, {}) for law in ("ogden", "hyperfoam")
     ]
     assert tables[0].path != tables[1].path
+
+
+def test_a_name_is_no_quantity_that_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "soft.toml"
+    path.write_text(SCENE.replace("LAW", "hyperfoam").replace("0.3\n", "0.48\n", 1), encoding="utf-8")
+    with pytest.raises(InvalidScene, match=r"up to 0\.45, got 0\.48; use"):
+        read_scene(path)
