@@ -16,6 +16,8 @@ COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [
 """Of the table of balls in `Result.summary`."""
 LONGEST = 20
 """Number of balls in that table; of more balls those with the largest T."""
+ROUNDOFF = 1e-9
+"""A component of T below this share of it is shown as 0."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ class Result:
             largest = sorted(order, key=lambda i: -math.hypot(*self.balls[i].tangential_force))
             order = sorted(largest[:LONGEST])  # type: ignore[assignment]
         return [
-            (str(i), *(f"{v:.6g}" for v in (*b.position, b.approach, b.normal_force, *b.tangential_force)),
+            (str(i), *(f"{v:.6g}" for v in (*b.position, b.approach, b.normal_force, *_without_roundoff(b))),
              f"{b.tangential_force_error:.1g}", f"{b.peak_pressure:.5g}", f"{b.contact_area:.5g}")
             for i, b in ((i, self.balls[i]) for i in order)
         ]  # fmt: skip
@@ -212,3 +214,8 @@ class Result:
         from linear_bem.plotting import plan_of_balls  # noqa: PLC0415  (matplotlib, only where something is drawn)
 
         return plan_of_balls(self.balls)
+
+
+def _without_roundoff(ball: BallResult) -> tuple[float, ...]:
+    size = math.hypot(*ball.tangential_force)
+    return tuple(0.0 if abs(v) <= ROUNDOFF * size else v for v in ball.tangential_force)

@@ -100,6 +100,8 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
     problem = solution.problem
     if isinstance(problem.layer, SurfaceResponse):
         raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
+    if np.ndim(depth) != 0:
+        raise InvalidProblem(f"{what}: depth must be one number, got an array of {np.size(depth)}; ask depth by depth")
     widest = float(np.sqrt(np.max(solution.contacts.contact_areas) / np.pi))
     least = max(SHALLOWEST * widest, solution.contacts.resolution)
     if not depth >= least:
@@ -164,7 +166,7 @@ def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth:
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return sigma_z [Pa] alone, as `stress` does; at depth 0 it is minus the contact pressure."""
-    if depth == 0.0:
+    if np.ndim(depth) == 0 and depth == 0.0:
         return -solution.pressure(*np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)))
     _check_depth(solution, depth, "vertical_stress")
     return _summed(solution, x, y, depth, VERTICAL)[0]

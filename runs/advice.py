@@ -129,11 +129,7 @@ class Adviser:
         balls = tuple(dataclasses.replace(ball, shape=other) for ball in self.problem.balls)
         change = self._changed(dataclasses.replace(self.problem, balls=balls))
         matters = self._judged(change)
-        words = (
-            f"the exact {'sphere would change' if other == 'sphere' else 'sphere matters: a paraboloid would change'}"
-        )
-        if not matters and other == "paraboloid":
-            words = "the exact sphere: a paraboloid would change"
+        words = f"the exact {'sphere would change' if other == 'sphere' else 'sphere: a paraboloid would change'}"
         do = f'; use shape = "{other}"' if matters and other == "sphere" else ""
         return [Advice("sphere", shape == "sphere", change, None, matters, f"{words} T by {_percent(change)}{do}")]
 

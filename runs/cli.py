@@ -28,7 +28,8 @@ app = typer.Typer(
 SceneArgument = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result's JSON on standard output.")]
 OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/<scene>-<command>.")
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (compare: no model)."),
 ]
 FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Delete what the output folder holds of this run and start again.")

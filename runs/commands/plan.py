@@ -21,6 +21,7 @@ from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
+from runs.scene.units import Unit
 from runs.session.terminal import waiting
 
 NAMES = {
@@ -31,9 +32,10 @@ NAMES = {
     "seconds": "time on two idle cores",
     "processor_seconds": "time on one",
     "symmetries": "symmetries used",
-    "domain": "domain [m]",
     "meshes": "meshes",
     "accuracy": "refined until",
+    "compare": "in compare",
+    "load_steps": "load steps",
 }
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
@@ -59,6 +61,9 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
+        if scene.steps is None and scene.reciprocation is None:
+            path = model.plan(problem, scene.tangential_force, scene.budget, None)
+            plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
     scale = Scale.of(problem, scene.data)
     quick = ahead.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     with waiting("the linear model with and without each effect, for this plan's advice"):
@@ -141,7 +146,9 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     for model in document["models"]:
         say(f"{model['model']}: {model['summary']}", "bold")
         for key, value in model.items():
-            if key not in ("model", "summary", "seconds_of_meshes"):
+            if key == "domain":
+                say(f"  {_domain(value, scale.units.length)}")
+            elif key not in ("model", "summary", "seconds_of_meshes"):
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     table = document["evolution"]
     if table is not None:
@@ -176,6 +183,11 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
                 say(f"  {heading}: {item['text']}")
 
 
+def _domain(sides: Mapping[str, Any], unit: Unit) -> str:
+    shown = {k: [x / unit.size for x in v] if isinstance(v, list) else v / unit.size for k, v in sides.items()}
+    return f"{unit.heading('domain')}: {_word('', shown)}"
+
+
 def _goal(accuracy: Mapping[str, Any]) -> str:
     seconds = accuracy["seconds_at_most"]
     limit = "no time limit" if seconds is None else f"at most {duration(float(seconds))}"
@@ -199,7 +211,7 @@ def _word(key: str, value: Any) -> str:
     if key == "accuracy":
         return _goal(value)
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_word(k, v)}" for k, v in value.items())
+        return ", ".join(f"{NAMES.get(k, k)} {_word(k, v)}" for k, v in value.items())
     if isinstance(value, list):
         pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
         return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"

@@ -13,12 +13,16 @@ Row = dict[str, Any]
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 ROUNDOFF = 1e-9
 """A component below this fraction of its force is roundoff."""
+RATIO, SIZE_RATIO = "T / Q", "|T| / Q"
 OVER_R, OVER_E = "D / R", "Q / E R²"
 """Headings of what is shown beside a scene's own units, where there is room."""
 
 
-def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
-    """Return the state of every ball; forces are those on the ball."""
+def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False) -> list[Row]:
+    """Return the state of every ball; forces are those on the ball.
+
+    In a ``periodic`` cell the others are all around a ball: T over Q is a size and has no sign.
+    """
     units, rows = scale.units, []
     for index, ball in enumerate(balls):
         force, load = ball["tangential_force"], ball["normal_force"]
@@ -32,8 +36,9 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
             units.force.heading("Tx"): tx / units.force.size,
             units.force.heading("Ty"): ty / units.force.size,
             units.force.heading("±"): ball["tangential_force_error"] / units.force.size,
-            "T / Q": attraction(balls, index, (tx, ty)) / load if load > 0.0 else None,
         }
+        along = math.hypot(tx, ty) if periodic else attraction(balls, index, (tx, ty))
+        row[SIZE_RATIO if periodic else RATIO] = along / load if load > 0.0 else None
         if ball.get("peak_pressure") is not None:
             row[units.pressure.heading("peak p")] = ball["peak_pressure"] / units.pressure.size
         rows.append(row)
@@ -51,7 +56,7 @@ def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> li
                 "step": index,
                 **_load(state["approach"], load, scale),
                 unit.heading("T"): (force / unit.size, state["tangential_force_error"] / unit.size),
-                "T / Q": force / load if load > 0.0 else None,
+                RATIO: force / load if load > 0.0 else None,
                 "iterations": record.get("iterations"),
                 "cut-backs": record.get("cuts"),
             }
@@ -79,7 +84,7 @@ def comparison_rows(
                 along(row["tangential_finite"]),
                 _over(row["tangential_finite_error"], unit.size),
             ),
-            "T / Q": row["tangential_ratio"],
+            RATIO: row["tangential_ratio"],
             "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
             "S_D": (row["strengthening_at_approach"], row["strengthening_at_approach_error"]),
         }

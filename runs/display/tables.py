@@ -28,7 +28,7 @@ WIDE = 116
 """Width in characters of the widest table with its errors written out."""
 SHORT = 0
 """Instead of a number of significant digits: format by `runs.display.numbers.short_number`."""
-DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "peak p": 3}
+DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 """Significant digits of a column by the symbol that its heading begins with; 4 of any other."""
 COMPARED = DIGITS | {"T / Q": SHORT}
 ON_PAGES = ("iterations", "cut-backs")
@@ -64,9 +64,11 @@ def is_narrow(out: Console) -> bool:
     return out.width < WIDE
 
 
-def show_balls(out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> None:
+def show_balls(
+    out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
+) -> None:
     """Print the state of every ball."""
-    _show(out, title, ball_rows(balls, scale), DIGITS, scale)
+    _show(out, title, ball_rows(balls, scale, periodic=periodic), DIGITS, scale)
 
 
 def show_path(out: Console, steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> None:

@@ -38,8 +38,11 @@ def expectation(scene: Scene) -> dict[str, Any]:
 def sentence(found: dict[str, Any]) -> str:
     """Return the expectation in words."""
     minutes = found["seconds"] / 60.0
-    time = f"{minutes:.0f} minutes" if minutes < 120.0 else f"{minutes / 60.0:.0f} hours"
+    time = "less than a minute" if minutes < 1.0 else f"{minutes:.0f} minutes"
+    if minutes >= 120.0:
+        time = f"{minutes / 60.0:.0f} hours"
+    pairs, steps = (f"{float(f'{found[key]:.1g}'):.0f}" for key in ("pairs", "steps"))
     return (
-        f"evolve: about {found['pairs']:.1g} pairs act on each other, each step takes all of them; to rest about "
-        f"{found['steps']:.1g} steps, {time} of one core, within a factor of three (a finite-strain table not counted)"
+        f"evolve: about {pairs} pairs act on each other, each step takes all of them; to rest about "
+        f"{steps} steps, {time} of one core, within a factor of three (a finite-strain table not counted)"
     )

@@ -26,6 +26,7 @@ from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleB
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.json_values import Document, plain, to_json
+from runs.scene.effects.finite_strain import effect_identity
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
@@ -121,7 +122,7 @@ class PairTable:
             "model": model,
             "layer": asdict(problem.layer),
             "substrate": asdict(problem.substrate) if problem.substrate else None,
-            "finite_strain": asdict(problem.finite_strain) if problem.finite_strain else None,
+            "finite_strain": effect_identity(problem.finite_strain) if problem.finite_strain else None,
             "radius": self.ball.radius,
             "shape": self.ball.shape,
             "approach": self.approach,

@@ -8,11 +8,13 @@ from typing import Any
 from linear_bem.problem import Problem
 from runs.display import tables
 from runs.display.numbers import number
+from runs.display.rows import LEGEND
 from runs.evolution import drawing, layer_pictures, outcome, structure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import IN_ONE_FILE, HardBalls
 from runs.process.json_values import Document
 from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.scene.units import Unit
 from runs.session.session import Session
 
 
@@ -39,22 +41,24 @@ def show(session: Session, document: Document) -> None:
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
     if len(document["balls"]) <= IN_ONE_FILE:
-        tables.show_balls(out, document["balls"], session.scale, title)
+        periodic = "periodic" in session.scene.drift
+        tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
+        tables.say(out, session.scale.legend(), *(() if periodic else (LEGEND,)))
     else:
         tables.say(out, title)
-    tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document))
+    tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document, session.scale.units.length))
     tables.say(out, *tables.notes(document["solved"]))
 
 
-def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document) -> list[str]:
-    """Return the outcome of the run, one sentence each."""
+def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document, length: Unit) -> list[str]:
+    """Return the outcome of the run, one sentence each, in the scene's unit of length."""
     end = document["path"][-1]
     contacts = end["contacts"] if isinstance(end["contacts"], int) else len(end["contacts"])
     lines = [outcome.rest_sentence(document["rest"], contacts, end["cycle"])]
     smallest = min(ball.radius for ball in problem.balls)
     lines.append(
-        f"friction {sliding.friction:g} changes only the time scale: {number(end['sigma'])} m of sliding path over "
-        f"friction, {number(1e3 * sliding.path_per_cycle)} mm of path a cycle"
+        f"friction {sliding.friction:g} changes only the time scale: {length(end['sigma'])} of sliding path over "
+        f"friction, {length(sliding.path_per_cycle)} of path a cycle"
     )
     if document["position_error"] is not None:
         lines.append(
@@ -77,7 +81,7 @@ def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document
     if document["equilibrium"] is not None:
         lines.append(_balance(document["equilibrium"], smallest))
     for pair in document["pair_equilibria"] or []:
-        lines.append(f"two balls rest {number(1e3 * pair['distance'])} mm apart: {pair['verdict']}")
+        lines.append(f"two balls rest {length(pair['distance'])} apart: {pair['verdict']}")
     if document["pair_equilibria"] == []:
         lines.append(
             f"two balls rest at no distance up to {outcome.FURTHEST:g} times the touching one: T separates throughout"

@@ -32,7 +32,9 @@ def report_folder(path: Path, out: Path | None = None) -> None:
         return
     target = out or path / NAME
     write_text(target, page_of(read_folder(path)))
-    tell(f"the report is {target} ({target.stat().st_size / 1e6:.1f} MB, no other file is needed to read it)")
+    tell(
+        f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, no other file is needed to read it)"
+    )
 
 
 def page_of(folder: Folder) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from runs.comparison import sensitivity
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
-from runs.display.rows import LEGEND, ball_rows, comparison_rows, path_rows
+from runs.display.rows import LEGEND, RATIO, SIZE_RATIO, ball_rows, comparison_rows, path_rows
 from runs.display.tables import mesh_words
 from runs.reporting.folder import Folder
 from runs.reporting.markup import facts, paragraph, section, table
@@ -43,9 +43,10 @@ def content(folder: Folder) -> list[str]:
 def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
     scale, balls = scale_of(folder), document["balls"]
     leading = leading_ball(balls)
-    parts = [facts(_state(balls, leading, scale, document["solved"]) | _account(document["solved"]))]
-    parts += [_notes(document["solved"]["notes"])]
-    parts.append(_balls(balls, scale))
+    periodic = "periodic" in (document.get("scene") or {})
+    state = _state(balls, leading, scale, document["solved"], periodic=periodic)
+    parts = [facts(state | _account(document["solved"])), _notes(document["solved"]["notes"])]
+    parts.append(_balls(balls, scale, periodic=periodic))
     if len(document["steps"]) > 1:
         path = path_rows(document["steps"], leading, scale)
         parts.append(section("Load path", table(path, f"Ball {leading}; {LEGEND}; {scale.legend()}")))
@@ -136,9 +137,18 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any]) -> dict[str, str]:
+def _state(
+    balls: Sequence[Mapping[str, Any]],
+    index: int,
+    scale: Scale,
+    solved: Mapping[str, Any],
+    *,
+    periodic: bool = False,
+) -> dict[str, str]:
     ball, units = balls[index], scale.units
     load, force = ball["normal_force"], attraction(balls, index, ball["tangential_force"])
+    if periodic:  # no direction is towards the other balls
+        force = math.hypot(*ball["tangential_force"])
     error, unit = ball["tangential_force_error"], units.force
     shown = {
         "ball": f"{index} (the largest T)" if len(balls) > 2 else str(index),
@@ -150,10 +160,10 @@ def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved:
     if ball["contact_area"] is not None:  # models without pressures do not compute it
         shown["contact radius"] = units.length(math.sqrt(ball["contact_area"] / math.pi), 3)
     if len(balls) > 1:
-        kind = "attraction" if force > 0.0 else "separation"
+        symbol = "|T|" if periodic else "T (attraction)" if force > 0.0 else "T (separation)"
         shown |= {
-            f"tangential force T ({kind})": f"{with_error(force / unit.size, error / unit.size)} {unit.name}",
-            "T / Q": number(force / load, 3) if load > 0.0 else "-",
+            f"tangential force {symbol}": f"{with_error(force / unit.size, error / unit.size)} {unit.name}",
+            SIZE_RATIO if periodic else RATIO: number(force / load, 3) if load > 0.0 else "-",
         }
         known = (solved.get("accuracy") or {}).get("reached")
         if known is not None:  # of all balls, as the accuracy asked for
@@ -180,9 +190,9 @@ def _notes(notes: Sequence[str]) -> str:
     return "".join(paragraph(f"Note: {note}", class_="note") for note in notes)
 
 
-def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
+def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False) -> str:
     words = f"State at full load; forces are those on the ball; {scale.legend()}"
-    return section("Balls", table(ball_rows(balls, scale), words))
+    return section("Balls", table(ball_rows(balls, scale, periodic=periodic), words))
 
 
 def _accuracy(solved: Mapping[str, Any]) -> str:

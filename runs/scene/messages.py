@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from runs.scene.effects import EFFECTS
+from runs.scene.units import NUMBER_AND_UNIT
 
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
 EXAMPLES: dict[str, dict[str, Any]] = {
@@ -75,7 +76,8 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     table, key = match["table"], match["key"]
     written = data.get(table, {}).get(key)
     ball = f" of ball {match['index'][1:-1]}" if match["index"] and isinstance(written, list) else ""
-    as_given = f" (written {_written(written)})" if isinstance(written, str) else ""
+    quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
+    as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
     remedy = "move them apart or make them smaller" if "overlap" in rule else remedy or _example(table, key)
     return f"[{table}] {key}{ball}: {rule}{as_given}; {remedy}"

@@ -175,6 +175,13 @@ def three_lengths(value: object) -> tuple[float, ...]:
     return tuple(_items(value, partial(quantity, unit="m"), of="length"))
 
 
+def two_lengths(value: object) -> tuple[float, ...]:
+    """Return the lengths [m] along x and y."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise fault("must be two lengths, along x and y")
+    return tuple(_items(value, partial(quantity, unit="m"), of="length"))
+
+
 def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
     """Return the axis positions (x, y) [m] of a list of pairs."""
     if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
@@ -212,6 +219,7 @@ Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
 OneOrMany = float | tuple[float, ...]
 Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
 Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
+TwoLengths = Annotated[tuple[float, float], PlainValidator(two_lengths)]
 ThreeLengths = Annotated[tuple[float, float, float], PlainValidator(three_lengths)]
 Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]
 

@@ -20,6 +20,7 @@ from runs.models import Model, Run, choose, standing
 from runs.process import ranks
 from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
+from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
 from runs.session.progress import Progress
 from runs.session.run_folder import RunFolder
@@ -104,6 +105,8 @@ class Session:
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": scene.tangential_force,
         }
+        if self.problem.finite_strain is not None:
+            identity["problem"]["finite_strain"] = effect_identity(self.problem.finite_strain)
         identity |= {name: table.model_dump() for name, table in scene.drift.items()}
         if scene.output is not None and parallel and not scene.drift:
             identity["output"] = scene.output.model_dump()

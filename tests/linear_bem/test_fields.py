@@ -187,6 +187,9 @@ def test_depths_without_stress_are_refused(unlike, hertz):
     rigid = Problem(Layer(1.0, 0.4, 0.3), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.01,)))
     with pytest.raises(InvalidProblem, match=r"depth must be at most 0\.3 m, the base is rigid"):
         vertical_stress(solve_contact(rigid, 1e-2), 0.0, 0.0, 0.31)
+    for field in (stress, vertical_stress, interior_displacement):
+        with pytest.raises(InvalidProblem, match="depth must be one number, got an array of 2"):
+            field(unlike, 0.0, 0.0, np.array([0.0, 0.1]))
     own = SurfaceResponse(1.0, 0.3, 1.0, np.ones_like)
     with pytest.raises(UnsupportedProblem, match="needs the materials inside"):
         stress(solve_contact(Problem(own, rigid.balls, rigid.load), 1e-2), 0.0, 0.0, 0.1)

@@ -1,6 +1,7 @@
 """What a user does with a result: short in a terminal, a table in a notebook, JSON and back, a figure."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -30,6 +31,13 @@ def test_the_summary_shows_every_number_of_few_balls_and_the_notes(solution):
             assert f"{value:.6g}" in text
     deep = solve_contact(Problem(Layer(1.0, 0.45, 0.2), PAIR, Load("approach", (0.15, 0.15))), 1e-2)
     assert "note: the largest approach is" in deep.summary()
+
+
+def test_roundoff_is_shown_as_nothing(solution):
+    result = solution.result()
+    aligned = Result(result.model, (replace(result.balls[0], tangential_force=(-5e-5, -7e-21)),), result.solved)
+    assert "-5e-05  " in aligned.summary()
+    assert "e-21" not in aligned.summary()
 
 
 def test_many_balls_are_summarised_by_those_with_the_largest_force(solution):

@@ -40,6 +40,8 @@ def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
     assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 40000.0, "seconds_at_most": 900.0}
     assert [mesh.split(",")[0] for mesh in elements["meshes"]] == ["order 2", "order 3", "finer ones"]
     assert elements["unknowns"] <= 40000
+    assert elements["compare"]["load_steps"] > elements["load_steps"] == 1
+    assert elements["compare"]["seconds"] > elements["seconds"]
 
 
 def test_a_budget_too_small_for_any_mesh_is_refused_before_any_work(tmp_path: Path) -> None:

@@ -45,6 +45,22 @@ seed = 3
 ensemble = 3
 """
 
+DIMENSIONLESS = """
+[layer]
+thickness = 8.0
+young = 1.0
+poisson = 0.3
+[balls]
+radius = 1.0
+positions = [[-1.5, 0], [1.5, 0]]
+[load]
+approach = 0.3
+[reciprocation]
+amplitude = 2.0
+cycles = 1
+friction = 0.3
+"""
+
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
@@ -79,6 +95,8 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "at rest after" in done.stdout
     assert "3 of 3 members end with 3 contacts in groups of [3]" in done.stdout
+    assert "320 mm of path a cycle" in done.stdout
+    assert "T > 0: towards the other balls" in done.stdout
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert document["solved"]["converged"]
     assert {"scene", "model", "balls", "steps", "path", "events", "ensemble", "rest", "equilibrium"} <= set(document)
@@ -94,6 +112,16 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     again = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out, "--json")
     assert json.loads(again.stdout) == document
     assert "complete already" in again.stderr
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_scene_in_radii_is_told_in_radii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "radii.toml"
+    file.write_text(DIMENSIONLESS, encoding="utf-8")
+    evolve_scene(read_scene(file), "point_load", Options(False, tmp_path / "out", False), tmp_path / "tables")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "8 R of path a cycle" in said
+    assert " mm " not in said
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 import json
 import re
@@ -15,6 +16,7 @@ import pytest
 from scipy.integrate import simpson
 
 from linear_bem import solve_contact
+from linear_bem.law import LAWS
 from runs.cli import app
 from runs.handbook import command_reference, scene_reference
 from runs.handbook.live import table, widget
@@ -40,6 +42,20 @@ def test_the_scene_reference_explains_every_key_of_the_tables() -> None:
             assert row[1].split(" | ")[0], f"[{name}] {key}: what may its value be?"
             in_prose = f"`{key}`" in section.partition("| key |")[0]
             assert field.description or in_prose or name in EFFECTS, f"[{name}] {key} is not explained"
+
+
+def test_the_scene_reference_names_every_law_and_its_numbers() -> None:
+    section = scene_reference.page().partition("## `[finite_strain]`")[2].partition("\n## ")[0]
+    rows = {row.split("`")[1]: row for row in section.splitlines() if row.startswith("| `")}
+    for name, law in LAWS.items():
+        assert f"`{name}`" in rows["law"]
+        for number in dataclasses.fields(law):
+            assert f"`{name}`" in rows[number.name]
+
+
+def test_the_scene_reference_knows_lists_that_are_not_of_balls() -> None:
+    section = scene_reference.page().partition("## `[periodic]`")[2].partition("\n## ")[0]
+    assert "| `lengths` | two lengths (m) |" in section
 
 
 def test_the_command_reference_lists_every_command_and_option() -> None:

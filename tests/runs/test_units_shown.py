@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from linear_bem.result import BallResult, Result, Solved
+from runs.commands import plan
 from runs.display import tables
 from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows
@@ -80,6 +81,20 @@ def test_headings_keep_their_units_at_any_width(width: int, tmp_path: Path) -> N
     assert "[red]" in text.getvalue()  # the title's, which is no markup
     assert ("D / R" in text.getvalue()) == (width == 200)
     assert max(map(len, text.getvalue().splitlines())) <= width
+
+
+def test_a_plan_gives_the_domain_in_the_scenes_unit() -> None:
+    sides = {"x": [0.0, 0.012], "layer": 0.003, "substrate": 0.0}
+    assert plan._domain(sides, Unit("mm", 1e-3)) == "domain [mm]: x 0 to 12, layer 3, substrate 0"
+    assert plan._domain({"layer": 1.16}, Units.length) == "domain [m]: layer 1.16"
+
+
+def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
+    read = scene(tmp_path)
+    found = [ball.to_dict() for ball in balls(read)]
+    left, right = ball_rows(found, Scale.of(read.problem, read.data), periodic=True)
+    assert left["|T| / Q"] == right["|T| / Q"] == pytest.approx(2e-3)
+    assert "T / Q" not in left
 
 
 def test_a_title_commands_no_terminal(tmp_path: Path) -> None:

@@ -6,18 +6,19 @@ import math
 from typing import Any
 
 from runs.scene.effects.effect import Effect
-from runs.scene.units import Lengths, Table
+from runs.scene.units import Table, TwoLengths
 
 
 class PeriodicTable(Table):
-    """[periodic]: ``lengths`` [m] of the cell along x and y."""
+    """[periodic]: balls that drift in a cell."""
 
-    lengths: Lengths
+    lengths: TwoLengths
+    """Of the cell, along x and y."""
 
 
 def _faults(table: PeriodicTable, scene: Any) -> list[str]:
-    lengths = table.lengths if isinstance(table.lengths, tuple) else (table.lengths,)
-    if len(lengths) != 2 or not all(0.0 < length < math.inf for length in lengths):
+    lengths = table.lengths
+    if not all(0.0 < length < math.inf for length in lengths):
         given = ", ".join(f"{length:g}" for length in lengths)
         return [f"periodic.lengths: must be two lengths greater than 0 and finite, got {given} m"]
     texts = []

@@ -1,0 +1,62 @@
+"""Two laws with numbers of the same names are two runs: neither is resumed or shown as the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from linear_bem.errors import OutputUnusable
+from linear_bem.result import Result
+from runs.evolution.pair_table import PairTable
+from runs.scene.scene_file import InvalidScene, Scene, read_scene
+from runs.session.session import Options, Session
+
+SCENE = """title = "foam"
+[layer]
+thickness = "3 mm"
+young = "2 MPa"
+poisson = 0.3
+[balls]
+radius = "2.5 mm"
+positions = [["-3 mm", 0], ["3 mm", 0]]
+[load]
+approach = "0.3 mm"
+[finite_strain]
+law = "LAW"
+exponents = [2.0]
+weights = [1.0]
+"""
+
+
+def scene(law: str, folder: Path) -> Scene:
+    path = folder / f"{law}.toml"
+    path.write_text(SCENE.replace("LAW", law), encoding="utf-8")
+    return read_scene(path)
+
+
+def test_a_run_of_another_law_is_refused(tmp_path: Path) -> None:
+    options = Options(out=tmp_path / "run")
+    with Session("solve", scene("ogden", tmp_path), None, options):
+        pass
+    with Session("solve", scene("ogden", tmp_path), None, options):
+        pass
+    with pytest.raises(OutputUnusable, match=r"law\.name is ogden there and hyperfoam here"):
+        Session("solve", scene("hyperfoam", tmp_path), None, options)
+
+
+def test_a_table_of_pairs_is_of_one_law(tmp_path: Path) -> None:
+    def solve(*_: object) -> Result:
+        raise NotImplementedError
+
+    tables = [
+        PairTable(scene(law, tmp_path).problem, "finite_strain", solve, tmp_path, {}) for law in ("ogden", "hyperfoam")
+    ]
+    assert tables[0].path != tables[1].path
+
+
+def test_a_name_is_no_quantity_that_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "soft.toml"
+    path.write_text(SCENE.replace("LAW", "hyperfoam").replace("0.3\n", "0.48\n", 1), encoding="utf-8")
+    with pytest.raises(InvalidScene, match=r"up to 0\.45, got 0\.48; use"):
+        read_scene(path)
