@@ -186,7 +186,7 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:
 
 def _laws(found: Found, rows: Mapping[str, Rows]) -> list[str]:
     """Say how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
-    shown, spread = [], dict[float, list[float]]()
+    shown, paths = [], dict[float, list[Rows]]()
     for case in found.cases:
         if case.labels["group"] != "laws" or not rows.get(case.name):
             continue
@@ -195,18 +195,20 @@ def _laws(found: Found, rows: Mapping[str, Rows]) -> list[str]:
             for measure in ("S_Q", "S_D"):
                 row[f"{measure} at {depth:g} R"] = at_depth(rows[case.name], depth, measure)
         shown.append(row)
-        deepest = row[f"S_Q at {LAW_APPROACHES[-1]:g} R"]
-        if deepest is not None:
-            spread.setdefault(case.labels["nu"], []).append(deepest[0])
+        paths.setdefault(case.labels["nu"], []).append(rows[case.name])
     if not shown:
         return []
     lines = ["", "## Does the law matter?", "", *markdown(shown), ""]
-    lines += [
-        f"At D = {LAW_APPROACHES[-1]:g} R and nu = {nu:g} S_Q lies between {number(min(values), 4)} and "
-        f"{number(max(values), 4)}, over {len(values)} laws of equal moduli at small strain."
-        for nu, values in spread.items()
-        if len(values) > 1
-    ]
+    for nu, group in paths.items():
+        linear = [row["T_linear"] for path in group for row in path]
+        deepest = [known[0] for path in group if (known := at_depth(path, LAW_APPROACHES[-1], "S_Q")) is not None]
+        if min(linear) < 0.0 < max(linear):
+            lines.append(f"At nu = {nu:g} T at small strain passes through zero on the way: ratios say little there.")
+        elif len(deepest) > 1:
+            lines.append(
+                f"At D = {LAW_APPROACHES[-1]:g} R and nu = {nu:g} S_Q lies between {number(min(deepest), 4)} and "
+                f"{number(max(deepest), 4)}, over {len(deepest)} laws of equal moduli at small strain."
+            )
     return [*lines, "", "![S_Q of every law along the load](laws.svg)"]
 
 
