@@ -48,8 +48,8 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
     repeats, workers = (0, 2) if quick else (REPEATS, 1)
     texts = {toml(e.without): e.without for e in chosen}
     with ThreadPoolExecutor(workers) as pool:
-        bare = dict(zip(texts, pool.map(lambda scene: _best(scene, "solve", repeats), texts.values()), strict=True))
-        full = list(pool.map(lambda e: _best(e.with_, e.command, repeats), chosen))
+        bare = dict(zip(texts, pool.map(lambda scene: _best(scene, repeats), texts.values()), strict=True))
+        full = list(pool.map(lambda e: _best(e.with_, repeats), chosen))
         pairs = [(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
         own = [own_modules(*pair) + own_functions(*pair) for pair in pairs]
         absent = [
@@ -58,16 +58,16 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
         ]
         wanted = [(toml(effect.without), names) for effect, names in zip(chosen, absent, strict=True)]
         once = list(dict.fromkeys(wanted))
-        proofs = dict(zip(once, pool.map(lambda k: measuring.run(texts[k[0]], "solve", k[1]), once), strict=True))
+        proofs = dict(zip(once, pool.map(lambda k: measuring.run(texts[k[0]], k[1]), once), strict=True))
     return [
         _row(effect, *pair, names, proofs[key])
         for effect, pair, names, key in zip(chosen, pairs, own, wanted, strict=True)
     ]
 
 
-def _best(scene: Any, command: str, repeats: int) -> Account:
-    watched = measuring.run(scene, command, watched=True)
-    runs = [measuring.run(scene, command) for _ in range(repeats)]
+def _best(scene: Any, repeats: int) -> Account:
+    watched = measuring.run(scene, watched=True)
+    runs = [measuring.run(scene) for _ in range(repeats)]
     if not runs:
         return watched
     best = min(runs, key=lambda account: account.cpu_seconds)

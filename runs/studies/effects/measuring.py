@@ -54,19 +54,22 @@ class Account:
 
 def run(
     scene: Mapping[str, Mapping[str, object]],
-    command: str = "solve",
     blocked: Sequence[str] = (),
     watched: bool = False,
 ) -> Account:
     """Run a scene in a child process with modules and functions ``blocked``; raises `ThirdBodyError`.
 
-    Calls are traced if ``watched``, which takes time, or if functions are blocked.
+    Scenes with a reciprocation are evolved, others solved. Calls are traced if ``watched``, which takes time, or if
+    functions are blocked.
     """
     signals.check()
     with tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
         folder = Path(scratch)
         (folder / "scene.toml").write_text(toml(scene), encoding="utf-8")
+        command = "evolve" if "reciprocation" in scene else "solve"
         words = [command, str(folder / "scene.toml"), "--json", "--out", str(folder / "out")]
+        if command == "evolve":
+            words += ["--tables", str(folder / "tables")]
         if "finite_strain" in scene:
             words.append("--forms")
         if watched or any(":" in name for name in blocked):

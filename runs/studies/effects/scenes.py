@@ -21,17 +21,17 @@ ELEMENTS = {
 """One load step on coarse meshes, with minimal output."""
 STIFF = {"young": 1e3, "poisson": 0.3}
 SLIDING = {"amplitude": 5.0, "cycles": 5, "friction": 0.3, "forces": "direct"}
+DRIFT = LINEAR | {"reciprocation": {"amplitude": 5.0, "cycles": 5, "friction": 0.3}}
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect: scenes ``without`` and ``with_`` it; ``command`` runs the one with it."""
+    """An effect: scenes ``without`` and ``with_`` it."""
 
     name: str
     adds: str
     without: Mapping[str, Mapping[str, object]]
     with_: Mapping[str, Mapping[str, object]]
-    command: str = "solve"
 
 
 def effects() -> list[Effect]:
@@ -40,7 +40,9 @@ def effects() -> list[Effect]:
         Effect("substrate", "[substrate]", LINEAR, LINEAR | {"substrate": STIFF}),
         Effect("exact sphere", 'shape = "sphere"', LINEAR, _sphere(LINEAR)),
         Effect("accuracy control", "[accuracy] to 1e-5", LINEAR, LINEAR | {"accuracy": {"tangential_force": 1e-5}}),
-        Effect("reciprocation", "[reciprocation], evolve", LINEAR, LINEAR | {"reciprocation": SLIDING}, "evolve"),
+        Effect("reciprocation", "[reciprocation], evolve", LINEAR, LINEAR | {"reciprocation": SLIDING}),
+        Effect("periodic cell", "[periodic]", DRIFT, DRIFT | {"periodic": {"lengths": [20.0, 20.0]}}),
+        Effect("rolling resistance", "[rolling_resistance]", DRIFT, DRIFT | {"rolling_resistance": {"share": 1e-7}}),
         Effect("finite strain", "[finite_strain]", LINEAR, ELEMENTS),
         Effect("substrate (elements)", "[substrate]", ELEMENTS, ELEMENTS | {"substrate": STIFF}),
         Effect("exact sphere (elements)", 'shape = "sphere"', ELEMENTS, _sphere(ELEMENTS)),
