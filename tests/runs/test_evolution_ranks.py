@@ -17,7 +17,7 @@ from tests.launch import mpirun
 DISTANCES = (1.0, 1.6)
 SCENE = """
 [layer]
-thickness = 4.0
+thickness = 2.5
 young = 1.0
 poisson = 0.3
 [balls]
@@ -25,7 +25,7 @@ radius = 1.0
 positions = [[-1.2, 0.0], [1.2, 0.0]]
 shape = "sphere"
 [load]
-approach = 0.05
+approach = 0.15
 [finite_strain]
 [accuracy]
 tangential_force = 0.3
