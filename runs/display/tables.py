@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -31,6 +32,8 @@ SHORT = 0
 DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 """Significant digits of a column by the symbol that its heading begins with; 4 of any other."""
 COMPARED = DIGITS | {"T / Q": SHORT}
+MANY, SHOWN = 100, 20
+"""Number of balls above which a table shows a part of them, and how many it then shows."""
 ON_PAGES = ("iterations", "cut-backs")
 """Columns for the page alone."""
 
@@ -67,8 +70,13 @@ def is_narrow(out: Console) -> bool:
 def show_balls(
     out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
 ) -> None:
-    """Print the state of every ball."""
-    _show(out, title, ball_rows(balls, scale, periodic=periodic), DIGITS, scale)
+    """Print the state of every ball; of more than `MANY` balls those with the largest T."""
+    rows = ball_rows(balls, scale, periodic=periodic)
+    if len(balls) > MANY:
+        largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
+        rows = [rows[i] for i in sorted(largest)]
+        title += f": the {SHOWN} largest T of {len(balls)} balls; steps.csv and result.json have all"
+    _show(out, title, rows, DIGITS, scale)
 
 
 def show_path(out: Console, steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> None:

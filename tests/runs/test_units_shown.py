@@ -83,6 +83,19 @@ def test_headings_keep_their_units_at_any_width(width: int, tmp_path: Path) -> N
     assert max(map(len, text.getvalue().splitlines())) <= width
 
 
+def test_a_table_of_many_balls_shows_the_largest_forces(tmp_path: Path) -> None:
+    read, text = scene(tmp_path), io.StringIO()
+    many = [dict(balls(read)[i % 2].to_dict()) for i in range(tables.MANY + 1)]
+    for i, ball in enumerate(many):
+        ball["tangential_force"] = [1e-6 * (1 + (37 * i) % len(many)), 0.0]
+    shown = {i for i in range(len(many)) if (37 * i) % len(many) >= len(many) - tables.SHOWN}
+    tables.show_balls(Console(file=text, width=200), many, Scale.of(read.problem, read.data), "many")
+    told = text.getvalue()
+    assert "the 20 largest T of 101 balls" in told
+    first = [line.split()[0] for line in told.splitlines() if line.split()]
+    assert {int(word) for word in first if word.isdigit()} == shown
+
+
 def test_a_plan_gives_the_domain_in_the_scenes_unit() -> None:
     sides = {"x": [0.0, 0.012], "layer": 0.003, "substrate": 0.0}
     assert plan._domain(sides, Unit("mm", 1e-3)) == "domain [mm]: x 0 to 12, layer 3, substrate 0"
