@@ -52,6 +52,12 @@ def mpirun(
     return _run([launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
 
 
+def headless_browser() -> str | None:
+    """Return the path of a headless Chromium, or None."""
+    names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
 def launcher_forwards_last_words() -> bool:
     """Return whether a terminated mpirun forwards the last output of its ranks; Open MPI 5 kills them after 0.3 s."""
     said = subprocess.run(["mpirun", "--version"], capture_output=True, text=True, check=True, timeout=60.0).stdout

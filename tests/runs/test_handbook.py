@@ -6,7 +6,6 @@ import dataclasses
 import html
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -24,10 +23,9 @@ from runs.handbook.live.chebyshev import Axis, interpolate
 from runs.handbook.tutorials import Tutorial, TutorialFailed
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import read_scene
-from tests.launch import ROOT, python
+from tests.launch import ROOT, headless_browser, python
 
 PAGES = ROOT / "runs" / "handbook" / "pages"
-BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 TUTORIALS_OF_SECONDS = ("pair_on_rubber", "own_law_or_body")
 """Those without finite elements and without an evolution."""
 
@@ -190,7 +188,7 @@ document.getElementById("answers").textContent = JSON.stringify(answers);
 
 def in_browser(points: list[dict[str, float]], folder: Path) -> list[dict[str, Any]]:
     """Return what the live page computes and shows with its sliders at ``points``."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    browser = headless_browser()
     if browser is None:
         pytest.skip("no headless browser here (apt-get install chromium-headless-shell)")
     page = folder / "live.html"

@@ -6,7 +6,6 @@ import dataclasses
 import html
 import json
 import re
-import shutil
 import subprocess
 from collections import Counter
 from html.parser import HTMLParser
@@ -20,11 +19,11 @@ from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.reporting.pictures import figure, said_of
 from runs.session.run_folder import MARK
-from tests.launch import ROOT, mpirun, python
+from tests.launch import ROOT, headless_browser, mpirun, python
 
 STAND_IN = Path(__file__).with_name("elements.py")
 VOID = {"meta", "img", "br", "hr", "link", "input"}
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+BROWSER = headless_browser()
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update",
     "--disable-background-networking", "--disable-sync", "--virtual-time-budget=4000",
