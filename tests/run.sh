@@ -26,6 +26,7 @@ check() {
   fi
 }
 check ruff .venv/bin/python -m ruff check .
+check format .venv/bin/python -m ruff format --check .
 # numpy 2 annotates what it returns otherwise, and differently in each version: types are checked where numpy 1 is (Debian 12).
 if [[ $(.venv/bin/python -c 'import numpy; print(numpy.__version__)') == 1.* ]]; then
   check mypy .venv/bin/python -m mypy
