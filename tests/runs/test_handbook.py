@@ -26,8 +26,8 @@ from runs.scene.scene_file import read_scene
 from tests.launch import ROOT, headless_browser, python
 
 PAGES = ROOT / "runs" / "handbook" / "pages"
-TUTORIALS_OF_SECONDS = ("pair_on_rubber", "own_law_or_body")
-"""Those without finite elements and without an evolution."""
+TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body")
+"""Those without finite elements."""
 
 
 def test_the_scene_reference_explains_every_key_of_the_tables() -> None:
