@@ -17,6 +17,9 @@ from runs.studies.verification.part import Part, claimed
 NAME = "small-load"
 THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
 ACCURACY = 0.02
+"""Accuracy requested at finite strain, where the pair's small-strain answer takes off most of the error."""
+UNKNOWNS = 400_000
+"""Budget of small strain, which must be fine enough for `WANTED` by itself."""
 LIGHT = 0.004
 """Approach over R of the larger of two loads; the smaller is a third of it."""
 TWO_LOADS: tuple[float, ...] = (1.0 / 3.0, 1.0)
@@ -27,17 +30,19 @@ WANTED = 0.01
 def cases(quick: bool) -> list[Case]:
     """Return both kinematics for every thickness and distance; the quick version has one case at small strain."""
     if quick:
-        return [_case(SMALL, THIN, 2.0, WANTED)]
+        return [_case(SMALL, THIN, 2.0)]
     return [_case(model, h, distance) for h in THICKNESSES for distance in DISTANCES for model in (SMALL, FINITE)]
 
 
-def _case(model: str, h: float, distance: float, accuracy: float = ACCURACY) -> Case:
-    problem, steps = pair(LIGHT, h, distance=distance), TWO_LOADS
-    if model == SMALL:
-        problem = as_seen_by(model, pair(1.0, h, distance=distance, shape="paraboloid"))
-        problem, steps = problem.with_load("force", (PAPER_LOAD,) * 2), (1.0,)
+def _case(model: str, h: float, distance: float) -> Case:
     name = f"{NAME}-{model.replace('_', '-')}-h{h:g}-L{distance:g}"
-    return Case(name, problem, model, accuracy, labels={"part": NAME, "h": h, "L": distance}, steps=steps)
+    labels = {"part": NAME, "h": h, "L": distance}
+    if model == FINITE:
+        return Case(name, pair(LIGHT, h, distance=distance), model, ACCURACY, labels=labels, steps=TWO_LOADS)
+    problem = as_seen_by(model, pair(1.0, h, distance=distance, shape="paraboloid")).with_load(
+        "force", (PAPER_LOAD,) * 2
+    )
+    return Case(name, problem, model, WANTED, labels=labels, budget={"unknowns": UNKNOWNS})
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
