@@ -1,7 +1,8 @@
 """Newton's linear systems in PETSc: the data that a solver needs besides options, and factors if it fails.
 
-Multigrid gets the rigid-body near-nullspace. The mixed form is split into displacement and pressure, and the
-pressure's Schur complement is approximated by its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
+Multigrid gets its levels or, if the user chose an algebraic one, the rigid-body near-nullspace. The mixed form is split
+into displacement and pressure, and the pressure's Schur complement is approximated by its mass matrix over the
+stiffness, -(1/mu + 1/lambda) int p q.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from petsc4py import PETSc
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.regions import nothing_where_idle
-from finite_strain.equilibrium.solver_options import FACTORS, PREFIX, Choice, choose
+from finite_strain.equilibrium.order_levels import set_levels
+from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, choose
 from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem
 
@@ -64,7 +66,7 @@ def install(options: Mapping[str, str]) -> None:
 def choose_for(model: Model) -> Choice:
     """Return the solver for a model's systems, by its size and form and the user's options."""
     PETSc.Options(PREFIX).hasName("direct_up_to")  # used here only: PETSc would report an unused option
-    return choose(model.unknowns, model.is_mixed, given_options())
+    return choose(model.unknowns, model.is_mixed, given_options(), model.order)
 
 
 class LinearSolver:
@@ -80,8 +82,10 @@ class LinearSolver:
         self._owned.append(motions)
         if not model.is_mixed:
             model.matrix.setNearNullSpace(motions)
+            self._set_levels(ksp.getPC())
         elif choice.options["pc_type"] == "fieldsplit":
             self._split(motions)
+            self._set_levels(ksp.getPC().getFieldSplitSubKSP()[0].getPC(), DISPLACEMENT)
 
     def close(self) -> None:
         """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver.
@@ -105,6 +109,10 @@ class LinearSolver:
         factors.setFactorSetUpSolverType()
         factors.getFactorMatrix().setMumpsIcntl(14, int(FACTORS["mat_mumps_icntl_14"]))
         return ksp
+
+    def _set_levels(self, preconditioner: PETSc.PC, prefix: str = "") -> None:
+        if self.choice.options[f"{prefix}pc_type"] == "mg":
+            set_levels(preconditioner, self.model, self.choice.options[f"{prefix}mg_coarse_pc_type"])
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""
