@@ -13,15 +13,17 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.regions import nothing_where_idle
 from finite_strain.equilibrium.order_levels import set_levels
-from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, choose
+from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, choose, factor_bytes
 from finite_strain.mechanics.volumetric import Mixed
-from linear_bem.errors import InvalidProblem
+from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.memory import SHARE, free_memory
 
 _written: dict[str, str] = {}
 """Our options in PETSc's database; a solver of another form or size replaces them but not those of the user."""
@@ -99,7 +101,19 @@ class LinearSolver:
             install({})
 
     def factors(self) -> PETSc.KSP:
-        """Return new factors of MUMPS, to be destroyed by the caller (collective)."""
+        """Return new factors of MUMPS, to be destroyed by the caller (collective).
+
+        Raises `NotConverged` if they would need more than the free memory of some rank's machine.
+        """
+        comm, needed = self.model.comm, factor_bytes(self.model.unknowns)
+        node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        free = comm.allreduce(free_memory() / node.size, op=MPI.MIN) * comm.size
+        node.Free()
+        if needed > SHARE * free:
+            raise NotConverged(
+                f"the Krylov method did not converge, and factors of {self.model.unknowns} unknowns need about "
+                f"{needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take more machines or a coarser mesh"
+            )
         ksp = PETSc.KSP().create(self.model.comm)
         ksp.setType("preonly")
         ksp.setOperators(self.model.matrix)
