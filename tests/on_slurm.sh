@@ -112,6 +112,6 @@ cat "$folder/job.txt"
 "${VENV:-$checkout/.venv}/bin/python" - "$folder/out/result.json" <<'CHECK'
 import json, sys
 solved = json.load(open(sys.argv[1], encoding="utf-8"))["solved"]
-print("on_slurm.sh:", {key: solved.get(key) for key in ("converged", "unknowns", "ranks", "linear_solver", "resumed_steps")})
+print("on_slurm.sh:", {key: solved.get(key) for key in ("converged", "unknowns", "ranks", "linear_solver")})
 assert solved["converged"] and solved["ranks"] == 2, solved
 CHECK
