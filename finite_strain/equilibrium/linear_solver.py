@@ -126,7 +126,7 @@ class LinearSolver:
 
     def _set_levels(self, preconditioner: PETSc.PC, prefix: str = "") -> None:
         if self.choice.options[f"{prefix}pc_type"] == "mg":
-            set_levels(preconditioner, self.model, self.choice.options[f"{prefix}mg_coarse_pc_type"])
+            set_levels(preconditioner, self.model)
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""

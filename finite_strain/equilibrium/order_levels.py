@@ -22,11 +22,8 @@ _ROUNDOFF = 1e-12
 """Shape functions, at most about 1, below which a value counts as zero."""
 
 
-def set_levels(preconditioner: PETSc.PC, model: Model, coarse_type: str) -> None:
-    """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective).
-
-    ``coarse_type`` is PETSc's preconditioner for order 1; it gets the nodes, from which GAMG makes rigid motions.
-    """
+def set_levels(preconditioner: PETSc.PC, model: Model) -> None:
+    """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective)."""
     spaces = [compat.function_space(model.mesh, order) for order in (2, 1) if order < model.order]
     preconditioner.setType("mg")
     preconditioner.setMGLevels(len(spaces) + 1)
@@ -36,9 +33,6 @@ def set_levels(preconditioner: PETSc.PC, model: Model, coarse_type: str) -> None
         preconditioner.setMGInterpolation(len(spaces) - number, matrix)
         matrix.destroy()  # the preconditioner keeps it
         fine = coarse
-    lowest = preconditioner.getMGCoarseSolve().getPC()
-    lowest.setType(coarse_type)
-    lowest.setCoordinates(fine.tabulate_dof_coordinates()[: fine.dofmap.index_map.size_local])
 
 
 def _interpolation(fine: Any, coarse: Any, fixed: np.ndarray) -> tuple[PETSc.Mat, np.ndarray]:

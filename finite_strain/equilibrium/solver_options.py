@@ -49,7 +49,7 @@ LOWEST_BY_MULTIGRID = {
     "mg_coarse_pc_type": "gamg",
     "mg_coarse_pc_gamg_threshold": "0.01",
 }
-"""The lowest order: smoothed aggregation with rigid motions above the range of factors."""
+"""The lowest order above the range of factors: smoothed aggregation, with translations but no rotations."""
 PRESSURE = {
     "ksp_type": "chebyshev",
     "ksp_max_it": "1",
