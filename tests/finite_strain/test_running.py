@@ -263,14 +263,6 @@ def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, tmp_pa
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_by_multigrid_give_the_same_answer_as_one_by_factors(result: Any, tmp_path: Path) -> None:
-    found = press(2, tmp_path, options="-thirdbody_direct_up_to 0")
-    assert found["solved"]["linear_solver"] == "fgmres + mg"
-    assert_same_answer(found, result.to_dict(), PARALLEL)
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
 def test_a_run_stopped_in_the_middle_of_a_discretisation_resumes_there(
     result: Any, folder: Path, tmp_path: Path
 ) -> None:
