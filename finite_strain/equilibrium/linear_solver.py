@@ -1,7 +1,8 @@
 """Newton's linear systems in PETSc: the data that a solver needs besides options, and factors if it fails.
 
-Multigrid gets the rigid-body near-nullspace. The mixed form is split into displacement and pressure, and the
-pressure's Schur complement is approximated by its mass matrix over the stiffness, -(1/mu + 1/lambda) int p q.
+Multigrid gets its levels or, if the user chose an algebraic one, the rigid-body near-nullspace. The mixed form is split
+into displacement and pressure, and the pressure's Schur complement is approximated by its mass matrix over the
+stiffness, -(1/mu + 1/lambda) int p q.
 """
 
 from __future__ import annotations
@@ -12,14 +13,17 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.regions import nothing_where_idle
-from finite_strain.equilibrium.solver_options import FACTORS, PREFIX, Choice, choose
+from finite_strain.equilibrium.order_levels import set_levels
+from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, choose, factor_bytes
 from finite_strain.mechanics.volumetric import Mixed
-from linear_bem.errors import InvalidProblem
+from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.memory import SHARE, free_memory
 
 _written: dict[str, str] = {}
 """Our options in PETSc's database; a solver of another form or size replaces them but not those of the user."""
@@ -64,7 +68,7 @@ def install(options: Mapping[str, str]) -> None:
 def choose_for(model: Model) -> Choice:
     """Return the solver for a model's systems, by its size and form and the user's options."""
     PETSc.Options(PREFIX).hasName("direct_up_to")  # used here only: PETSc would report an unused option
-    return choose(model.unknowns, model.is_mixed, given_options())
+    return choose(model.unknowns, model.is_mixed, given_options(), model.order)
 
 
 class LinearSolver:
@@ -80,8 +84,10 @@ class LinearSolver:
         self._owned.append(motions)
         if not model.is_mixed:
             model.matrix.setNearNullSpace(motions)
+            self._set_levels(ksp.getPC())
         elif choice.options["pc_type"] == "fieldsplit":
             self._split(motions)
+            self._set_levels(ksp.getPC().getFieldSplitSubKSP()[0].getPC(), DISPLACEMENT)
 
     def close(self) -> None:
         """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver.
@@ -95,7 +101,19 @@ class LinearSolver:
             install({})
 
     def factors(self) -> PETSc.KSP:
-        """Return new factors of MUMPS, to be destroyed by the caller (collective)."""
+        """Return new factors of MUMPS, to be destroyed by the caller (collective).
+
+        Raises `NotConverged` if they would need more than the free memory of some rank's machine.
+        """
+        comm, needed = self.model.comm, factor_bytes(self.model.unknowns)
+        node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        free = comm.allreduce(free_memory() / node.size, op=MPI.MIN) * comm.size
+        node.Free()
+        if needed > SHARE * free:
+            raise NotConverged(
+                f"the Krylov method did not converge, and factors of {self.model.unknowns} unknowns need about "
+                f"{needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take more machines or a coarser mesh"
+            )
         ksp = PETSc.KSP().create(self.model.comm)
         ksp.setType("preonly")
         ksp.setOperators(self.model.matrix)
@@ -105,6 +123,10 @@ class LinearSolver:
         factors.setFactorSetUpSolverType()
         factors.getFactorMatrix().setMumpsIcntl(14, int(FACTORS["mat_mumps_icntl_14"]))
         return ksp
+
+    def _set_levels(self, preconditioner: PETSc.PC, prefix: str = "") -> None:
+        if self.choice.options[f"{prefix}pc_type"] == "mg":
+            set_levels(preconditioner, self.model)
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""

@@ -1,7 +1,8 @@
 """The choice of solver for Newton's linear systems, by their size and the form of the elements. No PETSc here.
 
 Factors (MUMPS, LDL^T) are fastest for small systems, but their cost grows faster than the size; the cost of a Krylov
-method with multigrid grows in proportion. The user's PETSc options with the prefix ``thirdbody_`` take precedence.
+method with multigrid over the elements' order grows little faster than the size (`thirdbody study scaling`). The
+user's PETSc options with the prefix ``thirdbody_`` take precedence.
 """
 
 from __future__ import annotations
@@ -22,32 +23,55 @@ FACTORS = {
     "mat_mumps_icntl_20": "0",
 }
 """LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or past a wrinkle."""
-KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-8", "ksp_max_it": "240"}
-"""Not conjugate gradients: a deformed layer under contact may have an indefinite tangent."""
+KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-2", "ksp_max_it": "120"}
+"""Not conjugate gradients: a deformed layer under contact may have an indefinite tangent.
+
+Newton's method asks for 3e-2 to 1e-3 of its residual, and repeats the solve where 1e-2 is not enough.
+"""
 MULTIGRID = {
-    "pc_type": "gamg",
-    "pc_gamg_agg_nsmooths": "1",
-    "pc_gamg_threshold": "0.01",
+    "pc_type": "mg",
+    "pc_mg_galerkin": "both",
     "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": "3",
-    "mg_levels_pc_type": "jacobi",
+    "mg_levels_ksp_max_it": "2",
+    "mg_levels_pc_type": "sor",
 }
-"""Smoothed aggregation with the rigid-body near-nullspace, for the displacement's rows."""
-PRESSURE = {"ksp_type": "chebyshev", "ksp_max_it": "1", "ksp_convergence_test": "skip", "pc_type": "jacobi"}
+"""Orders p, 2 and 1, see `order_levels.py`, for the displacement's rows.
+
+Symmetric Gauss-Seidel by nodes: elements stretch where the mesh is graded, and Jacobi's method then takes 2.3 times the
+iterations. Other smoothers and levels: `thirdbody study scaling`.
+"""
+LOWEST_BY_FACTORS = {
+    "mg_coarse_ksp_type": "preonly",
+    **{f"mg_coarse_{key}": value for key, value in FACTORS.items() if key != "ksp_type"},
+}
+LOWEST_BY_MULTIGRID = {
+    "mg_coarse_ksp_type": "preonly",
+    "mg_coarse_pc_type": "gamg",
+    "mg_coarse_pc_gamg_threshold": "0.01",
+}
+"""The lowest order above the range of factors: smoothed aggregation, with translations but no rotations."""
+PRESSURE = {
+    "ksp_type": "chebyshev",
+    "ksp_max_it": "1",
+    "ksp_convergence_test": "skip",
+    "pc_type": "sor",
+    "pc_sor_its": "4",
+}
 """The mass matrix over the stiffness, scaled by the largest eigenvalue that it leaves of the Schur complement.
 
 Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix:
-unscaled, 100 iterations reduce the residual to 1e-3; scaled, 35 reduce it to 1e-8 (12 452 unknowns, D = 0.3 R).
+unscaled, 102 iterations are needed, scaled 17 (14 799 unknowns, D = 0.1 R). Four sweeps invert the mass matrix as well
+as factors do: 17 iterations as well, 31 with Jacobi's method.
 An incompressible layer that is much wider than thick behaves like a lubricating film, which a mass matrix does not
-approximate: there 240 iterations may not suffice, and factors are used instead.
+approximate: there 120 iterations may not suffice, and factors are used instead.
 """
+DISPLACEMENT = "fieldsplit_displacement_"
 FIELD_SPLIT = {
     "pc_type": "fieldsplit",
     "pc_fieldsplit_type": "schur",
     "pc_fieldsplit_schur_fact_type": "upper",
     "pc_fieldsplit_schur_precondition": "user",
-    "fieldsplit_displacement_ksp_type": "preonly",
-    **{f"fieldsplit_displacement_{key}": value for key, value in MULTIGRID.items()},
+    f"{DISPLACEMENT}ksp_type": "preonly",
     **{f"fieldsplit_pressure_{key}": value for key, value in PRESSURE.items()},
 }
 """Upper block triangle for the mixed form.
@@ -77,7 +101,7 @@ class Choice:
         return f"{self.method}: {self.why}"
 
 
-def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
+def choose(unknowns: float, mixed: bool, given: Mapping[str, str], order: int = 3) -> Choice:
     """Return the solver for a system; ``given`` are the user's options, without the prefix.
 
     A preconditioner chosen by the user determines the other options: factors need no iteration, all others do.
@@ -89,8 +113,19 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str]) -> Choice:
     else:
         direct = unknowns <= limit
         why = f"{'up to' if direct else 'more than'} {limit:.0f} unknowns"
-    usual = FACTORS if direct else KRYLOV | (FIELD_SPLIT if mixed else MULTIGRID)
+    usual = FACTORS if direct else KRYLOV | _multigrid(mixed, unknowns / order**3)
     return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
+
+
+def _multigrid(mixed: bool, lowest: float) -> dict[str, str]:
+    """Return the options of the preconditioner; ``lowest`` is about the number of unknowns of order 1."""
+    levels = MULTIGRID | (LOWEST_BY_FACTORS if lowest <= DIRECT_UP_TO else LOWEST_BY_MULTIGRID)
+    return FIELD_SPLIT | {f"{DISPLACEMENT}{key}": value for key, value in levels.items()} if mixed else levels
+
+
+def factor_bytes(unknowns: float) -> float:
+    """Return the memory of factors: 17 kB per unknown at 50 thousand, and its power 4/3 by nested dissection."""
+    return 17e3 * unknowns * (unknowns / 5e4) ** (1.0 / 3.0)
 
 
 def given_in(text: str) -> dict[str, str]:

@@ -29,8 +29,8 @@ DEEP = 0.3
 SOLVER = 1e-7
 """The Krylov method reduces the residual by 1e-8; the error of forces also depends on the condition number."""
 CASES = {
-    "displacements, nu 0.3": ("displacement", 0.3, "fgmres + gamg"),
-    "displacements, nu 0.48": ("displacement", 0.48, "fgmres + gamg"),
+    "displacements, nu 0.3": ("displacement", 0.3, "fgmres + mg"),
+    "displacements, nu 0.48": ("displacement", 0.48, "fgmres + mg"),
     "mixed, nu 0.4999": ("mixed", 0.4999, "fgmres + fieldsplit"),
 }
 
@@ -54,12 +54,12 @@ def options() -> Iterator[Callable[[str, str], None]]:
     ("unknowns", "mixed", "given", "method", "why"),
     [
         (199_999, False, {}, "cholesky (mumps)", "up to 200000 unknowns"),
-        (200_001, False, {}, "fgmres + gamg", "more than 200000 unknowns"),
+        (200_001, False, {}, "fgmres + mg", "more than 200000 unknowns"),
         (200_001, True, {}, "fgmres + fieldsplit", "more than 200000 unknowns"),
         (1_000, True, {"direct_up_to": "999"}, "fgmres + fieldsplit", "more than 999 unknowns"),
         (1e7, False, {"pc_type": "lu"}, "lu (mumps)", "by the options of the prefix thirdbody_"),
         (1_000, False, {"pc_type": "hypre"}, "fgmres + hypre", "by the options of the prefix thirdbody_"),
-        (1_000, False, {"ksp_type": "cg"}, "cg + gamg", "by the options of the prefix thirdbody_"),
+        (1_000, False, {"ksp_type": "cg"}, "cg + mg", "by the options of the prefix thirdbody_"),
     ],
 )
 def test_the_solver_follows_size_form_and_the_users_options(
@@ -235,7 +235,7 @@ def test_a_direct_solver_replaces_a_failing_krylov_method_and_the_record_says_so
     count = rig.solver.effort.linear_fallbacks
     assert count > 1
     (note,) = solver_notes(rig.solver.choice.method, count)
-    assert note.startswith(f"linear systems: fgmres + gamg did not converge {count} time(s)")
+    assert note.startswith(f"linear systems: fgmres + mg did not converge {count} time(s)")
     assert not solver_notes(rig.solver.choice.method, 0)
 
 

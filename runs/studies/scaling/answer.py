@@ -7,16 +7,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from runs.process import ranks, signals
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown, save_csv, written
-from runs.studies.scaling.measuring import FORMS, measure
+from runs.studies.scaling.measuring import FORMS, measure, pressed, too_large
 
-SIZES = (12_000, 25_000, 60_000)
+SIZES = (12_000, 60_000, 120_000)
 """Target numbers of unknowns, which meshes meet within about 20 %."""
+LARGE = (500_000, 1_000_000)
+"""The same on more than one rank, by multigrid alone."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
+FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
+AHEAD = (1e7, 1e8)
+"""Unknowns to which the fits are extrapolated."""
 HEADINGS = {
     "form": "form",
     "solver": "solver",
@@ -37,12 +44,20 @@ def compute(folder: Path, options: Options) -> None:
     comm = ranks.world()
     file = folder / f"ranks_{comm.size}.csv"
     rows = ranks.share([] if options.fresh or not ranks.is_root() else read([file]))
-    for target in SIZES[:1] if options.quick else SIZES:
-        for form in FORMS:
+    for form in FORMS:
+        sizes = SIZES[:1] if options.quick else SIZES + LARGE * (comm.size > 1)
+        left = [size for size in sizes if not any((row["form"], row["target"]) == (form, size) for row in rows)]
+        if not left:
+            continue
+        state = pressed(form, comm)
+        for target in left:
             signals.check()
-            if any((row["form"], row["target"]) == (form, target) for row in rows):
+            fault = ranks.share(too_large(form, target))
+            if fault:
+                if comm.rank == 0:
+                    tell(f"left out: {fault}")
                 continue
-            for row in measure(form, target, comm):
+            for row in measure(form, target, state, comm):
                 rows.append(row)
                 if comm.rank == 0:
                     tell(", ".join(f"{key} {written(value)}" for key, value in row.items()))
@@ -65,15 +80,30 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Return the table for all numbers of ranks, and the memory per unknown of the largest systems."""
+    """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
-    lines = markdown(rows, HEADINGS)
-    largest = max((row["unknowns"] for row in rows), default=0)
-    for row in rows:
-        if row["unknowns"] > 0.8 * largest and row["ranks"] == 1:
-            lines += ["", f"{row['form']}, {row['solver']}, {row['unknowns']} unknowns on one rank: "
-                      f"{row['kilobytes_per_unknown']:.1f} kB per unknown."]  # fmt: skip
-    return "\n".join(lines)
+    return "\n".join([*markdown(rows, HEADINGS), *powers(rows)])
+
+
+def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a sentence for each form: fitted powers of the unknowns, and what they give for larger systems."""
+    lines = []
+    for form in dict.fromkeys(row["form"] for row in rows):
+        ranks_ = max(row["ranks"] for row in rows if row["form"] == form)
+        taken = [row for row in rows if (row["form"], row["solver"], row["ranks"]) == (form, "multigrid", ranks_)]
+        if len(taken) < 2:
+            continue
+        sizes = np.log([row["unknowns"] for row in taken])
+        fits = {key: np.polyfit(sizes, np.log([row[key] for row in taken]), 1) for key in FITTED}
+        growth = ", ".join(f"{FITTED[key]} n^{fit[0]:.2f}" for key, fit in fits.items())
+        ahead = "; ".join(
+            f"{n:.0e} unknowns: {np.exp(np.polyval(fits['krylov_iterations'], np.log(n))):.0f} iterations, "
+            f"{np.exp(np.polyval(fits['first_seconds'], np.log(n))) * ranks_ / 3600:.2g} processor hours a first solve"
+            for n in AHEAD
+        )
+        range_ = f"{taken[0]['unknowns']} to {taken[-1]['unknowns']} unknowns"
+        lines += ["", f"{form}, multigrid on {ranks_} ranks, {range_}: {growth}. Extrapolated: {ahead}."]
+    return lines
 
 
 STUDY = Study("scaling", compute, page, saves="ranks_*.csv")

@@ -1,4 +1,7 @@
-"""One measurement: a pair of balls in equilibrium, its tangent assembled and its linear system solved twice."""
+"""One measurement: the tangent of a pressed pair of balls assembled and its linear system solved, twice if it is small.
+
+All meshes carry one state: the equilibrium on the coarsest one, interpolated.
+"""
 
 from __future__ import annotations
 
@@ -14,30 +17,75 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linear_bem import Elements
+from linear_bem.errors import TooLarge
+from linear_bem.memory import require
 from runs.studies.framework.pair import pair
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from finite_strain.discretisation.checkpoint import Snapshot
     from finite_strain.one_discretisation import ModelRun
 
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio used with each element form."""
-SOLVERS = {"MUMPS": "1e12", "multigrid": "0"}
-"""Largest number of unknowns that is solved directly."""
+SOLVERS = {"MUMPS": {"direct_up_to": "1e12"}, "multigrid": {"direct_up_to": "0", "ksp_rtol": "1e-8"}}
+"""Options of the prefix by solver."""
+MOST_BY_FACTORS, TWICE_UP_TO = 100_000, 250_000
+"""Largest systems that factors solve here, and that are solved twice."""
+BYTES = {"displacement": 1.05e4, "mixed": 1.6e4}
+"""Memory per unknown on all ranks that a measurement by multigrid needs to begin."""
 DEPTH = 0.1
-FINENESSES = np.arange(1.0, 4.1, 0.25).tolist()
+FINENESSES = np.arange(1.0, 16.1, 0.25).tolist()
 PATH = (0.2, 0.6, 1.0)
 """Fractions of the depth at which equilibrium is solved before measuring."""
 
 
-def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
+def pressed(form: str, comm: MPI.Comm) -> Snapshot:
+    """Return the pair in equilibrium at the approach `DEPTH` on the coarsest mesh, on every rank (collective)."""
+    run = _run(form, 0.0, comm)
+    for _ in run.path.steps(PATH):
+        pass
+    state = run.snapshot(PATH[-1])
+    run.close()
+    return state
+
+
+def too_large(form: str, target: int) -> str:
+    """Return why a measurement would not fit into the free memory; nothing if it would."""
+    try:
+        require(BYTES[form] * target, f"a system of {target} unknowns ({form} form)", "take a larger machine")
+    except TooLarge as error:
+        return str(error)
+    return ""
+
+
+def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     """Yield, per solver, times of the slowest rank [s of processor time] and memory of all ranks (collective).
 
-    Both solve the same system: the tangent at the equilibrium for approach `DEPTH`.
+    All solve the same system: the tangent at ``state``.
     """
+    _forget_peak()
+    before = _status("VmRSS")
+    run = _run(form, target, comm)
+    from finite_strain.geometry.estimates import penalties  # noqa: PLC0415  (imports DOLFINx, like all below)
+
+    near = run.predicted_by(state)
+    run.model.fields.restore(near.values)
+    run.model.contact.set_approaches(np.array(near.approaches))
+    contact = run.model.contact
+    contact.set_penalties(penalties(run.path.problem, contact.balls, contact.approaches))
+    run.solver.close()
+    for name in SOLVERS:
+        if name != "MUMPS" or run.model.unknowns <= MOST_BY_FACTORS:
+            yield {"form": form, "solver": name, "target": target, **_solved_by(name, run, before)}
+    run.model.close()
+
+
+def _run(form: str, target: float, comm: MPI.Comm) -> ModelRun:
+    """Return the pair on a mesh of about ``target`` unknowns (collective)."""
     from finite_strain.observer import Silence  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (imports DOLFINx, like all below)
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
     from finite_strain.planning.records import Discretisation  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
@@ -46,18 +94,10 @@ def measure(form: str, target: int, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     levels = [Discretisation(3, fineness) for fineness in FINENESSES]
     level = min(levels, key=lambda level: abs(plan.unknowns(level) - target))
     box = plan.box(level)
-    _forget_peak()
-    before = _status("VmRSS")
     with TemporaryDirectory() as folder:
         meshed = mesh_box(box, Path(comm.bcast(folder, root=0)) / "mesh.msh", comm)
         comm.barrier()
-    run = ModelRun(plan, meshed, box, level, Silence(), "scaling")
-    for _ in run.path.steps(PATH):
-        pass
-    run.solver.close()
-    for name in SOLVERS:
-        yield {"form": form, "solver": name, "target": target, **_solved_by(name, run, before)}
-    run.model.close()
+    return ModelRun(plan, meshed, box, level, Silence(), "scaling")
 
 
 def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
@@ -68,12 +108,14 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     model, options = run.model, PETSc.Options("thirdbody_")
     comm = model.comm
     _forget_peak()
-    options["direct_up_to"] = SOLVERS[name]
+    for key, value in SOLVERS[name].items():
+        options[key] = value
     solver = NewtonSolver(model, run.path.control)
     ksp, b, x = solver.linear.ksp, model.matrix.createVecRight(), model.matrix.createVecRight()
     model.border(np.ones(len(model.contact.balls)), b)
     spent, iterations, failed = [], 0, 0
-    for _ in range(2):  # the second reuses the symbolic analysis, like all but the first of a load path
+    # the second reuses the symbolic analysis, like all but the first of a load path
+    for _ in range(2 if model.unknowns <= TWICE_UP_TO else 1):
         assembled = _seconds(model.tangent, comm)
         ksp.setOperators(model.matrix)
         spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
@@ -82,13 +124,14 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     for vector in (b, x):
         vector.destroy()
     solver.close()
-    options.delValue("direct_up_to")
+    for key in SOLVERS[name]:
+        options.delValue(key)
     return {
         "unknowns": model.unknowns,
         "ranks": comm.size,
-        "assembly_seconds": spent[1][0],
+        "assembly_seconds": spent[-1][0],
         "first_seconds": spent[0][1],
-        "solve_seconds": spent[1][1],
+        "solve_seconds": spent[1][1] if len(spent) > 1 else np.nan,
         "krylov_iterations": iterations if name == "multigrid" else 0,
         "fallbacks": failed,
         "kilobytes_per_unknown": used / model.unknowns / 1e3,

@@ -1,0 +1,155 @@
+"""Multigrid over the elements' order: exact interpolation, constrained rows, iterations that hardly grow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+from petsc4py import PETSc
+
+from finite_strain import compat
+from finite_strain.equilibrium import linear_solver
+from finite_strain.equilibrium.order_levels import _interpolation
+from finite_strain.equilibrium.solver_options import choose, factor_bytes
+from finite_strain.geometry.estimates import penalties
+from finite_strain.planning.records import Discretisation
+from linear_bem import NotConverged
+from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.finite_strain.scenes import Rig
+
+ROUNDOFF = 1e-12
+SOFTER = 0.02
+FORMS = {"displacement": 0.3, "mixed": 0.4999}
+
+
+@pytest.fixture(autouse=True)
+def iterative() -> Iterator[None]:
+    """Solve all systems by multigrid, to a residual of 1e-8."""
+    database, given = PETSc.Options("thirdbody_"), {"direct_up_to": "0", "ksp_rtol": "1e-8"}
+    for name, value in given.items():
+        database[name] = value
+    yield
+    for name in [*given, "mg_coarse_pc_type", "fieldsplit_displacement_mg_coarse_pc_type"]:
+        database.delValue(name)
+
+
+def touched_rig(form: str, order: int, fineness: float, folder: Path) -> Rig:
+    """Return the undeformed pair with its balls pressed in: contact, constraints, and no Newton iteration.
+
+    The penalty is softened so that the overlap presses about as the balls do in equilibrium.
+    """
+    rig = coarse_rig(
+        coarse_plan(in_form(form, pair(0.05, poisson=FORMS[form]))), folder, Discretisation(order, fineness)
+    )
+    contact = rig.model.contact
+    contact.set_approaches(np.full(len(contact.balls), 0.05))
+    contact.set_penalties(SOFTER * penalties(rig.plan.problem, contact.balls, contact.approaches))
+    rig.model.tangent()
+    return rig
+
+
+def solve(rig: Rig) -> tuple[int, float]:
+    """Solve for the displacement by a unit approach; return iterations and true relative residual."""
+    model, ksp = rig.model, rig.solver.linear.ksp
+    b, x, residual = (model.matrix.createVecRight() for _ in range(3))
+    model.border(np.ones(len(model.contact.balls)), b)
+    ksp.setOperators(model.matrix)
+    ksp.solve(b, x)
+    model.matrix.mult(x, residual)
+    residual.axpy(-1.0, b)
+    assert ksp.getConvergedReason() > 0
+    return ksp.getIterationNumber(), residual.norm() / b.norm()
+
+
+@pytest.mark.parametrize(("order", "low"), [(2, 1), (3, 2), (4, 2)])
+def test_a_displacement_of_low_order_is_interpolated_exactly_where_it_is_free(
+    order: int, low: int, tmp_path: Path
+) -> None:
+    rig = coarse_rig(coarse_plan(pair(0.05, poisson=0.3)), tmp_path, Discretisation(order, 1.0))
+    model, coarse = rig.model, compat.function_space(rig.model.mesh, low, (3,))
+    matrix, held = _interpolation(model.space, compat.function_space(model.mesh, low), model.constrained)
+    x, y = matrix.createVecs()
+    x.array[:] = np.random.default_rng(1).standard_normal(x.getLocalSize())
+    matrix.mult(x, y)
+    field, expected = dolfinx.fem.Function(coarse), dolfinx.fem.Function(model.space)
+    field.x.array[:] = np.where(held.ravel(), 0.0, x.array_r)
+    expected.interpolate(field)
+    free = ~model.constrained.ravel()
+    assert np.abs(y.array_r - expected.x.array)[free].max() < ROUNDOFF
+    assert np.abs(expected.x.array[~free]).max() < ROUNDOFF  # so constrained values stay zero
+    assert 0 < held.sum() < model.constrained.sum()
+
+
+def test_constrained_components_keep_rows_of_their_own_at_every_order(tmp_path: Path) -> None:
+    rig = touched_rig("displacement", 3, 1.0, tmp_path)
+    operator, fine, fixed = rig.model.matrix, rig.model.space, rig.model.constrained
+    for low in (2, 1):
+        coarse = compat.function_space(rig.model.mesh, low)
+        matrix, held = _interpolation(fine, coarse, fixed)
+        operator = operator.ptap(matrix)
+        rows = np.flatnonzero(held.ravel()).astype(PETSc.IntType)
+        values = operator[rows, :].copy()
+        own = values[np.arange(len(rows)), rows].copy()
+        assert own.min() > 0.5
+        values[np.arange(len(rows)), rows] = 0.0
+        assert np.abs(values).max() < ROUNDOFF
+        assert np.linalg.norm(operator.getDiagonal().array_r, -np.inf) > 0.0
+        fine, fixed = coarse, held
+
+
+@pytest.mark.parametrize(("form", "most"), [("displacement", 25), ("mixed", 35)])
+def test_iterations_are_few_and_grow_little_with_the_mesh(form: str, most: int, tmp_path: Path) -> None:
+    taken = []
+    for fineness in (1.0, 1.5):
+        (tmp_path / str(fineness)).mkdir()
+        rig = touched_rig(form, 3, fineness, tmp_path / str(fineness))
+        iterations, residual = solve(rig)
+        assert residual < 2e-8
+        taken.append((rig.model.unknowns, iterations))
+        rig.run.close()
+    (few, coarse), (many, fine) = taken
+    assert many > 2 * few
+    assert fine <= most
+    assert fine <= 1.3 * coarse
+
+
+def test_algebraic_multigrid_on_the_lowest_order_hardly_takes_more_iterations_than_factors(tmp_path: Path) -> None:
+    taken = []
+    for kind in ("cholesky", "gamg"):
+        PETSc.Options("thirdbody_")["mg_coarse_pc_type"] = kind
+        (tmp_path / kind).mkdir()
+        rig = touched_rig("displacement", 3, 1.0, tmp_path / kind)
+        taken.append(solve(rig)[0])
+        assert rig.solver.linear.ksp.getPC().getMGCoarseSolve().getPC().getType() == kind
+        rig.run.close()
+    assert taken[1] <= 2 * taken[0]
+
+
+def test_the_lowest_order_is_solved_by_factors_only_within_their_range() -> None:
+    assert choose(5e6, False, {}).options["mg_coarse_pc_type"] == "cholesky"
+    assert choose(6e6, False, {}).options["mg_coarse_pc_type"] == "gamg"
+    assert choose(6e6, True, {}, order=4).options["fieldsplit_displacement_mg_coarse_pc_type"] == "cholesky"
+
+
+def test_factors_that_do_not_fit_into_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = coarse_rig(coarse_plan(pair(0.05, poisson=0.3)), tmp_path)
+    enough = factor_bytes(rig.model.unknowns) / linear_solver.SHARE
+
+    def machine(memory: float) -> Any:
+        monkeypatch.setattr(linear_solver, "free_memory", lambda: memory)
+
+    machine(1.01 * enough)
+    rig.solver.linear.factors().destroy()
+    machine(0.99 * enough)
+    with pytest.raises(NotConverged, match=r"factors of \d+ unknowns need about .* take more machines"):
+        rig.solver.linear.factors()
