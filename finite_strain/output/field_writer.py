@@ -1,6 +1,6 @@
 """Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
 
-Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader supports; the
+Each element of order p is written as p^3 linear cells between its own nodes, which every reader supports; the
 nodal displacements are those of the solution. Points, vectors and tensors are in the scene's frame; the part beyond
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
 complete the scene).
@@ -70,11 +70,11 @@ class FieldWriter:
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
         index_map = self.model.space.dofmap.index_map
-        hexahedra = self._nodes.dofs[:, self._nodes.lattice.hexahedra]
-        region = np.zeros(hexahedra.shape[:2], dtype=np.int64)
+        pieces = self._nodes.dofs[:, self._nodes.lattice.cells]
+        region = np.zeros(pieces.shape[:2], dtype=np.int64)
         for bulk, cells in self._regions:
             region[cells] = bulk.tag
-        numbers = index_map.local_to_global(hexahedra.ravel().astype(np.int32)).reshape(-1, 8)
+        numbers = index_map.local_to_global(pieces.ravel().astype(np.int32)).reshape(-1, pieces.shape[2])
         nodes = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
         points = self.model.reduction.scene_points(nodes)
         return {"points": points, "cells": numbers, "cell_fields/region": region.ravel()}
@@ -126,7 +126,7 @@ class FieldWriter:
         file["points"].attrs.update(unit="m", meaning="undeformed nodes of the simulated part, in the scene's frame")
         order = self._nodes.lattice.order
         file["cells"].attrs.update(
-            order=order, meaning=f"hexahedra by rows of points in VTK's order; {order}^3 in a row fill an element"
+            order=order, meaning=f"linear cells by rows of points in VTK's order; {order}^3 in a row fill an element"
         )
         file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
         file.require_group("node_fields")

@@ -146,7 +146,8 @@ def draw(
 def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
     import pyvista  # noqa: PLC0415
 
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: step.cells[part]}, step.points + step.displacement)
+    kind = {8: pyvista.CellType.HEXAHEDRON, 4: pyvista.CellType.TETRA}[step.cells.shape[1]]
+    grid = pyvista.UnstructuredGrid({kind: step.cells[part]}, step.points + step.displacement)
     grid.point_data["values"] = values
     return grid
 

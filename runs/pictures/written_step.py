@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from linear_bem.errors import MissingDependency, OutputUnusable
 
 Array = NDArray[np.float64]
-_MIRRORED = [4, 5, 6, 7, 0, 1, 2, 3]
-"""Corners of a hexahedron in VTK's order after a mirror has turned it inside out."""
+_MIRRORED = {8: [4, 5, 6, 7, 0, 1, 2, 3], 4: [1, 0, 2, 3]}
+"""Corners of a hexahedron and of a tetrahedron in VTK's order after a mirror has turned them inside out."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class DrawnBall:
 
 @dataclass(frozen=True)
 class WrittenStep:
-    """Points (n, 3) and displacement (n, 3) [m], hexahedra (m, 8), region of each (m,), node fields, balls."""
+    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), region of each (m,), node fields, balls."""
 
     number: int
     points: Array
@@ -125,7 +125,7 @@ def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:
         mirror = np.eye(3) - 2.0 * np.outer(normal, normal)
         points = np.concatenate([points, (points - origin) @ mirror + origin])
         displacement = np.concatenate([displacement, displacement @ mirror])
-        cells = np.concatenate([cells, cells[:, _MIRRORED] + count])
+        cells = np.concatenate([cells, cells[:, _MIRRORED[cells.shape[1]]] + count])
         region = np.concatenate([region, region])
         fields = {name: np.concatenate([values, _mirrored(values, mirror)]) for name, values in fields.items()}
     size = float(np.ptp(points, axis=0).max())
