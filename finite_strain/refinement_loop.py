@@ -22,7 +22,7 @@ from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
-from finite_strain.mpi import on_root
+from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
 from finite_strain.one_discretisation import MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
@@ -181,7 +181,7 @@ class Refinement:
             if self.inspect is not None:
                 model = run.own.model
                 functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
-                self.inspect(answer.to_step(), functions)
+                on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
