@@ -29,7 +29,7 @@ from runs.studies import STUDIES
 from tests.launch import ROOT, headless_browser, python
 
 PAGES = ROOT / "runs" / "handbook" / "pages"
-TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body")
+TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body", "rough_or_layered")
 """Those without finite elements."""
 
 
