@@ -14,9 +14,11 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
+from finite_strain.discretisation.regions import constant
 from finite_strain.geometry.estimates import Expected
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mpi import on_root
@@ -28,6 +30,8 @@ from meshes.box import TAGS
 CELLS = ("hexahedron", "tetrahedron")
 FLAT = 1e-6
 """Largest distance of nodes from the plane of their face, over the thickness of the layer."""
+SOLID = 1e-3
+"""Largest difference of the layer's volume from thickness times top, relative."""
 LEAST_NODES = 9
 """Fewest corners of elements under a ball's expected contact at full load: two elements across it."""
 CLEAR = 1.5
@@ -79,6 +83,7 @@ class OwnMesh:
         if faults:
             raise InvalidProblem(*faults)
         self._tag_sides(sides, near)
+        self._check_solid(thickness)
         radii = [expected[ball.index][2] for ball in reduction.balls]
         self._check_balls(reduction, radii, sides, near)
         cells = self.comm.allreduce(len(self.nodes))
@@ -154,6 +159,17 @@ class OwnMesh:
         numbers = np.concatenate([np.full(len(each), TAGS[name], dtype=np.int32) for name, each in found.items()])
         order = np.argsort(facets)
         self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
+
+    def _check_solid(self, thickness: float) -> None:
+        """Raise if the layer has holes, which the small-strain problem beside it has not."""
+        cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])
+        facets = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)(TAGS["top"])
+        forms = compat.compile_forms([constant(self.mesh, 1.0) * measure for measure in (cells, facets)], self.comm)
+        volume, area = (self.comm.allreduce(dolfinx.fem.assemble_scalar(form)) for form in forms)
+        if abs(volume - thickness * area) > SOLID * volume:
+            raise InvalidProblem(
+                f"mesh: the layer must be a slab without holes, got {volume:.6g} m^3 under a top of {area:.6g} m^2"
+            )
 
     def _check_balls(
         self, reduction: Reduction, radii: Sequence[float], sides: dict[int, tuple[float, float]], near: float

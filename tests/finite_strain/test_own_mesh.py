@@ -106,6 +106,13 @@ def bulging() -> tuple[Any, Any, Any]:
     return mesh, cells, facets
 
 
+def hollow() -> tuple[Any, Any, Any]:
+    mesh, _, _ = block()
+    middles = dolfinx.mesh.compute_midpoints(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    kept = np.flatnonzero(np.linalg.norm(middles - [2.1, 0.7, -0.5], axis=1) > 0.3).astype(np.int32)
+    return tagged(dolfinx.mesh.create_submesh(mesh, 3, kept)[0], {"top": 0.0, "bottom": -1.16})
+
+
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no file": (lambda: "nowhere.msh", r"must be a \.msh file, .* got nowhere\.msh"),
     "no tags": (lambda: (block()[0], None, None), "tags are needed, got None"),
@@ -116,6 +123,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "bulging": (bulging, r"must reach from z = -1\.16 to 0 m, got -1\.16 to 0\.001 m"),
     "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 2 at \(1, 0\) m needs .* got 0\.02 m"),
     "coarse": (lambda: block(x=X[::5], y=Y[::3]), r"at least 9 corners .* got 2; make the elements there smaller"),
+    "a hole": (hollow, r"must be a slab without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2"),
     "prisms": (lambda: block(CellType.prism), "hexahedron or tetrahedron, got prism"),
 }
 
