@@ -68,12 +68,12 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
 
 def study_table() -> str:
     """Return the table of all studies: question, and the sentence that opens the published answer if it has one."""
-    rows = ["| study | question | published answer |", "|---|---|---|"]
+    rows = ["| study and question | published answer |", "|---|---|"]
     for name, question in STUDIES.items():
         published = (ROOT / "runs" / "studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)[2]
         found = OPENING.search(published)
         said = found[0].replace("**", "").replace("|", "\\|") if found else "tables and figures on its page"
-        rows.append(f"| [{name}](studies/{name}.md) | {question} | {said} |")
+        rows.append(f"| [{name}](studies/{name}.md): {question} | {said} |")
     return "\n".join(rows)
 
 
