@@ -161,7 +161,8 @@ class FieldWriter:
 
 def _outline(ball: ModelBall) -> np.ndarray:
     """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape."""
-    angles, shares = np.linspace(0.0, 2.0 * np.pi, 49)[:, None], np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
+    angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
+    shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
     if isinstance(ball.shape, str):
         return np.full((len(angles), len(shares), 3), np.nan)
     edge = np.array([ball.shape.half_width(np.cos(a), np.sin(a)) or ball.reach for a in angles[:, 0]])[:, None]

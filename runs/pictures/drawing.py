@@ -201,15 +201,16 @@ def _base(step: WrittenStep, window: Window, cut: bool) -> Any:
 
 def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
     whole = _ball(ball)
+    smooth = ball.shape == "sphere" and ball.outline is None  # others have edges, and facets that are small enough
     if view == "surface":
         plotter.add_mesh(
-            whole, color=_BALL, opacity=0.35, smooth_shading=True, split_sharp_edges=True, specular=0.6,
+            whole, color=_BALL, opacity=0.35, smooth_shading=smooth, specular=0.6,
             specular_power=50, ambient=0.2,
         )  # fmt: skip
         return
     half = whole.clip(normal=window.across, origin=window.origin, invert=False)
     plotter.add_mesh(
-        half, color=_BALL, smooth_shading=True, split_sharp_edges=True, specular=0.35, specular_power=30, ambient=0.25,
+        half, color=_BALL, smooth_shading=smooth, specular=0.35, specular_power=30, ambient=0.25,
     )  # fmt: skip
     section = whole.slice(normal=window.across, origin=window.origin)
     if section.n_points:
