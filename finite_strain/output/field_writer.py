@@ -21,9 +21,8 @@ from finite_strain import compat
 from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
-from finite_strain.geometry.symmetry import ModelBall
 from finite_strain.mpi import on_root
-from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
+from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice, outline
 from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
 
@@ -131,7 +130,7 @@ class FieldWriter:
             order=order, meaning=f"linear cells by rows of points in VTK's order; {order}^3 in a row fill an element"
         )
         file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
-        outlines = np.array([_outline(reduction.balls[image.model_ball]) for image in reduction.images])
+        outlines = np.array([outline(reduction.balls[image.model_ball]) for image in reduction.images])
         if np.isfinite(outlines).any():
             file["ball_outlines"] = outlines
             file["ball_outlines"].attrs.update(unit="m", meaning=_OUTLINES)
@@ -157,17 +156,6 @@ class FieldWriter:
             mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )
-
-
-def _outline(ball: ModelBall) -> np.ndarray:
-    """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
-    shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
-    if isinstance(ball.shape, str):
-        return np.full((len(angles), len(shares), 3), np.nan)
-    edge = np.array([ball.shape.half_width(np.cos(a), np.sin(a)) or ball.reach for a in angles[:, 0]])[:, None]
-    x, y = edge * shares * np.cos(angles), edge * shares * np.sin(angles)
-    return np.stack([x, y, np.broadcast_to(ball.shape.height(x, y), x.shape)], axis=2)
 
 
 def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from finite_strain.geometry.symmetry import ModelBall
+from finite_strain.output.field_catalogue import outline
 from linear_bem import Cone, Punch
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.commands import render
@@ -126,16 +128,12 @@ def test_a_paraboloid_is_a_solid_body() -> None:
 
 
 def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> None:
-    pytest.importorskip("dolfinx")
-    from finite_strain.geometry.symmetry import ModelBall  # noqa: PLC0415
-    from finite_strain.output.field_writer import _outline  # noqa: PLC0415
-
     cone = Cone(slope=math.atan(0.5), tip_radius=1e-9)  # twice as wide as high
-    outline = _outline(ModelBall(0, (0.0, 0.0), 1e-9, cone, 1, (), reach=2e-3))
+    points = outline(ModelBall(0, (0.0, 0.0), 1e-9, cone, 1, (), reach=2e-3))
     shutil.copytree(run, tmp_path / "run")
     file = step_files(tmp_path / "run")[2]
     with h5py.File(file, "r+") as written:
-        written["ball_outlines"] = [outline, np.full_like(outline, np.nan)]
+        written["ball_outlines"] = [points, np.full_like(points, np.nan)]
     drawn, sphere = read_step(file, 2, "von_mises").balls
     assert sphere.outline is None
     assert drawn.extent == pytest.approx(2e-3, rel=1e-3)
@@ -144,9 +142,9 @@ def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> 
     # a cone of half the height, and a cylinder above it; 96 directions leave 0.1 % of a circle
     assert body.volume == pytest.approx(math.pi * 2e-3**3 * (1.0 / 6.0 + 0.5), rel=2e-3)
     assert body.bounds[4] == pytest.approx(-drawn.approach)
-    punch = _outline(ModelBall(0, (0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), 1, (), reach=1e-3))
+    punch = outline(ModelBall(0, (0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), 1, (), reach=1e-3))
     assert punch[..., 2].max() == pytest.approx(1e-4, rel=1e-3)
-    assert np.isnan(_outline(ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ()))).all()
+    assert np.isnan(outline(ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ()))).all()
 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:
