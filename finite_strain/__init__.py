@@ -19,6 +19,7 @@ from finite_strain.planning.refinement import Budget
 from linear_bem.errors import MissingDependency
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
+from meshes.box import TAGS
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
@@ -45,6 +46,7 @@ def solve(
     numerics: Numerics = DEFAULT,
     solver_options: Mapping[str, str] | None = None,
     inspect: Inspect | None = None,
+    mesh: Any = None,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
@@ -82,6 +84,13 @@ def solve(
         has, with the `Step` and the DOLFINx functions by name: "displacement" [m], and of mixed regions
         "layer_pressure", "substrate_pressure" [Pa], positive in tension. They live on the simulated part, in its own
         frame, and change with the next step: copy what is kept.
+    mesh
+        An own mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
+        tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and
+        the flat "top" z = 0 and "bottom". It holds the whole scene, or its part x >= 0 or y >= 0 (or both) if it ends
+        there and the scene is its own mirror image. Sides in the planes of its bounding box slide in them, others are
+        free. It is used with elements of order 2, 3 and at need 4, and never refined: the error bar of T comes from
+        these orders.
 
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
@@ -95,20 +104,28 @@ def solve(
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # one thread per rank: more threads would compete with ranks for cores
-    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
-
-    plan = plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics)
     from mpi4py import MPI  # noqa: PLC0415
 
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    own = None
+    if mesh is not None:
+        from finite_strain.own_mesh import OwnMesh  # noqa: PLC0415
+
+        own = OwnMesh(mesh, comm)
+    plan = plan_run(
+        problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics, None if own is None else own.fit
+    )
     from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
     from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
     from finite_strain.mpi import working_folder  # noqa: PLC0415
     from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
-    comm = MPI.COMM_WORLD if comm is None else comm
     check_own_energy(problem)
     with with_options(solver_options or {}), working_folder(None if folder is None else Path(folder), comm) as where:
-        return Refinement(plan, where, comm, observer or Silence(), fields, folder is not None, inspect).run()
+        meshed = None if own is None else own.meshed
+        return Refinement(plan, where, comm, observer or Silence(), fields, folder is not None, inspect, meshed).run()
 
 
 def plan(
@@ -126,4 +143,4 @@ def plan(
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
 
 
-__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "FieldChoice", "Numerics", "Observer", "plan", "solve"]
+__all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "TAGS", "FieldChoice", "Numerics", "Observer", "plan", "solve"]

@@ -27,7 +27,8 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from linear_bem.errors import MissingDependency, OutputUnusable, ThirdBodyError
+from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable, ThirdBodyError
+from meshes.groups import number_groups
 from meshes.layer import gmsh_session
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
@@ -48,7 +49,7 @@ logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 
 def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:
-    """Return a Lagrange space of the degree on hexahedra with the value shape."""
+    """Return a Lagrange space of the degree with the value shape."""
     if _OLD:
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
         scalar = ufl.FiniteElement(family, cell, degree)
@@ -141,29 +142,29 @@ def cell_dofs(space: Any) -> np.ndarray:
     return dofmap
 
 
-def lagrange_element(degree: int) -> Any:
-    """Return the hexahedron's Lagrange element, its functions and nodes in DOLFINx order."""
+def lagrange_element(cell: str, degree: int, variant: str = "gll_warped") -> Any:
+    """Return the Lagrange element of a cell, its functions and nodes in DOLFINx order."""
     return basix.create_element(
-        basix.ElementFamily.P, basix.CellType.hexahedron, degree, basix.LagrangeVariant.gll_warped
+        basix.ElementFamily.P, getattr(basix.CellType, cell), degree, getattr(basix.LagrangeVariant, variant)
     )
 
 
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
-    """Return mesh, cell tags and facet tags of a .msh file whose groups were checked by its writer."""
+    """Return mesh, cell tags and facet tags of a .msh file, whose groups are known by name or number (`TAGS`)."""
     reader = import_module("dolfinx.io.gmshio" if VERSION < (0, 10) else "dolfinx.io.gmsh")
-    failure = None
+    failure: Exception | None = None
     with gmsh_session() if comm.rank == 0 else nullcontext():
         if comm.rank == 0:
             try:
                 gmsh.open(str(path))
+                number_groups()
+            except InvalidProblem as error:
+                failure = error
             except Exception as error:
-                failure = f"mesh file {path} cannot be read: {error}"
-            else:
-                if not gmsh.model.getPhysicalGroups(3) or not gmsh.model.getPhysicalGroups(2):
-                    failure = f"mesh file {path} lacks physical groups of volumes or of faces"
+                failure = ThirdBodyError(f"mesh file {path} cannot be read: {error}")
         failure = comm.bcast(failure, root=0)
         if failure:
-            raise ThirdBodyError(failure)
+            raise failure
         answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
     return answer[0], answer[1], answer[2]  # of more since DOLFINx 0.10
 
@@ -176,9 +177,9 @@ def versions() -> dict[str, str]:
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
-    """Return the (cells, n) table of a mesh's nodes, ghost cells included: n is 8 or, of curved cells, 27.
+    """Return the (cells, n) table of a mesh's nodes, ghost cells included: of hexahedra n is 8 or, if curved, 27.
 
-    The 8 corners come first, x running first, then y, then z.
+    Corners come first, those of a hexahedron with x running first, then y, then z.
     """
     if _OLD:
         return mesh.geometry.dofmap.array.reshape(len(mesh.geometry.dofmap), -1)

@@ -34,6 +34,18 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
     return value
 
 
+def on_all(comm: MPI.Comm, action: Callable[[], object]) -> None:
+    """Run ``action`` on every rank; if it fails on some, raise on all: its own error there, a note of it elsewhere."""
+    failure: Exception | None = None
+    try:
+        action()
+    except Exception as error:
+        failure = error
+    failed = [rank for rank, bad in enumerate(comm.allgather(failure is not None)) if bad]
+    if failed:
+        raise failure or ThirdBodyError(f"the user's function failed on rank(s) {', '.join(map(str, failed))}")
+
+
 @contextmanager
 def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
     """Yield the folder, created if needed, or a scratch folder that is deleted at the end of the block."""

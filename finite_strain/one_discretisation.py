@@ -82,11 +82,11 @@ class MeshRun:
     """The run's own model and, where the plan pairs it, the small-strain one on the same mesh and order."""
 
     def __init__(
-        self, plan: RunPlan, level: Discretisation, mesh_file: Path, comm: MPI.Comm, observer: Observer, name: str
+        self, plan: RunPlan, level: Discretisation, mesh: Path | Meshed, comm: MPI.Comm, observer: Observer, name: str
     ):
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
-        meshed = mesh_box(box, mesh_file, comm)
+        meshed = mesh_box(box, mesh, comm) if isinstance(mesh, Path) else mesh
         self.own = ModelRun(plan, meshed, box, level, observer, name)
         self.small: ModelRun | None = None
         if plan.is_paired:

@@ -15,13 +15,14 @@ from mpi4py import MPI
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
-from finite_strain.mpi import on_root
+from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
 from finite_strain.one_discretisation import MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
@@ -46,10 +47,10 @@ class Refinement:
 
     def __init__(
         self, plan: RunPlan, folder: Path, comm: MPI.Comm, observer: Observer, fields: FieldChoice | None, keep: bool,
-        inspect: Inspect | None = None,
+        inspect: Inspect | None = None, meshed: Meshed | None = None,
     ) -> None:  # fmt: skip
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
-        self.fields, self.keep, self.inspect = fields, keep, inspect
+        self.fields, self.keep, self.inspect, self.meshed = fields, keep, inspect, meshed
         self.began = time.monotonic()
         parts: tuple[object, ...] = (
             FORMAT,
@@ -60,6 +61,8 @@ class Refinement:
             plan.budget,
             plan.numerics,
         )
+        if plan.given is not None:
+            parts = (*parts, plan.given)
         if plan.has_own_energy:  # a function's name does not say what it computes: never resumed
             parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -101,8 +104,11 @@ class Refinement:
                 why = f"{record.level} did not reach full load: {record.stopped}"
                 break
             decision = self.comm.bcast(
-                decide(self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns), root=0
-            )
+                decide(
+                    self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns, self.plan.given is not None
+                ),
+                root=0,
+            )  # fmt: skip
             if decision.level is None:
                 why = decision.why
                 break
@@ -122,7 +128,8 @@ class Refinement:
         """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""
         record = self.records[number]
         name = NAMES[min(number, 2)]
-        run = MeshRun(self.plan, record.level, self.folder / f"mesh_{number}.msh", self.comm, self.observer, name)
+        mesh = self.meshed or self.folder / f"mesh_{number}.msh"
+        run = MeshRun(self.plan, record.level, mesh, self.comm, self.observer, name)
         try:
             self._along(run, record, number)
         except NotConverged as error:
@@ -174,7 +181,7 @@ class Refinement:
             if self.inspect is not None:
                 model = run.own.model
                 functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
-                self.inspect(answer.to_step(), functions)
+                on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:

@@ -110,11 +110,11 @@ class Adviser:
         elif not beyond and abs(change) + error <= self.accuracy:
             matters = False
         verb = "changes" if present else "would change"
-        said = f"finite strain {verb} T by {100.0 * change:+.2g} \u00b1 {100.0 * error:.1g} % at equal force"
+        said = f"finite strain {verb} T by {_rounded(change, 2):+g} \u00b1 {_rounded(error, 1):g} % at equal force"
         if beyond:
             said = (
-                f"finite strain {verb} T by something like {100.0 * change:+.1g} % at equal force, of unknown error, "
-                f"perhaps of the other sign: {'; '.join(beyond)}, outside the fit's range"
+                f"finite strain {verb} T by something like {_rounded(change, 1):+g} % at equal force, of unknown "
+                f"error, perhaps of the other sign: {'; '.join(beyond)}, outside the fit's range"
             )
         do = "" if present else "; add [finite_strain]"
         if matters is False:
@@ -223,3 +223,8 @@ class Adviser:
 
 def _percent(change: float) -> str:
     return f"{100.0 * change:+.2g} %"
+
+
+def _rounded(share: float, digits: int) -> float:
+    """Return a share in per cent to significant digits, which prints without an exponent: 10, not 1e+01."""
+    return float(f"{100.0 * share:.{digits}g}")

@@ -16,7 +16,7 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.nodal_values import order_of
+from finite_strain.discretisation.nodal_values import element_of, outside_by
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 
@@ -30,7 +30,7 @@ BULGE = 0.05
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The fields of one state: ``nodes`` (cells, 8 or 27, 3) [m], and values (cells, nodes, components) of each field.
+    """The fields of one state: ``nodes`` (cells, n, 3) [m], and values (cells, nodes, components) of each field.
 
     ``approaches`` (balls,) [m] belong to it. The source of its multipliers, `Penalised`, is on the same mesh.
     """
@@ -78,7 +78,7 @@ class Snapshot:
             if not len(near):
                 continue
             place = _inverted(nodes, points[near])
-            outside = np.maximum(np.maximum(-place, place - 1.0).max(axis=1), 0.0)
+            outside = outside_by(place, len(nodes))
             better = outside < violation[near]
             chosen = near[better]
             cells[chosen], places[chosen], violation[chosen] = cell, place[better], outside[better]
@@ -118,18 +118,18 @@ class Snapshot:
 
 def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Return nodal values (cells, nodes, k) at places (n, 3) in cells (n,)."""
-    order = order_of(values.shape[1])
+    element = element_of(values.shape[1])
     answer = np.empty((len(cells), values.shape[2]))
     for begin in range(0, len(cells), 4096):
         part = slice(begin, begin + 4096)
-        shapes = compat.lagrange_element(order).tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
+        shapes = element.tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
         answer[part] = np.einsum("na,nak->nk", shapes, values[cells[part]])
     return answer
 
 
 def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the places (n, 3) of points in a cell with nodes (8 or 27, 3), by Newton's method."""
-    place, element = np.full(points.shape, 0.5), compat.lagrange_element(order_of(len(nodes)))
+    """Return the places (n, 3) of points in a cell with nodes (n, 3), by Newton's method."""
+    place, element = np.full(points.shape, 0.5), element_of(len(nodes))
     for _ in range(_ROUNDS):
         shapes, *slopes = element.tabulate(1, np.clip(place, -0.5, 1.5)).reshape(4, len(points), -1)
         jacobian = np.einsum("kna,ai->nik", slopes, nodes)

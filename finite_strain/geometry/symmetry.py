@@ -102,10 +102,16 @@ class Reduction:
         return signs[0] * turned.real, signs[1] * turned.imag
 
 
-def reduce_scene(problem: Problem) -> Reduction:
-    """Find the frame with the most mirror planes, and the balls that remain in the cut scene."""
+def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Reduction:
+    """Find the frame with the most mirror planes, and the balls that remain in the cut scene.
+
+    With ``planes`` the frame is the scene's own, cut at those of them that are mirror planes.
+    """
     values = prescribed(problem).values
     positions = np.array([ball.position for ball in problem.balls])
+    if planes is not None:
+        there = tuple(axis for axis in planes if _is_mirror(problem, values, positions, axis, 0.0))
+        return _cut(problem, 0.0, np.zeros(2), there, positions)
     angles = [0.0]
     for a, b in combinations(positions[: min(len(positions), 12)], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))

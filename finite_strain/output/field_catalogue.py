@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from finite_strain.geometry.symmetry import ModelBall
 from linear_bem.errors import InvalidProblem
 
 
@@ -73,3 +76,14 @@ def choice_faults(names: Sequence[str], every: int) -> list[str]:
     if every < 1:
         faults.append(f"output.every: must be 1 or more (write every so many load steps), got {every}")
     return faults
+
+
+def outline(ball: ModelBall) -> np.ndarray:
+    """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
+    shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
+    if isinstance(ball.shape, str):
+        return np.full((len(angles), len(shares), 3), np.nan)
+    edge = np.array([ball.shape.half_width(np.cos(a), np.sin(a)) or ball.reach for a in angles[:, 0]])[:, None]
+    x, y = edge * shares * np.cos(angles), edge * shares * np.sin(angles)
+    return np.stack([x, y, np.broadcast_to(ball.shape.height(x, y), x.shape)], axis=2)

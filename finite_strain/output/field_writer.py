@@ -1,6 +1,6 @@
 """Fields on disk for ParaView, meshio and h5py: one HDF5 and one XDMF file per load step, and an index over all.
 
-Each element of order p is written as p^3 linear hexahedra between its own nodes, which every reader supports; the
+Each element of order p is written as p^3 linear cells between its own nodes, which every reader supports; the
 nodal displacements are those of the solution. Points, vectors and tensors are in the scene's frame; the part beyond
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
 complete the scene).
@@ -22,11 +22,12 @@ from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
 from finite_strain.mpi import on_root
-from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
+from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice, outline
 from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
 
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
+_OUTLINES = "points of bodies that are no balls, from the apex, by direction and outwards; nan of balls"
 _STRAINS = {"volume_ratio", "principal_stretches"}
 
 
@@ -70,11 +71,11 @@ class FieldWriter:
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
         index_map = self.model.space.dofmap.index_map
-        hexahedra = self._nodes.dofs[:, self._nodes.lattice.hexahedra]
-        region = np.zeros(hexahedra.shape[:2], dtype=np.int64)
+        pieces = self._nodes.dofs[:, self._nodes.lattice.cells]
+        region = np.zeros(pieces.shape[:2], dtype=np.int64)
         for bulk, cells in self._regions:
             region[cells] = bulk.tag
-        numbers = index_map.local_to_global(hexahedra.ravel().astype(np.int32)).reshape(-1, 8)
+        numbers = index_map.local_to_global(pieces.ravel().astype(np.int32)).reshape(-1, pieces.shape[2])
         nodes = self.model.space.tabulate_dof_coordinates()[: index_map.size_local]
         points = self.model.reduction.scene_points(nodes)
         return {"points": points, "cells": numbers, "cell_fields/region": region.ravel()}
@@ -124,16 +125,19 @@ class FieldWriter:
 
     def _describe(self, file: h5py.File, number: int, fraction: float) -> None:
         file["points"].attrs.update(unit="m", meaning="undeformed nodes of the simulated part, in the scene's frame")
-        order = self._nodes.lattice.order
+        order, reduction = self._nodes.lattice.order, self.model.reduction
         file["cells"].attrs.update(
-            order=order, meaning=f"hexahedra by rows of points in VTK's order; {order}^3 in a row fill an element"
+            order=order, meaning=f"linear cells by rows of points in VTK's order; {order}^3 in a row fill an element"
         )
         file["cell_fields/region"].attrs.update(unit="1", kind="Scalar", meaning="1: layer, 2: substrate")
+        outlines = np.array([outline(reduction.balls[image.model_ball]) for image in reduction.images])
+        if np.isfinite(outlines).any():
+            file["ball_outlines"] = outlines
+            file["ball_outlines"].attrs.update(unit="m", meaning=_OUTLINES)
         file.require_group("node_fields")
         for name in self.choice.names:
             field = CATALOGUE[name]
             file[f"node_fields/{name}"].attrs.update(unit=field.unit, kind=field.kind, meaning=field.meaning)
-        reduction = self.model.reduction
         balls = [(image, reduction.balls[image.model_ball]) for image in reduction.images]
         axes = np.array([[*np.multiply(image.signs, ball.position), 0.0] for image, ball in balls])
         file.attrs.update(

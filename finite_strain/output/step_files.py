@@ -20,6 +20,7 @@ from finite_strain.mpi import on_root
 from linear_bem.errors import OutputUnusable
 
 INDEX = "fields.xdmf"
+_CELLS = {8: "Hexahedron", 4: "Tetrahedron"}
 _NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
 ROOM = 1_000_000
 """Bytes of a file besides its arrays."""
@@ -83,7 +84,8 @@ def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
         ) from error
     with file:
         cells = file["cells"]
-        topology = Xml.SubElement(grid, "Topology", TopologyType="Hexahedron", NumberOfElements=str(len(cells)))
+        kind = _CELLS[cells.shape[1]]
+        topology = Xml.SubElement(grid, "Topology", TopologyType=kind, NumberOfElements=str(len(cells)))
         _item(topology, cells, number)
         _item(Xml.SubElement(grid, "Geometry", GeometryType="XYZ"), file["points"], number)
         if timed:

@@ -34,7 +34,8 @@ class TopSurface:
         is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
         self._cells, face = np.nonzero(is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
         self._is_top = is_top
-        self._squares = self.nodes.dofs[self._cells[:, None, None], lattice.squares[face]].reshape(-1, 4)
+        pieces = self.nodes.dofs[self._cells[:, None, None], lattice.pieces[face]]
+        self._pieces = pieces.reshape(-1, pieces.shape[2])
         self._pressure = compat.compile_expression(model.contact_pressure_expression, lattice.points, model.comm)
 
     def pressure(self) -> np.ndarray:
@@ -47,7 +48,7 @@ class TopSurface:
         """Return the whole scene's deformed top on rank 0, completed by symmetry; None elsewhere."""
         model = self.model
         fields = (model.space.tabulate_dof_coordinates(), model.nodal, self.pressure())
-        parts = model.comm.gather([field[self._squares].reshape(-1, *field.shape[1:]) for field in fields], root=0)
+        parts = model.comm.gather([field[self._pieces].reshape(-1, *field.shape[1:]) for field in fields], root=0)
         if parts is None:
             return None
         reference, u, pressure = (np.concatenate(field) for field in zip(*parts, strict=True))
@@ -55,13 +56,15 @@ class TopSurface:
             u[:, :2] = 0.0
         places = np.round(reference / (1e-9 * np.ptp(reference)))
         _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        triangles = _triangles(inverse.reshape(-1, 4), pressure[first])
+        triangles = _triangles(inverse.reshape(-1, self._pieces.shape[1]), pressure[first])
         part = SurfaceFields(reference[first], (reference + u)[first], triangles, pressure[first])
         return _completed(model.reduction, part)
 
 
 def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Split quadrilaterals (n, 4) into triangles (2 n, 3) along the diagonal on which the nodes' values differ less."""
+    if squares.shape[1] == 3:  # a face of tetrahedra
+        return squares
     ends = values[squares]
     turned = np.abs(ends[:, 0] - ends[:, 2]) > np.abs(ends[:, 1] - ends[:, 3])
     around = np.where(turned[:, None], np.roll(squares, 1, axis=1), squares)

@@ -198,6 +198,8 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
         except (OSError, ValueError, TypeError, KeyError) as error:
             damage = damage or f"{path} cannot be read ({error})"
             continue
+        if damage:  # else the next save would put it in the place of the good one
+            (folder / NAME).unlink(missing_ok=True)
         went_on = f"went on from {BEFORE}" if records else "started anew"
         return records, f"{damage}: the run {went_on}" if damage else ""
     if damage:

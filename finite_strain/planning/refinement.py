@@ -65,11 +65,12 @@ class Decision:
 
 
 def decide(  # noqa: PLR0911  (each return is one reason to stop)
-    asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float]
-) -> Decision:
+    asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float],
+    mesh_given: bool = False,
+) -> Decision:  # fmt: skip
     """Return whether and how to refine after the last finished record.
 
-    ``unknowns`` estimates a discretisation's size.
+    ``unknowns`` estimates a discretisation's size. On a mesh that is given only order and penalty are raised.
     """
     last = records[-1]
     if len(records) == 1:
@@ -81,6 +82,8 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     level = _next(asked, records)
     if level is None:
         return Decision(None, "what remains is the solver's tolerance")
+    if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
+        return Decision(None, "an own mesh is neither refined nor made wider: give a finer or a wider one")
     wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
         level = replace(level, fineness=level.fineness - STEP)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +35,18 @@ RANKS = 2
 
 
 @dataclass(frozen=True)
+class GivenMesh:
+    """A user's own mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    depth: float
+    cells: int
+    simplices: bool
+    digest: str
+
+
+@dataclass(frozen=True)
 class RunPlan:
     """The parts of a run: ``goals`` are the load fractions with output."""
 
@@ -46,6 +58,7 @@ class RunPlan:
     numerics: Numerics
     expected: tuple[Expected, ...]
     extent: Extent = field(repr=False)
+    given: GivenMesh | None = None
 
     @property
     def model(self) -> str:
@@ -82,6 +95,8 @@ class RunPlan:
             coordinates = [ball.position[axis] for ball in reduction.balls]
             low = 0.0 if axis in reduction.planes else min(coordinates) - margin
             sides.append((low, max(coordinates) + margin))
+        if self.given is not None:
+            sides, depth = [self.given.x, self.given.y], self.given.depth
         radii = []
         for ball in reduction.balls:
             # the mesh of a ball that hardly touches assumes a small approach
@@ -100,7 +115,11 @@ class RunPlan:
         """Estimate the unknowns of a discretisation, within about 30 %."""
         forms = describe_forms(self.problem).values()
         pressures = sum(form == "mixed" for form in forms) * ((level.order - 1.0) / level.order) ** 3
-        nodes = _SHARED_NODES * level.order**3 * self.box(level).estimated_hexahedra()
+        if self.given is None:
+            cells = self.box(level).estimated_hexahedra()
+        else:
+            cells = self.given.cells / (6.0 if self.given.simplices else 1.0)
+        nodes = _SHARED_NODES * level.order**3 * cells
         return nodes * (3.0 + pressures)
 
     @property
@@ -146,14 +165,17 @@ class RunPlan:
         }
 
 
+Fit = Callable[[Problem, Sequence[Expected]], tuple[Reduction, GivenMesh]]
+
+
 def plan_run(
     problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
-    steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT,
+    steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT, fit: Fit | None = None,
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
 
-    ``model`` is the one that the caller expects. Raises `UnsupportedProblem`, naming the key, for anything that it does
-    not support, and if the problem needs the other model.
+    ``model`` is the one that the caller expects; ``fit`` gives the part and measures of an own mesh. Raises
+    `UnsupportedProblem`, naming the key, for what it does not support, and if the problem needs the other model.
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
@@ -163,9 +185,10 @@ def plan_run(
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     expected = load.expected()
+    reduction, given = (reduce_scene(problem), None) if fit is None else fit(problem, expected)
     plan = RunPlan(
-        problem, reduce_scene(problem), goals, tangential_force, budget or Budget(), numerics, tuple(expected),
-        choose_extent(problem, expected, tangential_force),
+        problem, reduction, goals, tangential_force, budget or Budget(), numerics, tuple(expected),
+        choose_extent(problem, expected, tangential_force), given,
     )  # fmt: skip
     least, most = plan.unknowns(plan.first[-1]), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:

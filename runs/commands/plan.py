@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.law import Law
 from linear_bem.problem import Problem
 from linear_bem.result import Result
 from runs.advice import PATIENCE, USUAL, Adviser
@@ -82,7 +83,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
-        "notes": list(notes),
+        "notes": [*notes, *_doubts(problem)],
         "evolution": evolution,
     }
     if as_json:
@@ -103,6 +104,12 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
             "states": states,
         }
     return {"model": model.name, "summary": model.summary, **plain(details)}
+
+
+def _doubts(problem: Problem) -> list[str]:
+    """Return where the energy of the layer's law is not known to be convex."""
+    law = None if problem.finite_strain is None else problem.finite_strain.chosen
+    return [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
 
 
 def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:

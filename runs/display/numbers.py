@@ -54,8 +54,8 @@ class Scale:
     def legend(self) -> str:
         """Return what R and E are."""
         whose = "ball 0" if self.unlike else "the balls"
-        if self.dimensionless and not self.unlike:
-            return "R: radius of the balls, E: Young's modulus of the layer; both are 1 in this scene"
+        if self.dimensionless:
+            return f"R: radius of {whose}, E: Young's modulus of the layer; both are 1 in this scene"
         size, modulus = self.units.length(self.radius), self.units.pressure(self.young)
         return f"R = {size}: radius of {whose}; E = {modulus}: Young's modulus of the layer"
 

@@ -164,7 +164,8 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         if float(np.max(np.abs(x - start))) > FURTHEST * touch:
             break
     raise NotConverged(
-        f"equilibria: none within {1e3 * float(np.max(np.abs(x - start))):.3g} mm of the given positions; "
+        f"equilibria: none within {float(np.max(np.abs(x - start))) / touch:.3g} touching distances (R1 + R2) of the "
+        f"given positions; "
         f"where the search ended, (T + pushes)/Q is {residual:.1e}"
     )
 

@@ -125,15 +125,23 @@ class Evolution:
             members.append(self._member(member, number))
             keep()
         found = self._end(record.moments, given)
-        write_csv(self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls))
+        if self._is_layer:
+            write_csv(self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls))
         return document(True) | found, record
 
     @property
     def _folder(self) -> Path:
         return self.session.out / PATH
 
+    @property
+    def _is_layer(self) -> bool:
+        """Whether the arrangement of the balls as a whole is of interest: of many, or of a cell that repeats."""
+        return self.balls.many or self.balls.cell is not None
+
     def _write_structure(self, moments: Sequence[Moment]) -> None:
         """Write the arrangement at every kept moment; only new moments are looked at."""
+        if not self._is_layer:
+            return
         known = {line["sliding_path_over_friction"]: line for line in self._arrangements}
         self._arrangements = [
             known.get(m.sigma) or {"cycle": self.sliding.cycles_after(m.sigma), **structure.row(m, self.balls)}

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from runs.handbook import command_reference, scene_reference, sketch
 from runs.handbook.live import widget
+from runs.handbook.notebook import notebook
 from runs.handbook.tutorials import ROOT, Tutorial
 from runs.studies import STUDIES
 
@@ -27,6 +28,10 @@ ELSEWHERE = {
     **{f"runs/studies/{name}/README.md": f"studies/{name}.md" for name in STUDIES},
 }
 """Files of the project that are pages of the handbook, too."""
+ANSWER = "<!-- answer:"
+OPENING = re.compile(r"^(?:\*\*|Of \d)(?:[^.\n]|\.\d)*\.(?:\*\*)?", re.MULTILINE)
+"""A published answer that opens with a sentence, not with a table."""
+TABLE = re.compile(r"<!-- studies:.*?-->", re.DOTALL)
 LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
 
 
@@ -42,6 +47,9 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
         target.write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
         for picture in (*(ROOT / name).parent.glob("*.svg"), *(ROOT / name).parent.glob("*.png")):
             shutil.copy(picture, target.parent)
+    validation = sources / "validation.md"
+    text = validation.read_text(encoding="utf-8")
+    validation.write_text(TABLE.sub(lambda _: study_table(), text), encoding="utf-8")
     sketch.draw(sources)
     live = sources / "live.md"
     live.write_text(widget.with_errors(live.read_text(encoding="utf-8")), encoding="utf-8")
@@ -49,11 +57,24 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     if run_tutorials:
         for tutorial in tutorials():
             text = Tutorial(tutorial, sources.parent / "work").run()
-            (sources / "tutorials" / tutorial.name).write_text(text, encoding="utf-8")
+            copy = sources / "tutorials" / tutorial.name
+            copy.with_suffix(".ipynb").write_text(notebook(text), encoding="utf-8")
+            copy.write_text(f"{text}\n{{download}}`This page as a notebook <{copy.stem}.ipynb>`\n", encoding="utf-8")
     originals = {sources / page: ROOT / name for name, page in ELSEWHERE.items()}
     originals |= {sources / page.relative_to(PAGES): page for page in PAGES.rglob("*.md")}
     for copy, original in originals.items():
         copy.write_text(linked(copy.read_text(encoding="utf-8"), original, copy, sources), encoding="utf-8")
+
+
+def study_table() -> str:
+    """Return the table of all studies: question, and the sentence that opens the published answer if it has one."""
+    rows = ["| study and question | published answer |", "|---|---|"]
+    for name, question in STUDIES.items():
+        published = (ROOT / "runs" / "studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)[2]
+        found = OPENING.search(published)
+        said = found[0].replace("**", "").replace("|", "\\|") if found else "tables and figures on its page"
+        rows.append(f"| [{name}](studies/{name}.md): {question} | {said} |")
+    return "\n".join(rows)
 
 
 def linked(text: str, original: Path, copy: Path, sources: Path) -> str:

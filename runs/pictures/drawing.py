@@ -22,6 +22,8 @@ _BALL, _SECTION, _BASE = "#b9c2cf", "#dde2e9", "#9aa1ab"
 _SUPERSAMPLING = 2
 _INSIDE = 1e-5
 """Layer thicknesses behind the balls' axes at which the layer is cut: a half model ends at the axes up to roundoff."""
+_TALL = 1.0
+"""Least height of a drawn body that is no sphere, in its half widths."""
 _DEEP = 1.15
 """Depth of the drawing, base included, in layer thicknesses."""
 
@@ -41,7 +43,7 @@ class Window:
     def around(cls, step: WrittenStep) -> Window:
         """Return the window around all balls of a step: it is the same for every step of a run."""
         positions = np.array([ball.position for ball in step.balls])
-        radius = max(ball.radius for ball in step.balls)
+        radius = max(ball.extent for ball in step.balls)
         origin = positions[0]
         farthest = positions[np.argmax(np.linalg.norm(positions - origin, axis=1))]
         distance = float(np.linalg.norm(farthest - origin))
@@ -97,7 +99,7 @@ class Camera:
         right /= np.linalg.norm(right)
         up = np.cross(towards, right)
         tops = [  # of the balls before they are pressed in: the same for every step of a run
-            np.array([*ball.position, ball.radius]) + ball.radius * side
+            np.array([*ball.position, ball.extent]) + ball.extent * side
             for ball in step.balls
             for side in (right, -right, up)
         ]
@@ -146,7 +148,8 @@ def draw(
 def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
     import pyvista  # noqa: PLC0415
 
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: step.cells[part]}, step.points + step.displacement)
+    kind = {8: pyvista.CellType.HEXAHEDRON, 4: pyvista.CellType.TETRA}[step.cells.shape[1]]
+    grid = pyvista.UnstructuredGrid({kind: step.cells[part]}, step.points + step.displacement)
     grid.point_data["values"] = values
     return grid
 
@@ -198,15 +201,16 @@ def _base(step: WrittenStep, window: Window, cut: bool) -> Any:
 
 def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
     whole = _ball(ball)
+    smooth = ball.shape == "sphere" and ball.outline is None  # others have edges, and facets that are small enough
     if view == "surface":
         plotter.add_mesh(
-            whole, color=_BALL, opacity=0.35, smooth_shading=True, split_sharp_edges=True, specular=0.6,
+            whole, color=_BALL, opacity=0.35, smooth_shading=smooth, specular=0.6,
             specular_power=50, ambient=0.2,
         )  # fmt: skip
         return
     half = whole.clip(normal=window.across, origin=window.origin, invert=False)
     plotter.add_mesh(
-        half, color=_BALL, smooth_shading=True, split_sharp_edges=True, specular=0.35, specular_power=30, ambient=0.25,
+        half, color=_BALL, smooth_shading=smooth, specular=0.35, specular_power=30, ambient=0.25,
     )  # fmt: skip
     section = whole.slice(normal=window.across, origin=window.origin)
     if section.n_points:
@@ -232,16 +236,23 @@ def _ball(ball: DrawnBall) -> Any:
     import pyvista  # noqa: PLC0415
 
     x, y = ball.position
-    if ball.shape == "sphere":
+    if ball.shape == "sphere" and ball.outline is None:
         center = (x, y, ball.radius - ball.approach)
         return pyvista.Icosphere(radius=ball.radius, center=center, nsub=6)
-    r = np.concatenate([np.linspace(0.0, ball.radius, 60), [ball.radius, 0.0]])  # the wall above, and the lid
-    z = np.concatenate([r[:60] ** 2 / (2.0 * ball.radius), [ball.radius, ball.radius]]) - ball.approach
-    around = np.append(np.linspace(0.0, 2.0 * math.pi, 181)[:-1], 0.0)  # its ends are one line, to the last digit
-    (r, angle), z = np.meshgrid(r, around), np.tile(z, (181, 1))
-    body = pyvista.StructuredGrid(x + r * np.cos(angle), y + r * np.sin(angle), z)
+    outline = _paraboloid(ball.radius) if ball.outline is None else ball.outline
+    outline = np.concatenate([outline[:-1], outline[:1]])  # its ends are one line, to the last digit
+    top = max(outline[..., 2].max(), _TALL * ball.extent)
+    wall, lid = outline[:, -1:].copy(), np.zeros_like(outline[:, -1:])
+    wall[..., 2] = lid[..., 2] = top
+    u, v, w = np.moveaxis(np.concatenate([outline, wall, lid], axis=1), 2, 0)
+    body = pyvista.StructuredGrid(x + u, y + v, w - ball.approach)
     closed = body.extract_surface(algorithm="dataset_surface").clean().triangulate()
     return closed.compute_normals(consistent_normals=True, auto_orient_normals=True, point_normals=False)
+
+
+def _paraboloid(radius: float) -> Array:
+    r, angle = np.meshgrid(np.linspace(0.0, radius, 60), np.linspace(0.0, 2.0 * math.pi, 181))
+    return np.stack([r * np.cos(angle), r * np.sin(angle), r**2 / (2.0 * radius)], axis=2)
 
 
 def _set_lights(plotter: Any, camera: Camera) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +12,32 @@ from numpy.typing import NDArray
 from linear_bem.errors import MissingDependency, OutputUnusable
 
 Array = NDArray[np.float64]
-_MIRRORED = [4, 5, 6, 7, 0, 1, 2, 3]
-"""Corners of a hexahedron in VTK's order after a mirror has turned it inside out."""
+_MIRRORED = {8: [4, 5, 6, 7, 0, 1, 2, 3], 4: [1, 0, 2, 3]}
+"""Corners of a hexahedron and of a tetrahedron in VTK's order after a mirror has turned them inside out."""
 
 
 @dataclass(frozen=True)
 class DrawnBall:
-    """A ball as it stands in one step: axis (x, y), radius, approach, all in m, and shape."""
+    """A ball as it stands in one step: axis (x, y), radius, approach, all in m, and shape.
+
+    Other bodies have an ``outline``: points (directions, radii, 3) [m] from the apex.
+    """
 
     position: tuple[float, float]
     radius: float
     approach: float
     shape: str
+    outline: Array | None = field(default=None, compare=False)
+
+    @property
+    def extent(self) -> float:
+        """The body's half width [m]."""
+        return self.radius if self.outline is None else float(np.abs(self.outline[..., :2]).max())
 
 
 @dataclass(frozen=True)
 class WrittenStep:
-    """Points (n, 3) and displacement (n, 3) [m], hexahedra (m, 8), region of each (m,), node fields, balls."""
+    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), region of each (m,), node fields, balls."""
 
     number: int
     points: Array
@@ -94,9 +103,9 @@ def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool
                         f"{path}: holds no field {name} (there are {', '.join(there)}); name another --field, "
                         "or add it to [output] fields and run the scene again"
                     )
-            balls = zip(
-                *(file.attrs[f"ball_{name}"][:] for name in ("positions", "radii", "approaches", "shapes")), strict=True
-            )
+            columns = [file.attrs[f"ball_{name}"][:] for name in ("positions", "radii", "approaches", "shapes")]
+            drawn = file["ball_outlines"][:] if "ball_outlines" in file else np.full((len(columns[0]), 1), np.nan)
+            balls = zip(*columns, [o if np.isfinite(o).all() else None for o in drawn], strict=True)
             part = WrittenStep(
                 number,
                 file["points"][:],
@@ -105,7 +114,7 @@ def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool
                 file["cell_fields/region"][:],
                 {name: there[name][:] for name in names},
                 {name: str(there[name].attrs["unit"]) for name in ("displacement", *names)},
-                tuple(DrawnBall((float(p[0]), float(p[1])), float(r), float(d), str(s)) for p, r, d, s in balls),
+                tuple(DrawnBall((float(p[0]), float(p[1])), float(r), float(d), str(s), o) for p, r, d, s, o in balls),
                 float(file.attrs["layer_young"]),
             )
             whole = _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
@@ -125,7 +134,7 @@ def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:
         mirror = np.eye(3) - 2.0 * np.outer(normal, normal)
         points = np.concatenate([points, (points - origin) @ mirror + origin])
         displacement = np.concatenate([displacement, displacement @ mirror])
-        cells = np.concatenate([cells, cells[:, _MIRRORED] + count])
+        cells = np.concatenate([cells, cells[:, _MIRRORED[cells.shape[1]]] + count])
         region = np.concatenate([region, region])
         fields = {name: np.concatenate([values, _mirrored(values, mirror)]) for name, values in fields.items()}
     size = float(np.ptp(points, axis=0).max())

@@ -7,12 +7,20 @@ import sys
 from types import FrameType
 
 _received: int | None = None
+_resumable = False
 
 
 def listen() -> None:
     """Turn SIGINT and SIGTERM into `KeyboardInterrupt`."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _note)
+
+
+def resumable(value: bool | None = None) -> bool:
+    """Return whether what this run has finished is on disk when it is stopped; a session says so."""
+    global _resumable  # noqa: PLW0603
+    _resumable = _resumable if value is None else value
+    return _resumable
 
 
 def received() -> int | None:

@@ -17,7 +17,7 @@ from linear_bem.result import Result, Solved, Step
 from runs.display import surface
 from runs.display.numbers import Scale, duration
 from runs.models import Model, Run, choose, standing
-from runs.process import ranks
+from runs.process import ranks, signals
 from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
@@ -55,6 +55,7 @@ class Session:
         self.notes = (*notes, *_without_effect(scene, self.model))
         self.scale = Scale.of(self.problem, scene.data)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
+        signals.resumable(evolves or self.model.parallel or len(self.steps or (1.0,)) > 1)
         self.plan: Document = {}
         if self.model.plan is not None and not evolves:  # raises early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)

@@ -95,7 +95,7 @@ def carry(rig: Rig, number: int, axis: int, length: float) -> None:
 
 def at_mesh_nodes(model: Model, values: np.ndarray) -> np.ndarray:
     """Return a field of the linear space at the nodes of the mesh, which consists of quadratic hexahedra."""
-    corners, nodes = (compat.lagrange_element(order) for order in (1, 2))
+    corners, nodes = (compat.lagrange_element("hexahedron", order) for order in (1, 2))
     shapes = corners.tabulate(0, nodes.points)[0].reshape(len(nodes.points), -1)
     answer = np.zeros(len(model.mesh.geometry.x))
     answer[compat.geometry_dofs(model.mesh)] = values[compat.cell_dofs(model.linear_space)] @ shapes.T

@@ -70,3 +70,20 @@ def test_what_has_no_mixed_form_is_refused_it() -> None:
 def test_no_law_is_refused(law: Any) -> None:
     with pytest.raises(InvalidProblem, match=r"finite_strain\.law: must be"):
         with_law(law)
+
+
+def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
+    code = (
+        "from mpi4py import MPI\n"
+        "from finite_strain.mpi import on_all\n"
+        "comm = MPI.COMM_WORLD\n"
+        "try:\n"
+        "    on_all(comm, lambda: 1 / (1 - comm.rank))\n"
+        "except Exception as error:\n"
+        "    print(f'{comm.rank}: {type(error).__name__} {error}', flush=True)\n"
+    )
+    done = mpirun(2, "-c", code, timeout=60.0)
+    assert sorted(done.stdout.splitlines()) == [
+        "0: ThirdBodyError the user's function failed on rank(s) 1",
+        "1: ZeroDivisionError division by zero",
+    ]

@@ -120,10 +120,10 @@ def test_gradients_at_the_nodes_of_skew_cells_are_exact_and_averages_keep_them(o
     values = nodes.averaged([(np.arange(12, dtype=np.int32), gradient.reshape(12, -1, 9))])
     np.testing.assert_allclose(values, np.broadcast_to(slope.ravel(), values.shape), atol=ROUNDOFF)
     lattice = nodes.lattice
-    assert volumes(lattice.points, lattice.hexahedra) == pytest.approx(
-        np.prod(np.ptp(lattice.points[lattice.hexahedra], axis=1), axis=1)
+    assert volumes(lattice.points, lattice.cells) == pytest.approx(
+        np.prod(np.ptp(lattice.points[lattice.cells], axis=1), axis=1)
     )
-    a, b, c, d = np.moveaxis(lattice.points[lattice.squares], 2, 0)
+    a, b, c, d = np.moveaxis(lattice.points[lattice.pieces], 2, 0)
     areas = 0.5 * np.cross(c - a, d - b)
     assert np.linalg.norm(areas, axis=2).sum(axis=1) == pytest.approx(1.0)
     assert np.linalg.norm(areas.sum(axis=1), axis=1) == pytest.approx(1.0)

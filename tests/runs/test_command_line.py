@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
-from runs.process import exit_codes
+from runs.process import exit_codes, signals
+from runs.scene.scene_file import read_scene
+from runs.session.session import Options, Session
 from tests.launch import ROOT, mpirun, python
 from tests.scenes import thin_pair
 
@@ -142,11 +144,19 @@ def test_without_the_packages_of_the_command_line_the_script_names_them(tmp_path
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("command", "saves"), [("plan", False), ("solve", True), ("study", True)])
+@pytest.mark.parametrize(
+    ("command", "load_steps", "saves"),
+    [("plan", "", False), ("solve", "", False), ("solve", "steps = [1e-3, 2.66666e-3]", True), ("study", "", True)],
+)
 def test_an_interrupted_command_speaks_of_saved_steps_where_it_saves_any(
-    command: str, saves: bool, monkeypatch: pytest.MonkeyPatch
+    command: str, load_steps: str, saves: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["thirdbody", command, "scene.toml"])
+    monkeypatch.setattr(signals, "_resumable", False)
+    if command == "solve":
+        scene = tmp_path / "scene.toml"
+        scene.write_text((ROOT / LINEAR).read_text(encoding="utf-8").replace("[load]", f"[load]\n{load_steps}"))
+        Session("solve", read_scene(scene), "linear_bem", Options(out=tmp_path / "out")).__exit__(None, None, None)
     code, words = exit_codes._verdict(KeyboardInterrupt())
     assert code == 128 + signal.SIGINT
     assert ("finished steps are saved" in words) == saves

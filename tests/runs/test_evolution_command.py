@@ -109,6 +109,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
         assert (out / name).stat().st_size > 5_000, name
     assert (out / "evolution.gif").read_bytes()[:6] == b"GIF89a"
+    assert not list(out.glob("structure*"))  # which are of layers of many balls
     again = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out, "--json")
     assert json.loads(again.stdout) == document
     assert "complete already" in again.stderr

@@ -18,15 +18,18 @@ from linear_bem import solve_contact
 from linear_bem.law import LAWS
 from runs.cli import app
 from runs.handbook import command_reference, scene_reference
+from runs.handbook.build import study_table
 from runs.handbook.live import table, widget
 from runs.handbook.live.chebyshev import Axis, interpolate
+from runs.handbook.notebook import notebook
 from runs.handbook.tutorials import Tutorial, TutorialFailed
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import read_scene
+from runs.studies import STUDIES
 from tests.launch import ROOT, headless_browser, python
 
 PAGES = ROOT / "runs" / "handbook" / "pages"
-TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body")
+TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body", "rough_or_layered")
 """Those without finite elements."""
 
 
@@ -240,3 +243,31 @@ def test_the_drift_of_the_live_page_is_that_of_the_forces(tmp_path: Path) -> Non
     balls = [solve_contact(table.pair(nu, h, float(d), approach), 1e-3).result().balls[0] for d in steps]
     slowness = np.array([b.normal_force / (2.0 * b.tangential_force[0]) for b in balls])
     assert answer["drift"]["path"] == pytest.approx(float(simpson(slowness, x=steps)), rel=2e-3)
+
+
+def test_a_tutorial_is_a_notebook_with_what_its_blocks_printed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# Title\n\nSee [there](other.md) and {py:class}`X`.\n\n```toml\n# a.toml\nx = 1\n```\n\n"
+        "```sh\ncat a.toml\n```\n\n```output\n```\n\n```python\nprint(6 * 7)\n```\n\n```output\n```\n\nEnd.\n",
+        encoding="utf-8",
+    )
+    written = json.loads(notebook(Tutorial(page, tmp_path / "work").run()))
+    kinds = [cell["cell_type"] for cell in written["cells"]]
+    assert kinds == ["markdown", "code", "code", "code", "markdown"]
+    said, file, shell, python_, _ = ("".join(cell["source"]) for cell in written["cells"])
+    assert said == "# Title\n\nSee there and `X`."
+    assert file == "%%writefile a.toml\n# a.toml\nx = 1"
+    assert shell == "%%bash\ncat a.toml"
+    assert python_ == "print(6 * 7)"
+    printed = [cell["outputs"][0]["text"] if cell.get("outputs") else [] for cell in written["cells"]]
+    assert printed == [[], [], ["# a.toml\n", "x = 1\n"], ["42\n"], []]
+    assert written["nbformat"] == 4
+
+
+def test_the_page_of_validation_has_every_study_with_its_published_answer() -> None:
+    rows = study_table().splitlines()[2:]
+    assert [row.split("[")[1].split("]")[0] for row in rows] == list(STUDIES)
+    published = (ROOT / "runs/studies/stability/README.md").read_text(encoding="utf-8")
+    (said,) = (row.split(" | ")[1].removesuffix(" |") for row in rows if "[stability]" in row)
+    assert said.startswith("Of ") and said in published.replace("**", "")  # noqa: PT018

@@ -147,3 +147,9 @@ def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
     assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
     for item in items:
         assert item["text"] in said.stdout
+
+
+def test_advice_writes_per_cents_without_an_exponent() -> None:
+    deep = dataclasses.replace(pair(0.16), layer=Layer(1.0, 0.45, 1.2))  # outside the fit's range
+    said = advice(deep)["finite_strain"].text
+    assert "by something like +10 % at equal force" in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import h5py
@@ -10,6 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from finite_strain.geometry.symmetry import ModelBall
+from finite_strain.output.field_catalogue import outline
+from linear_bem import Cone, Punch
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.commands import render
 from runs.commands.render import RenderOptions, read_size, render_run
@@ -121,6 +125,26 @@ def test_a_paraboloid_is_a_solid_body() -> None:
     assert body.volume == pytest.approx(math.pi * 2e-3**3 * (0.25 + 0.5), rel=2e-3)
     assert body.bounds[4] == pytest.approx(-0.5e-3)
     assert body.bounds[5] == pytest.approx(1.5e-3)
+
+
+def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> None:
+    cone = Cone(slope=math.atan(0.5), tip_radius=1e-9)  # twice as wide as high
+    points = outline(ModelBall(0, (0.0, 0.0), 1e-9, cone, 1, (), reach=2e-3))
+    shutil.copytree(run, tmp_path / "run")
+    file = step_files(tmp_path / "run")[2]
+    with h5py.File(file, "r+") as written:
+        written["ball_outlines"] = [points, np.full_like(points, np.nan)]
+    drawn, sphere = read_step(file, 2, "von_mises").balls
+    assert sphere.outline is None
+    assert drawn.extent == pytest.approx(2e-3, rel=1e-3)
+    body = drawing._ball(drawn)
+    assert body.clean().is_manifold
+    # a cone of half the height, and a cylinder above it; 96 directions leave 0.1 % of a circle
+    assert body.volume == pytest.approx(math.pi * 2e-3**3 * (1.0 / 6.0 + 0.5), rel=2e-3)
+    assert body.bounds[4] == pytest.approx(-drawn.approach)
+    punch = outline(ModelBall(0, (0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), 1, (), reach=1e-3))
+    assert punch[..., 2].max() == pytest.approx(1e-4, rel=1e-3)
+    assert np.isnan(outline(ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ()))).all()
 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:

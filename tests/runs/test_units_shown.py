@@ -57,6 +57,8 @@ def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_ar
     assert Scale.from_numbers([1.0, 1.0], 1.0).dimensionless
     assert Scale.from_numbers([1.0], 2.0).units == Units()
     assert not Scale.from_numbers([1.0], 1.0, {"layer": {"thickness": "2 m"}}).dimensionless
+    unlike = Scale.from_numbers([1.0, 0.5], 1.0).legend()
+    assert unlike == "R: radius of ball 0, E: Young's modulus of the layer; both are 1 in this scene"
 
 
 def test_tables_have_the_scenes_units_and_identify_the_balls(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def main() -> None:
     for name in sys.argv[1:] or CASES:
         command = [sys.executable, "-m", "runs.studies.scaling.plan_calibration", "--measure", name]
         for _ in range(2):
-            output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+            output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
         found, plan = json.loads(output.splitlines()[-1]), planned(name)
         ratios = " | ".join(f"{plan[key] / found[key]:.2f}" for key in found)
         print(

@@ -1,0 +1,205 @@
+"""A mesh of the user's own: read, held against the problem, and tagged as the meshes of runs are.
+
+It has the scene's frame and metres: the top is z = 0. It holds the whole scene or, where it ends at a mirror plane
+x = 0 or y = 0 of the scene, the part beyond it. Flat sides slide in their plane, other sides are free.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from finite_strain import compat
+from finite_strain.discretisation.regions import constant
+from finite_strain.geometry.estimates import Expected
+from finite_strain.geometry.symmetry import Reduction, reduce_scene
+from finite_strain.mpi import on_root
+from finite_strain.planning.run_plan import GivenMesh
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Problem
+from meshes.box import TAGS
+
+CELLS = ("hexahedron", "tetrahedron")
+FLAT = 1e-6
+"""Largest distance of nodes from the plane of their face, over the thickness of the layer."""
+SOLID = 1e-3
+"""Largest difference of the layer's volume from thickness times top, relative."""
+LEAST_NODES = 9
+"""Fewest corners of elements under a ball's expected contact at full load: two elements across it."""
+CLEAR = 1.5
+"""Least distance of a ball's axis from the mesh's sides, over the radius of its expected contact."""
+
+
+class OwnMesh:
+    """Mesh, cell tags and facet tags (see `meshes.box.TAGS`) of a user (collective)."""
+
+    def __init__(self, source: Any, comm: MPI.Comm) -> None:
+        if isinstance(source, (str, Path)):
+            path = Path(source)
+            if not on_root(comm, path.is_file) or path.suffix != ".msh":
+                raise InvalidProblem(f"mesh: must be a .msh file, or (mesh, cell tags, facet tags), got {path}")
+            source = compat.read_mesh(path, comm)
+        if not (isinstance(source, Sequence) and len(source) == 3 and isinstance(source[0], dolfinx.mesh.Mesh)):
+            raise InvalidProblem(f"mesh: must be a .msh file, or (mesh, cell tags, facet tags), got {type(source)}")
+        self.mesh, self.cell_tags, self.facet_tags = source
+        self.comm = comm
+        topology = self.mesh.topology
+        cell = str(topology.cell_type).split(".")[-1]
+        faults = [] if cell in CELLS else [f"mesh: cells must be {' or '.join(CELLS)}, got {cell}"]
+        if None in (self.cell_tags, self.facet_tags):
+            faults.append("mesh: cell tags and facet tags are needed, got None; tag layer, top and bottom")
+        if self.mesh.comm.size != comm.size:
+            faults.append(f"mesh: its communicator has {self.mesh.comm.size} ranks, that of the run {comm.size}")
+        if faults:
+            raise InvalidProblem(*faults)
+        for pair in ((2, 0), (2, 3), (3, 2)):
+            topology.create_connectivity(*pair)
+        owned = topology.index_map(3).size_local
+        self.nodes = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[:owned]]
+        self.regions = np.zeros(owned, dtype=int)
+        here = self.cell_tags.indices < owned
+        self.regions[self.cell_tags.indices[here]] = self.cell_tags.values[here]
+        self.simplices = cell == CELLS[1]
+
+    def fit(self, problem: Problem, expected: Sequence[Expected]) -> tuple[Reduction, GivenMesh]:
+        """Return the part of the scene that the mesh holds, and its measures; raises `InvalidProblem` on all ranks."""
+        low, high = self._range(np.ones(len(self.nodes), dtype=bool))
+        thickness = problem.layer.thickness
+        near = FLAT * thickness
+        planes = tuple(axis for axis in (0, 1) if abs(low[axis]) <= near)
+        reduction = reduce_scene(problem, planes)
+        sides = {axis: (0.0 if axis in reduction.planes else float(low[axis]), float(high[axis])) for axis in (0, 1)}
+        faults = self._faults_of_regions(problem, near)
+        bottom = float(low[2])
+        faults += self._tag({"top": (2, 0.0), "bottom": (2, bottom)}, near)
+        if faults:
+            raise InvalidProblem(*faults)
+        self._tag_sides(sides, near)
+        self._check_solid(thickness)
+        radii = [expected[ball.index][2] for ball in reduction.balls]
+        self._check_balls(reduction, radii, sides, near)
+        cells = self.comm.allreduce(len(self.nodes))
+        depth = -bottom - thickness if problem.substrate is not None else 0.0
+        return reduction, GivenMesh(sides[0], sides[1], depth, cells, self.simplices, self._digest(near))
+
+    @property
+    def meshed(self) -> tuple[Any, Any, Any]:
+        """Mesh, cell tags and facet tags for a model."""
+        return self.mesh, self.cell_tags, self.facet_tags
+
+    def _range(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest coordinates (3,) of the nodes of some cells of all ranks."""
+        points = self.nodes[cells].reshape(-1, 3)
+        low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+        self.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
+        self.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
+        return low, high
+
+    def _faults_of_regions(self, problem: Problem, near: float) -> list[str]:
+        h = problem.layer.thickness
+        levels = {"layer": (-h, 0.0)}
+        if problem.substrate is not None:
+            levels["substrate"] = (-np.inf, -h)
+        faults, known = [], np.zeros(len(self.nodes), dtype=bool)
+        for name, (below, above) in levels.items():
+            cells = self.regions == TAGS[name]
+            known |= cells
+            low, high = self._range(cells)
+            if not low[2] < high[2]:
+                faults.append(f"mesh: no cell has the tag {TAGS[name]} ({name})")
+            elif max(abs(high[2] - above), 0.0 if below == -np.inf else abs(low[2] - below)) > near:
+                faults.append(
+                    f"mesh: the {name} must reach from z = {below:g} to {above:g} m, got {low[2]:.6g} to "
+                    f"{high[2]:.6g} m; give it the scene's thickness in metres, with the top at z = 0"
+                )
+        other = self.comm.allreduce(int(np.sum(~known)))
+        if other:
+            rule = " or ".join(f"{TAGS[name]} ({name})" for name in levels)
+            faults.append(f"mesh: every cell needs the tag {rule}, got {other} without")
+        return faults
+
+    def _on(self, axis: int, value: float, near: float) -> np.ndarray:
+        """Return this rank's outer facets on a plane."""
+        facets = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.abs(x[axis] - value) <= near)
+        return np.asarray(facets[facets < self.mesh.topology.index_map(2).size_local])
+
+    def _tag(self, planes: dict[str, tuple[int, float]], near: float) -> list[str]:
+        """Return what is wrong with the tagged facets, each of which lies in a plane."""
+        faults = []
+        for name, (axis, value) in planes.items():
+            tagged = self.facet_tags.find(TAGS[name])
+            tagged = tagged[tagged < self.mesh.topology.index_map(2).size_local]
+            there = self._on(axis, value, near)
+            counts = [len(tagged), len(np.setdiff1d(tagged, there)), len(np.setdiff1d(there, tagged))]
+            number, outside, untagged = self.comm.allreduce(np.array(counts))
+            if not number:
+                faults.append(f"mesh: no facet has the tag {TAGS[name]} ({name})")
+            elif outside:
+                rule = "must be flat: balls press into a plane" if name == "top" else "must be flat"
+                faults.append(f"mesh: the {name} {rule} z = {value:.6g} m, {outside} of its {number} facets leave it")
+            elif untagged:
+                faults.append(f"mesh: {untagged} outer facets at z = {value:.6g} m lack the tag {TAGS[name]} ({name})")
+        return faults
+
+    def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> None:
+        """Replace the facet tags by those of top, bottom and the flat sides."""
+        found = {name: self.facet_tags.find(TAGS[name]) for name in ("top", "bottom")}
+        for axis, ends in sides.items():
+            for end, value in zip(("low", "high"), ends, strict=True):
+                found[f"{'xy'[axis]}_{end}"] = self._on(axis, value, near)
+        facets = np.concatenate(list(found.values())).astype(np.int32)
+        numbers = np.concatenate([np.full(len(each), TAGS[name], dtype=np.int32) for name, each in found.items()])
+        order = np.argsort(facets)
+        self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
+
+    def _check_solid(self, thickness: float) -> None:
+        """Raise if the layer has holes, which the small-strain problem beside it has not."""
+        cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])
+        facets = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)(TAGS["top"])
+        forms = compat.compile_forms([constant(self.mesh, 1.0) * measure for measure in (cells, facets)], self.comm)
+        volume, area = (self.comm.allreduce(dolfinx.fem.assemble_scalar(form)) for form in forms)
+        if abs(volume - thickness * area) > SOLID * volume:
+            raise InvalidProblem(
+                f"mesh: the layer must be a slab without holes, got {volume:.6g} m^3 under a top of {area:.6g} m^2"
+            )
+
+    def _check_balls(
+        self, reduction: Reduction, radii: Sequence[float], sides: dict[int, tuple[float, float]], near: float
+    ) -> None:  # fmt: skip
+        """Raise if a ball presses outside the mesh, or on too few elements."""
+        corners = self.nodes[:, : 4 if self.simplices else 8].reshape(-1, 3)
+        here = corners[np.abs(corners[:, 2]) <= near, :2]
+        top = np.unique(np.round(np.concatenate(self.comm.allgather(here)) / near), axis=0) * near
+        faults = []
+        for ball, radius in zip(reduction.balls, radii, strict=True):
+            room = math.inf
+            for axis, (low, high) in sides.items():
+                below = math.inf if axis in reduction.planes else ball.position[axis] - low
+                room = min(room, below, high - ball.position[axis])
+            under = ball.copies * int(np.sum(np.linalg.norm(top - ball.position, axis=1) <= radius))
+            where = f"mesh: ball {ball.index + 1} at ({ball.position[0]:.6g}, {ball.position[1]:.6g}) m"
+            if room < CLEAR * radius:
+                faults.append(f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m")
+            elif under < LEAST_NODES:
+                faults.append(
+                    f"{where} needs at least {LEAST_NODES} corners of elements under its contact, whose radius at full "
+                    f"load is about {radius:.3g} m, got {under}; make the elements there smaller"
+                )
+        if faults:
+            raise InvalidProblem(*faults)
+
+    def _digest(self, near: float) -> str:
+        """Return a text that is the same for the same mesh on any number of ranks."""
+        rows = np.column_stack([self.nodes.mean(axis=1), np.ptp(self.nodes, axis=1), self.regions])
+        parts = self.comm.gather(np.round(rows / near), root=0)
+        whole = None if parts is None else np.concatenate(parts)
+        text = "" if whole is None else hashlib.sha256(whole[np.lexsort(whole.T)].tobytes()).hexdigest()
+        return str(self.comm.bcast(text, root=0))

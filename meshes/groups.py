@@ -1,0 +1,32 @@
+"""The physical groups of a mesh file: known by name or by number, and disjoint."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import chain
+
+import gmsh
+
+from linear_bem.errors import InvalidProblem
+from meshes.box import TAGS
+
+
+def number_groups() -> None:
+    """Give every physical group of gmsh's model that has a name of `TAGS` its number there; raises `InvalidProblem`."""
+    model, found = gmsh.model, []
+    for dimension, what in ((3, "volumes"), (2, "faces")):
+        tags = [tag for _, tag in model.getPhysicalGroups(dimension)]
+        if not tags:
+            raise InvalidProblem(f"mesh: the file has no physical groups of {what}; name them ({', '.join(TAGS)})")
+        parts = [model.getEntitiesForPhysicalGroup(dimension, tag).tolist() for tag in tags]
+        twice = [part for part, count in Counter(chain(*parts)).items() if count > 1]
+        if twice:
+            raise InvalidProblem(f"mesh: {what} {twice} are in two physical groups; put each into one")
+        names = [model.getPhysicalName(dimension, tag) for tag in tags]
+        found += list(zip([dimension] * len(tags), tags, names, parts, strict=True))
+    if all(TAGS.get(name, tag) == tag for _, tag, name, _ in found):
+        return
+    model.removePhysicalGroups()
+    other = 1 + max(*TAGS.values(), *(tag for _, tag, _, _ in found))
+    for number, (dimension, _, name, part) in enumerate(found):
+        model.addPhysicalGroup(dimension, part, TAGS.get(name, other + number))

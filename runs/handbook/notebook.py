@@ -1,0 +1,51 @@
+"""A tutorial as a notebook: the page's own text, its blocks as cells, with what they printed when the page was built.
+
+The format is plain JSON (nbformat 4.5, https://nbformat.readthedocs.io), so no library is needed; those that would
+write it bring compiled packages along.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+FENCED = re.compile(
+    r"^```(?P<language>toml|sh|python)\n(?P<code>.*?)^```$(?:\n+^```text\n(?P<printed>.*?)^```$)?", re.S | re.M
+)
+LINK = re.compile(r"\[([^\]]*)\]\((?!https?:)[^)]*\)")
+ROLE = re.compile(r"\{[a-z:]+\}(`[^`]*`)")
+
+
+def notebook(page: str) -> str:
+    """Return the notebook of a tutorial whose blocks were run; links within the handbook become plain words."""
+    cells, end = [], 0
+    for block in FENCED.finditer(page):
+        cells.append(_cell("markdown", page[end : block.start()]))
+        cells.append(_code(block))
+        end = block.end()
+    cells.append(_cell("markdown", page[end:]))
+    there = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells) if cell["source"]]
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    return json.dumps(
+        {"cells": there, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}, indent=1
+    )
+
+
+def _cell(kind: str, text: str) -> dict[str, Any]:
+    plain = ROLE.sub(r"\1", LINK.sub(r"\1", text)).strip() if kind == "markdown" else text.rstrip()
+    return {"cell_type": kind, "metadata": {}, "source": plain.splitlines(keepends=True)}
+
+
+def _code(block: re.Match[str]) -> dict[str, Any]:
+    language, code = block["language"], block["code"]
+    named = re.match(r"# (\S+\.toml)\n", code)
+    if language == "toml" and not named:
+        return _cell("markdown", block[0])
+    magic = {"toml": f"%%writefile {named[1]}\n" if named else "", "sh": "%%bash\n", "python": ""}[language]
+    printed = [] if block["printed"] is None else [_printed(block["printed"])]
+    return {**_cell("code", magic + code), "execution_count": None, "outputs": printed}
+
+
+def _printed(text: str) -> dict[str, Any]:
+    return {"output_type": "stream", "name": "stdout", "text": text.splitlines(keepends=True)}

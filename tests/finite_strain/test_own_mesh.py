@@ -1,0 +1,192 @@
+"""A mesh that users bring: it gives a scene's answer, tetrahedra as well, and what does not fit is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+import gmsh
+from dolfinx.mesh import CellType, create_box, locate_entities_boundary, meshtags
+from mpi4py import MPI
+
+import finite_strain
+from finite_strain import TAGS, compat
+from finite_strain.geometry.load_control import prescribed
+from finite_strain.own_mesh import OwnMesh
+from linear_bem import Elastic, InvalidProblem, Problem
+from linear_bem.solver import solve
+from meshes.layer import gmsh_session
+from tests.finite_strain.scenes import SHAPES, at_small_strain, pair, relatively, single
+from tests.launch import mpirun
+
+COMM = MPI.COMM_SELF
+X = (0.0, 0.3, 0.55, 0.75, 0.9, 1.0, 1.1, 1.25, 1.45, 1.8, 2.4, 3.4)
+Y = (0.0, 0.1, 0.25, 0.5, 0.9, 1.5, 2.6)
+Z = (-1.16, -0.7, -0.35, -0.12, 0.0)
+"""Lines of a quarter of the thin pair, graded towards the contact of the ball at x = 1."""
+
+
+def tagged(mesh: Any, facets: dict[str, float], skip: int = 0) -> tuple[Any, Any, Any]:
+    """Return a mesh with its cells as layer and the facets at each height tagged, all but the first ``skip``."""
+    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    found = {name: locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for name, z in facets.items()}
+    numbers = np.concatenate([[TAGS[name]] * len(each) for name, each in found.items()]).astype(np.int32)
+    there = np.concatenate(list(found.values())).astype(np.int32)
+    order = np.argsort(there)[skip:]
+    return (
+        mesh,
+        meshtags(mesh, 3, cells, np.full_like(cells, TAGS["layer"])),
+        meshtags(mesh, 2, there[order], numbers[order]),
+    )
+
+
+def block(
+    kind: Any = CellType.hexahedron, x: Any = X, y: Any = Y, z: Any = Z, facets: tuple[str, ...] = ("top", "bottom"),
+    skip: int = 0,
+) -> tuple[Any, Any, Any]:  # fmt: skip
+    """Return a box between lines, whose top and bottom are tagged."""
+    counts = [len(lines) - 1 for lines in (x, y, z)]
+    mesh = create_box(COMM, [np.zeros(3), np.array(counts, dtype=float)], counts, kind)
+    for axis, lines in enumerate((x, y, z)):
+        mesh.geometry.x[:, axis] = np.interp(mesh.geometry.x[:, axis], np.arange(len(lines)), lines)
+    heights = {"top": z[-1], "bottom": z[0]}
+    return tagged(mesh, {name: heights[name] for name in facets}, skip)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer(ranks: int) -> None:
+    done = mpirun(ranks, "-m", "tests.finite_strain.own_mesh", timeout=600.0)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    scene, *own = (said[name]["balls"][0] for name in ("scene", "file", "dolfinx"))
+    for answer in own:
+        assert answer["normal_force"] == relatively(scene["normal_force"], 1e-8)
+        assert answer["tangential_force"][0] == relatively(scene["tangential_force"][0], 1e-8)
+        assert answer["tangential_force_error"] == relatively(scene["tangential_force_error"], 1e-6)
+
+
+@pytest.mark.parametrize(("kind", "z"), [(CellType.hexahedron, Z[::2]), (CellType.tetrahedron, Z)])
+def test_a_mesh_without_blocks_meets_the_boundary_element_model(kind: Any, z: Any, tmp_path: Path) -> None:
+    problem = at_small_strain(pair(0.1, poisson=0.3, shape=SHAPES["small_strain"]))
+    seen: list[Any] = []
+    answer = finite_strain.solve(
+        problem, model="small_strain", tangential_force=0.3, mesh=block(kind, z=z), folder=tmp_path, comm=COMM,
+        inspect=lambda _, functions: seen.append(functions["displacement"].function_space.mesh),
+    )  # fmt: skip
+    exact, ball = solve(problem, 1e-4).balls[0], answer.balls[0]
+    assert ball.normal_force == relatively(exact.normal_force, 5e-3)  # discretisation and truncation
+    scale = answer.solved.accuracy["relative_to"]["force"]
+    skew = 0.05 if kind == CellType.hexahedron else 0.1  # tetrahedra are no mirror images about the ball's axis
+    assert abs(ball.tangential_force[0] - exact.tangential_force[0]) < skew * scale
+    assert isinstance(seen[0], dolfinx.mesh.Mesh)
+    from runs.pictures.written_step import read_whole  # noqa: PLC0415
+
+    step = read_whole(tmp_path / "step_0001.h5", 1)
+    corners = step.points[step.cells]
+    if kind == CellType.tetrahedron:
+        volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
+        assert volumes.min() > 0.0  # of the mirror images, too
+        assert volumes.sum() == relatively(4.0 * X[-1] * Y[-1] * 1.16, 1e-9)
+    assert np.ptp(step.points[:, 0]) == relatively(2.0 * X[-1], 1e-9)
+
+
+def bulging() -> tuple[Any, Any, Any]:
+    mesh, cells, facets = block()
+    x = mesh.geometry.x
+    x[np.isclose(x[:, 2], 0.0) & np.isclose(x[:, 0], 1.0), 2] = 1e-3
+    return mesh, cells, facets
+
+
+def hollow() -> tuple[Any, Any, Any]:
+    mesh, _, _ = block()
+    middles = dolfinx.mesh.compute_midpoints(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    kept = np.flatnonzero(np.linalg.norm(middles - [2.1, 0.7, -0.5], axis=1) > 0.3).astype(np.int32)
+    return tagged(dolfinx.mesh.create_submesh(mesh, 3, kept)[0], {"top": 0.0, "bottom": -1.16})
+
+
+WRONG: dict[str, tuple[Callable[[], Any], str]] = {
+    "no file": (lambda: "nowhere.msh", r"must be a \.msh file, .* got nowhere\.msh"),
+    "no tags": (lambda: (block()[0], None, None), "tags are needed, got None"),
+    "no top": (lambda: block(facets=("bottom",)), r"no facet has the tag 11 \(top\)"),
+    "a facet left out": (lambda: block(skip=1), r"1 outer facets at z = -?[\d.]+ m lack the tag"),
+    "thicker": (lambda: block(z=tuple(2.0 * z for z in Z)), r"from z = -1\.16 to 0 m, got -2\.32 to 0 m; .* in metres"),
+    "shifted": (lambda: block(z=tuple(z + 1.16 for z in Z)), r"got 0 to 1\.16 m"),
+    "bulging": (bulging, r"must reach from z = -1\.16 to 0 m, got -1\.16 to 0\.001 m"),
+    "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 2 at \(1, 0\) m needs .* got 0\.02 m"),
+    "coarse": (lambda: block(x=X[::5], y=Y[::3]), r"at least 9 corners .* got 2; make the elements there smaller"),
+    "a hole": (hollow, r"must be a slab without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2"),
+    "prisms": (lambda: block(CellType.prism), "hexahedron or tetrahedron, got prism"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_mesh_that_does_not_fit_is_refused_before_any_long_work(name: str) -> None:
+    make, words = WRONG[name]
+    with pytest.raises(InvalidProblem, match=words):
+        finite_strain.solve(pair(0.1, poisson=0.3), mesh=make(), comm=COMM)
+
+
+def fitted(problem: Problem, meshed: Any) -> Any:
+    return OwnMesh(meshed, COMM).fit(problem, prescribed(problem).expected())
+
+
+def test_a_substrate_needs_cells_of_its_own() -> None:
+    problem = replace(pair(0.1, poisson=0.3), substrate=Elastic(1e3, 0.3))
+    with pytest.raises(InvalidProblem, match=r"no cell has the tag 2 \(substrate\)"):
+        fitted(problem, block())
+    mesh, cells, facets = block(z=(-2.0, *Z))
+    values = np.where(dolfinx.mesh.compute_midpoints(mesh, 3, cells.indices)[:, 2] < -1.16, 2, 1).astype(np.int32)
+    _, given = fitted(problem, (mesh, meshtags(mesh, 3, cells.indices, values), facets))
+    assert given.depth == pytest.approx(2.0 - 1.16)
+
+
+def test_a_mesh_is_a_part_of_the_scene_only_at_its_mirror_planes() -> None:
+    quarter, _ = fitted(pair(0.1, poisson=0.3), block())
+    assert quarter.planes == (0, 1) and len(quarter.balls) == 1  # noqa: PT018
+    x = (*(-c for c in X[:0:-1]), *X)
+    half, given = fitted(pair(0.1, poisson=0.3), block(x=x))
+    assert half.planes == (1,) and len(half.balls) == 2  # noqa: PT018
+    assert given.x == pytest.approx((-3.4, 3.4))
+    with pytest.raises(InvalidProblem, match=r"ball 1 at \(-1, 0\) m needs"):  # unlike loads have no plane x = 0
+        fitted(pair(replace(pair(0.1).load, values=(0.1, 0.12)), poisson=0.3), block())
+
+
+def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:
+    problem = single(0.1)
+    lines = {"x": X[:8], "y": X[:8], "z": (-1.0, -0.5, -0.2, 0.0)}
+    digests = [fitted(problem, block(**lines))[1].digest for _ in range(2)]  # type: ignore[arg-type]
+    assert digests[0] == digests[1]
+    lines["z"] = (-1.0, -0.5, -0.21, 0.0)
+    assert fitted(problem, block(**lines))[1].digest != digests[0]  # type: ignore[arg-type]
+
+
+def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "own.msh"
+    with gmsh_session():
+        gmsh.model.occ.addBox(0.0, 0.0, -1.0, 2.0, 2.0, 1.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "layer")
+        heights = {gmsh.model.getBoundingBox(2, tag)[2::3]: tag for _, tag in gmsh.model.getEntities(2)}
+        for (low, high), tag in heights.items():
+            if high - low < 0.5:  # neither of the two has its number in `TAGS`
+                group = gmsh.model.addPhysicalGroup(2, [tag])
+                gmsh.model.setPhysicalName(2, group, "top" if high > -0.5 else "bottom")
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    mesh, cells, facets = compat.read_mesh(path, COMM)
+    assert set(cells.values) == {TAGS["layer"]}
+    points = mesh.geometry.x
+    for name, z in (("top", 0.0), ("bottom", -1.0)):
+        space = compat.function_space(mesh, 1)
+        dofs = dolfinx.fem.locate_dofs_topological(space, 2, facets.find(TAGS[name]))
+        assert np.allclose(space.tabulate_dof_coordinates()[dofs, 2], z)
+    assert np.ptp(points[:, 2]) == pytest.approx(1.0)
