@@ -13,7 +13,7 @@ from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
-from finite_strain.geometry.estimates import STIFFENING, alone, penalties
+from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
 from finite_strain.geometry.load_control import LoadControl
 from finite_strain.numerics import DEFAULT
 from linear_bem.errors import NotConverged
@@ -169,6 +169,7 @@ class LoadPath:
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
         contact.augment(source, self._stiffer * STIFFENING)
+        self._set_area(source.approaches)
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]
@@ -186,6 +187,11 @@ class LoadPath:
     def _set_penalties(self) -> None:
         contact = self.model.contact
         contact.set_penalties(penalties(self.problem, contact.balls, contact.approaches))
+        self._set_area(contact.approaches)
+
+    def _set_area(self, approaches: np.ndarray) -> None:
+        contact = self.model.contact
+        contact.turning.value = float(not is_stable(self.problem, contact.balls, approaches))
 
     def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
