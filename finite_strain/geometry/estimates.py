@@ -97,7 +97,7 @@ def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarr
 
 
 def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> bool:
-    """Return whether loads of fixed direction on the undeformed area keep the surface smooth at approaches (balls,) [m].
+    """Return whether a contact load of fixed direction keeps the surface smooth at approaches (balls,) [m].
 
     Under a load p per undeformed area by a penalty k, an incompressible half-space of shear modulus mu with surface
     displacements w (normal) and u (along the surface) of wavenumber q has the second variation

@@ -78,9 +78,9 @@ class SolverAccount:
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
     the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
-    [m]; ``distorted_at`` are the places (distance from the nearest axis, depth) [m] of the smallest volume ratio and
-    surface stretch; ``force_balance`` is the relative difference of the forces on balls and base; ``strain_energy`` [J] is that of
-    the whole scene.
+    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
+    (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J]
+    is that of the whole scene.
     """
 
     fraction: float

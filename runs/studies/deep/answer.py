@@ -39,7 +39,9 @@ def present(found: Found, folder: Path) -> str:
         ends = list({row["level"]: row for row in path}.values())
         keys = ("level", "unknowns", *(key for key in SHOWN if key != "iterations"))
         lines += ["Deepest state of each discretisation:", "", *markdown(ends, {key: key for key in keys}), ""]
-        lines += [f"- {row['level']} ended at D = {row['D / R']:g} R: {row['stopped']}" for row in ends if row["stopped"]]
+        lines += [
+            f"- {row['level']} ended at D = {row['D / R']:g} R: {row['stopped']}" for row in ends if row["stopped"]
+        ]
     return "\n".join([*lines, "", "![Q, S_Q, smallest J and surface stretch over D](deep.png)"])
 
 
@@ -110,18 +112,20 @@ def _sentence(path: Sequence[Mapping[str, Any]]) -> str:
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row without pairs: value and error in columns of their own."""
     pairs = {key: value for key, value in row.items() if isinstance(value, tuple)}
-    split = {name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))}
+    split = {
+        name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))
+    }
     return {**row, **split}
 
 
 def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     """Return the figure: one row of panels over D for the thin pair's discretisations, and S_Q of all pairs."""
     figure, axes = panels(4.2, 4.2, 4.2, height=4.0)
-    first = next(iter(rows.values()), [])
+    first = next(iter(rows.values()), ())
     for color, level in zip(COLORS, dict.fromkeys(row["level"] for row in first), strict=False):
-        path = [row for row in first if row["level"] == level]
+        shown = [row for row in first if row["level"] == level]
         for axis, key in zip(axes, ("smallest J", "smallest surface stretch"), strict=False):
-            axis.plot([r["D / R"] for r in path], [r[key] for r in path], color=color, marker="o", ms=3, label=level)
+            axis.plot([r["D / R"] for r in shown], [r[key] for r in shown], color=color, marker="o", ms=3, label=level)
     axes[1].axhline(CREASE, color="0.5", lw=0.8, ls=":")
     for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
         known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
@@ -130,7 +134,9 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
             axes[2].errorbar(
                 [r["D / R"] for r in known], value, error, color=color, marker="o", ms=3, capsize=2, label=scene
             )
-    for axis, title in zip(axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True):
+    for axis, title in zip(
+        axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True
+    ):
         axis.set(xlabel="$D/R$", title=title)
         axis.legend()
     return figure

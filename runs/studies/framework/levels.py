@@ -58,8 +58,8 @@ class Level:
 class LevelCase(Case):
     """A case solved on ``levels``; the discretisation error of a step comes from its change since the previous level.
 
-    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it. If ``incomplete``, a level whose load path ends
-    early keeps its steps, the last of which says why ("stopped"); else the case has then no answer.
+    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it. If ``incomplete``, a level whose load path
+    ends early keeps its steps, the last of which says why ("stopped"); else the case has then no answer.
     """
 
     levels: tuple[Level, ...] = (Level(),)
@@ -68,7 +68,9 @@ class LevelCase(Case):
 
     def key(self) -> str:
         """Return the key of `Case`, extended by levels and shift."""
-        return hashlib.sha256(f"{super().key()} {self.levels} {self.shift}{' incomplete' * self.incomplete}".encode()).hexdigest()[:20]
+        return hashlib.sha256(
+            f"{super().key()} {self.levels} {self.shift}{' incomplete' * self.incomplete}".encode()
+        ).hexdigest()[:20]
 
     def solve(self, run: Run) -> Result:
         """Solve the load path on every level (collective)."""
@@ -131,7 +133,7 @@ def _answered(
     except NotConverged as error:
         if not incomplete or not steps:
             raise
-        steps[-1].record["stopped"] = str(error)
+        steps[-1] = dataclasses.replace(steps[-1], record={**steps[-1].record, "stopped": str(error)})
     finally:
         mesh.close()
     return steps
