@@ -43,18 +43,18 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
     points = space.tabulate_dof_coordinates()[cells.dofs]
     along = F[..., :, :2]
     squared = np.linalg.eigvalsh(along.swapaxes(-1, -2) @ along)[..., 0]
-    top = points[..., 2].max(initial=-np.inf)
-    top = space.mesh.comm.allreduce(float(top), op=MPI.MAX)
-    deepest = points[..., 2].min(initial=np.inf)
-    on_top = points[..., 2] > top - 1e-9 * (top - deepest)
+    heights = space.mesh.geometry.x[:, 2]
+    top = space.mesh.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
+    deep = top - space.mesh.comm.allreduce(float(heights.min(initial=np.inf)), op=MPI.MIN)
+    on_top = points[..., 2] > top - 1e-9 * deep
     values = np.linalg.det(F), np.where(on_top, np.sqrt(np.maximum(squared, 0.0)), np.inf)
     least = []
     for value in values:
         number = int(value.argmin()) if value.size else 0
         x, y, z = points.reshape(-1, 3)[number] if value.size else (0.0, 0.0, 0.0)
         away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
-        mine = (float(value.min(initial=np.inf)), (away, float(top - z)))
-        least.append(min(space.mesh.comm.allgather(mine)))
+        place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
+        least.append(min(space.mesh.comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
     return Distortion(*least[0], *least[1])
 
 
