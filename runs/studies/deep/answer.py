@@ -37,7 +37,7 @@ def present(found: Found, folder: Path) -> str:
         lines += [f"## {scene}", "", _sentence(path), "", f"Finest discretisation ({finest[0]['level']}):", ""]
         lines += [*markdown(finest, {key: key for key in SHOWN}), ""]
         ends = list({row["level"]: row for row in path}.values())
-        keys = ("level", "unknowns", *(key for key in SHOWN if key != "iterations"))
+        keys = ("level", "unknowns", *(key for key in SHOWN if key not in ("iterations", "S_Q")))
         lines += ["Deepest state of each discretisation:", "", *markdown(ends, {key: key for key in keys}), ""]
         lines += [
             f"- {row['level']} ended at D = {row['D / R']:g} R: {row['stopped']}" for row in ends if row["stopped"]
@@ -59,7 +59,7 @@ def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
         rows.append({
             "scene": case.labels["scene"], "level": f"order {record['order']}, fineness {record['fineness']:g}",
             "unknowns": record["unknowns"], "D / R": ball["approach"], "Q": ball["normal_force"], "T": force,
-            "S_Q": _strengthening(case, ball["normal_force"], force),
+            "S_Q": None,
             "smallest J": record["smallest_volume_ratio"],
             "at r, depth": "{:.2f}, {:.2f}".format(*bent["volume_ratio"]),
             "smallest surface stretch": record["smallest_surface_stretch"],
@@ -67,6 +67,9 @@ def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
             "energy balance [%]": 100.0 * _balance(before), "iterations": record["iterations"],
             "stopped": record.get("stopped", ""),
         })  # fmt: skip
+    for row in rows:
+        if row["level"] == rows[-1]["level"]:
+            row["S_Q"] = _strengthening(case, row["Q"], row["T"])
     return rows
 
 
