@@ -107,7 +107,7 @@ def _sentence(path: Sequence[Mapping[str, Any]]) -> str:
         else f"the surface is nowhere compressed below {last[SHOWN[6]]:.2f}: no crease"
     )
     return (
-        f"**{len(ends)} discretisations reach D = {min(depths):g} to {max(depths):g} R; on the finest the smallest J "
+        f"**{len(ends)} discretisations reach at least D = {min(depths):g} R; on the finest the smallest J "
         f"there is {last['smallest J']:.2f}, and {surface}.**"
     )
 
