@@ -15,10 +15,10 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
-from finite_strain.discretisation.nodal_values import smallest_volume_ratio
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
+from finite_strain.force.distortion import distortion
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mpi import on_root
@@ -107,6 +107,7 @@ class MeshRun:
         Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
+        bent = distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
         return SolverAccount(
             fraction=record.fraction,
@@ -116,7 +117,8 @@ class MeshRun:
             pair_iterations=0 if small is None else small.newton_iterations,
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
-            smallest_volume_ratio=smallest_volume_ratio(model.space, model.nodal),
+            smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
+            distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
             seconds_assembly=self.comm.allreduce(effort.seconds_assembly, op=MPI.MAX),

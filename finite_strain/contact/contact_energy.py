@@ -1,10 +1,15 @@
 """Frictionless contact of the layer's top with rigid indenters, as an energy of the form language.
 
-Per reference area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the penalty k, <.> the positive part,
+Per area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the penalty k, <.> the positive part,
 and s = <-g> of an earlier equilibrium, or zero: the augmented Lagrangian with multiplier k s [Alart Curnier 1991,
 doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression in the displacement of that earlier
 state, so nothing is stored at quadrature points. Residual, tangent and the forces on the balls follow by
 differentiation: the force on a ball is the derivative of the potential by the ball's position.
+
+The area is the undeformed one, or the deformed one that faces the indenter. In the second case the potential is, to
+first order in the gap over the indenter's radius, the integral of k <-g> over the volume in which layer and indenter
+overlap: the contact exerts a pressure. In the first case it exerts a load of fixed direction, for which Newton's method
+converges in longer steps, but which makes deep contacts unstable (`finite_strain.geometry.estimates.is_stable`).
 
 One compiled form serves any number of balls: which ball a facet may touch, and that ball's position, radius and
 approach, are constants of the cells below the facets. A facet has two candidates of each kind of indenter, because
@@ -60,11 +65,16 @@ class _Slot:
         names = ("x", "y", "radius", "approach", "earlier", "penalty", "chosen")
         self.fields = {name: dolfinx.fem.Function(space, name=name) for name in names}
         self.x, self.y, self.approach = (ufl.variable(self.fields[name]) for name in ("x", "y", "approach"))
-        self.gap = self._gap(contact, contact.displacement, self.approach)
+        displacement = ufl.variable(contact.displacement)
+        self.gap = self._gap(contact, displacement, self.approach)
+        self.gradient = ufl.variable(ufl.grad(contact.displacement))
+        area = 1
+        if contact.finite:
+            area += contact.turning * (facing(ufl.diff(self.gap, displacement), self.gradient) - 1)
         self.overlap = positive(-self._gap(contact, contact.earlier, self.fields["earlier"])) * contact.augmented
         self.pressed = positive(self.overlap - self.gap)
-        self.pressure = self.fields["penalty"] * self.pressed
-        self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2)
+        self.pressure = self.fields["penalty"] * self.pressed * area
+        self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2) * area
 
     def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
         X = ufl.SpatialCoordinate(contact.mesh)
@@ -93,6 +103,8 @@ class Contact:
         self.angle = angle
         self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
         self.augmented = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
+        self.turning = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
+        """1 where the potential is per deformed area, 0 where it is per undeformed area."""
         self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
         self.slots = self._make_slots()
         near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
@@ -196,13 +208,16 @@ class Contact:
     def configurational_form(self, weight: Any, axis: Any) -> Any:
         """Return the surface terms of the domain integral for the chosen ball's force along ``axis`` (3,) [N].
 
-        With the weight q they are -int w q,k - int (c - q) dw/dx_k, where c is 1 for the chosen ball, 0 for others, and
-        x_k the ball's position; both vanish where q = c on the contacts.
+        With the weight q they are -int (w delta_kJ - u_i,k dw/du_i,J) q,J - int (c - q) dw/dx_k, where c is 1 for the
+        chosen ball, 0 for others, and x_k the ball's position; all vanish where q = c on the contacts.
         """
         total = 0
         for slot in self.slots:
             slope = axis[0] * ufl.diff(slot.density, slot.x) + axis[1] * ufl.diff(slot.density, slot.y)
             total += -slot.density * ufl.dot(axis, ufl.grad(weight)) * self.measure
+            if self.finite:
+                moved = ufl.outer(ufl.dot(slot.gradient, axis), ufl.grad(weight))
+                total += ufl.inner(ufl.diff(slot.density, slot.gradient), moved) * self.measure
             total += -(slot.fields["chosen"] - weight) * slope * self.measure
         return total
 
@@ -213,6 +228,15 @@ class Contact:
     def penetration(self) -> Any:
         """Return the penetration of the surface into a ball in contact [m], also an expression."""
         return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
+
+
+def facing(slope: Any, gradient: Any) -> Any:
+    """Return the deformed over the undeformed area of the top that faces the indenter, never negative.
+
+    ``slope`` is the gap's gradient (3,): over the square of its length, because a gap need not be a distance.
+    """
+    F = ufl.Identity(3) + gradient
+    return positive(-ufl.dot(slope, ufl.cross(F[:, 0], F[:, 1])) / ufl.dot(slope, slope))
 
 
 def gap(shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool) -> Any:

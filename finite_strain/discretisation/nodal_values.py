@@ -13,7 +13,6 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
@@ -155,12 +154,6 @@ class CellNodes:
             vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
             part[:] = work[:, : part.shape[1]]
         return answer
-
-
-def smallest_volume_ratio(space: Any, nodal: np.ndarray) -> float:
-    """Return the smallest det(I + grad u) at the nodes of all cells, of displacements (local nodes, 3) (collective)."""
-    ratios = np.linalg.det(np.eye(3) + CellNodes(space).gradient(nodal))
-    return float(space.mesh.comm.allreduce(float(ratios.min(initial=np.inf)), op=MPI.MIN))
 
 
 def _by_reference(derivatives: np.ndarray, values: np.ndarray) -> np.ndarray:

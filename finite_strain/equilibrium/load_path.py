@@ -13,7 +13,8 @@ from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
-from finite_strain.geometry.estimates import STIFFENING, alone, penalties
+from finite_strain.force.distortion import Distortion, distortion
+from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
 from finite_strain.geometry.load_control import LoadControl
 from finite_strain.numerics import DEFAULT
 from linear_bem.errors import NotConverged
@@ -111,7 +112,9 @@ class LoadPath:
                         self._restore()
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
-                            f"the last good state is at {reached:.4g} of the full load"
+                            f"the last good state is at {reached:.4g} of the full load: the film under a ball is "
+                            f"{1.0 - max(self._last.approaches) / self.problem.layer.thickness:.2g} of the layer's "
+                            f"thickness; {self._distorted().describe()}"
                         ) from error
                     continue
                 approaches = tuple(self.model.contact.approaches)
@@ -119,6 +122,10 @@ class LoadPath:
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 yield record
+
+    def _distorted(self) -> Distortion:
+        model = self.model
+        return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
 
     @property
     def _last(self) -> State:
@@ -169,6 +176,7 @@ class LoadPath:
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
         contact.augment(source, self._stiffer * STIFFENING)
+        self._set_area(source.approaches)
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]
@@ -186,6 +194,11 @@ class LoadPath:
     def _set_penalties(self) -> None:
         contact = self.model.contact
         contact.set_penalties(penalties(self.problem, contact.balls, contact.approaches))
+        self._set_area(contact.approaches)
+
+    def _set_area(self, approaches: np.ndarray) -> None:
+        contact = self.model.contact
+        contact.turning.value = float(not is_stable(self.problem, contact.balls, approaches))
 
     def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
         """Find equilibrium; return the iterations. Raises `NotConverged`."""
@@ -199,7 +212,8 @@ class LoadPath:
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
         record.residual = done.residual
-        if not math.isfinite(self.model.energy()):  # the residual alone does not detect it
+        turned = self.model.is_finite and self._distorted().volume_ratio <= 0.0
+        if turned or not math.isfinite(self.model.energy()):  # the residual alone does not detect it
             raise NotConverged("the equilibrium found has elements turned inside out")
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")

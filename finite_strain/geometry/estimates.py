@@ -26,6 +26,8 @@ LEAST_SHARE = 0.1
 """Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 PENETRATION = 1e-2
 """Mean penetration over the approach without multipliers, with which Newton's method finds the contact edge fast."""
+PEAK = 1.5
+"""Peak over mean contact pressure [Hertz]."""
 STIFFENING = 5.0
 """Factor on the penalty when multipliers are added."""
 _FARTHEST = 1e3
@@ -90,11 +92,27 @@ def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarr
 
     A ball with an approach below `LEAST_SHARE` of the deepest has the penalty of that share.
     """
-    deepest = float(np.max(approaches))
-    answer = []
-    for ball, approach in zip(balls, approaches, strict=True):
-        depth = max(float(approach), LEAST_SHARE * deepest)
-        state = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=depth)
-        pressure = state.normal_force / (math.pi * state.contact_radius**2)
-        answer.append(pressure / (PENETRATION * depth))
-    return np.array(answer)
+    depths = np.maximum(approaches, LEAST_SHARE * np.max(approaches))
+    return _mean_pressures(problem, balls, depths) / (PENETRATION * depths)
+
+
+def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> bool:
+    """Return whether a contact load of fixed direction keeps the surface smooth at approaches (balls,) [m].
+
+    Under a load p per undeformed area by a penalty k, an incompressible half-space of shear modulus mu with surface
+    displacements w (normal) and u (along the surface) of wavenumber q has the second variation
+    mu q (w^2 + u^2) + k w^2 / 2 - p q u w. It is positive if p < 2 mu; else it is negative at wavenumbers above
+    2 mu k / (p^2 - 4 mu^2), which the elements under a deep indenter resolve. A pressure has no such term.
+    """
+    stiffness = problem.layer.young / (1.0 + problem.layer.poisson)
+    pressed = np.maximum(approaches, LEAST_SHARE * np.max(approaches))
+    return bool(PEAK * np.max(_mean_pressures(problem, balls, pressed)) < stiffness)
+
+
+def _mean_pressures(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
+    """Return the expected mean pressure (balls,) [Pa] of single balls."""
+    states = [
+        alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=float(approach))
+        for ball, approach in zip(balls, approaches, strict=True)
+    ]
+    return np.array([state.normal_force / (math.pi * state.contact_radius**2) for state in states])

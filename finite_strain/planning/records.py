@@ -78,8 +78,9 @@ class SolverAccount:
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
     the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
-    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``strain_energy`` [J] is that of
-    the whole scene.
+    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
+    (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J]
+    is that of the whole scene.
     """
 
     fraction: float
@@ -93,6 +94,8 @@ class SolverAccount:
     penetration: float
     force_balance: float
     smallest_volume_ratio: float
+    smallest_surface_stretch: float
+    distorted_at: dict[str, list[float]]
     strain_energy: float
     linear_solver: str
     seconds_assembly: float

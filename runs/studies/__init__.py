@@ -19,6 +19,7 @@ STUDIES = {
     "experiments": "the paper's drifting balls: simulated runs compared with its observations",
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
+    "deep": "how deep finite strain goes, what ends it, and what T does there",
     "effects": "what each effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms and itself",
     "validation": "published results of others beside this project's answers",
@@ -26,7 +27,7 @@ STUDIES = {
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 ON_ALL_RANKS = frozenset(
-    {"strengthening", "accuracy", "discretisations", "stability", "verification", "validation", "scaling"}
+    {"strengthening", "accuracy", "deep", "discretisations", "stability", "verification", "validation", "scaling"}
 )
 """Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
 SHARED_OUT = ON_ALL_RANKS - {"scaling"}

@@ -47,13 +47,14 @@ def smooth_field(model: Model, seed: int, scale: float) -> np.ndarray:
     return field
 
 
-def prepare(model: Model, approach: float, *, augmented: bool) -> np.ndarray:
-    """Set load, penalty and multipliers; return a displacement that dents the layer under the ball."""
+def prepare(model: Model, approach: float, *, augmented: bool, turning: bool = False) -> np.ndarray:
+    """Set load, penalty, multipliers and area; return a displacement that dents the layer under the ball."""
     u = smooth_field(model, 1, 0.01)
     points = model.space.tabulate_dof_coordinates()
     dent = 0.5 * max(approach, 0.0) * np.exp(-np.sum((points - np.array([1.0, 0.0, 0.0])) ** 2, axis=1) / 0.1)
     u[:, 2] -= np.where(model.constrained[:, 2], 0.0, dent)
     contact = model.contact
+    contact.turning.value = float(turning)
     contact.forget_multipliers()
     contact.set_approaches(np.array([approach]))
     contact.set_penalties(np.array([PENALTY]))
@@ -84,9 +85,12 @@ def energy_at(model: Model, u: np.ndarray) -> float:
     return model.energy()
 
 
-@pytest.mark.parametrize("state", ["open", "penetrated", "augmented"])
+@pytest.mark.parametrize("state", ["open", "penetrated", "augmented", "turning"])
 def test_the_residual_is_the_derivative_of_the_potential(model: Model, state: str) -> None:
-    u = prepare(model, -0.1 if state == "open" else APPROACH, augmented=state == "augmented")
+    u = prepare(
+        model, -0.1 if state == "open" else APPROACH, augmented=state in ("augmented", "turning"),
+        turning=state == "turning",
+    )  # fmt: skip
     assert (model.forces()[0, 2] > 0.0) == (state != "open")
     v = smooth_field(model, 2, 1.0)
     slope = float(residual_at(model, u) @ v.ravel())
@@ -97,9 +101,12 @@ def test_the_residual_is_the_derivative_of_the_potential(model: Model, state: st
     assert orders == pytest.approx(2.0, abs=0.05)
 
 
-@pytest.mark.parametrize("state", ["open", "penetrated", "augmented"])
+@pytest.mark.parametrize("state", ["open", "penetrated", "augmented", "turning"])
 def test_the_tangent_is_the_derivative_of_the_residual(model: Model, state: str) -> None:
-    u = prepare(model, -0.1 if state == "open" else APPROACH, augmented=state == "augmented")
+    u = prepare(
+        model, -0.1 if state == "open" else APPROACH, augmented=state in ("augmented", "turning"),
+        turning=state == "turning",
+    )  # fmt: skip
     v, step = smooth_field(model, 3, 1.0), 1e-6
     plus, minus = (residual_at(model, u + s * step * v) for s in (1.0, -1.0))
     model.nodal[:] = u

@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved, Step
 from runs.models import Run
@@ -56,15 +58,19 @@ class Level:
 class LevelCase(Case):
     """A case solved on ``levels``; the discretisation error of a step comes from its change since the previous level.
 
-    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it.
+    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it. If ``incomplete``, a level whose load path
+    ends early keeps its steps, the last of which says why ("stopped"); else the case has then no answer.
     """
 
     levels: tuple[Level, ...] = (Level(),)
     shift: float = 0.0
+    incomplete: bool = False
 
     def key(self) -> str:
         """Return the key of `Case`, extended by levels and shift."""
-        return hashlib.sha256(f"{super().key()} {self.levels} {self.shift}".encode()).hexdigest()[:20]
+        return hashlib.sha256(
+            f"{super().key()} {self.levels} {self.shift}{' incomplete' * self.incomplete}".encode()
+        ).hexdigest()[:20]
 
     def solve(self, run: Run) -> Result:
         """Solve the load path on every level (collective)."""
@@ -84,7 +90,7 @@ class LevelCase(Case):
                 if self.shift:
                     steps += _moved(plan, record, self.shift, file, run)
                 else:
-                    steps += _answered(plan, record, before or record, seen, file, run)
+                    steps += _answered(plan, record, before or record, seen, file, run, self.incomplete)
                 before = record
         details = [step.record for step in steps]
         solved = Solved(
@@ -94,7 +100,9 @@ class LevelCase(Case):
         return Result(self.model, steps[-1].balls, solved, tuple(steps))
 
 
-def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run) -> list[Step]:
+def _answered(
+    plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run, incomplete: bool
+) -> list[Step]:
     """Return the answers on one discretisation, with the small-strain pair as in a full run (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
     from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
@@ -112,15 +120,20 @@ def _answered(plan: RunPlan, record: Record, before: Record, seen: Seen, file: P
             if done.fraction not in plan.goals:
                 continue
             own, small = mesh.own.state(done.fraction), None
-            if mesh.small is not None:
-                for _ in _along(mesh.small, "small", seen, [done.fraction]):
-                    small = mesh.small.state(done.fraction)
+            if mesh.small is not None and (not record.rows or record.rows[-1].small is not None):
+                with suppress(NotConverged):
+                    for _ in _along(mesh.small, "small", seen, [done.fraction]):
+                        small = mesh.small.state(done.fraction)
             record.rows.append(Row(own, small))
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
             account = mesh.account([done], None, own, began)
             began, mesh.own.solver.effort = time.monotonic(), Effort()
             step = answers.answer(len(steps) + 1, account, truth, mesh.own.solver.tolerance).to_step()
             steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
+    except NotConverged as error:
+        if not incomplete or not steps:
+            raise
+        steps[-1] = dataclasses.replace(steps[-1], record={**steps[-1].record, "stopped": str(error)})
     finally:
         mesh.close()
     return steps
@@ -184,11 +197,12 @@ def _energies(problem: Problem, force: float, done: StepRecord, of: dict[str, An
 
 
 def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
-    """Return a step's discretisation and the energies [J] of the whole scene."""
+    """Return a step's discretisation, and energies [J] and normal force [N] of the whole scene on its mesh."""
     copies = 2 ** len(plan.reduction.planes)
     return {
         "order": record.level.order, "fineness": record.level.fineness, "unknowns": run.model.unknowns,
         "strain_energy": copies * run.model.strain_energy(), "potential": copies * run.model.energy(),
+        "force_on_mesh": copies * float(run.model.part_forces().sum()),
     }  # fmt: skip
 
 

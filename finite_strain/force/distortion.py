@@ -1,0 +1,64 @@
+"""How far a state is from the end of the solid: smallest volume ratio, surface stretch and film, and where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from finite_strain.discretisation.nodal_values import CellNodes
+
+CREASE = 0.65
+"""Stretch of a free surface under plane strain below which it folds into a crease [Hong Zhao Suo 2009,
+doi 10.1063/1.3211917: at a compressive strain of 0.35; neo-Hookean and incompressible]."""
+Place = tuple[float, float]
+"""Undeformed distance from the nearest ball's axis, and depth below the surface [m]."""
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Smallest det F at the nodes, smallest stretch along the top, and their places."""
+
+    volume_ratio: float
+    at: Place
+    surface_stretch: float
+    surface_at: Place
+
+    def describe(self) -> str:
+        """Return the values in words, with what they mean for the solid."""
+        volume = f"smallest volume ratio J = {self.volume_ratio:.2g}, {_place(self.at)}"
+        surface = f"smallest stretch of the surface {self.surface_stretch:.2g}, {_place(self.surface_at)}"
+        if self.surface_stretch < CREASE:
+            surface += f", below {CREASE:g}, where a free surface folds into a crease"
+        return f"{volume}; {surface}"
+
+
+def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -> Distortion:
+    """Return the distortion by displacements (local nodes, 3) [m] of balls at ``axes`` (balls, 2) [m] (collective)."""
+    cells = CellNodes(space)
+    F = np.eye(3) + cells.gradient(nodal)
+    points = space.tabulate_dof_coordinates()[cells.dofs]
+    along = F[..., :, :2]
+    squared = np.linalg.eigvalsh(along.swapaxes(-1, -2) @ along)[..., 0]
+    heights = space.mesh.geometry.x[:, 2]
+    top = space.mesh.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
+    deep = top - space.mesh.comm.allreduce(float(heights.min(initial=np.inf)), op=MPI.MIN)
+    on_top = points[..., 2] > top - 1e-9 * deep
+    values = np.linalg.det(F), np.where(on_top, np.sqrt(np.maximum(squared, 0.0)), np.inf)
+    least = []
+    for value in values:
+        number = int(value.argmin()) if value.size else 0
+        x, y, z = points.reshape(-1, 3)[number] if value.size else (0.0, 0.0, 0.0)
+        away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
+        place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
+        least.append(min(space.mesh.comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
+    return Distortion(*least[0], *least[1])
+
+
+def _place(place: Place) -> str:
+    away, depth = place
+    below = f" and {depth:.2g} m below the surface" if depth > 0.0 else ""
+    return f"{away:.2g} m from a ball's axis{below}"

@@ -1,0 +1,148 @@
+"""Load curves, S_Q, energy balance, and the smallest J and surface stretch with their places, on every mesh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import linear_bem
+from linear_bem.errors import ThirdBodyError
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.studies.deep.matrix import cases
+from runs.studies.framework.case import Case
+from runs.studies.framework.pair import as_seen_by
+from runs.studies.framework.records import Found, pull
+from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.stability.judging import work
+
+CREASE = 0.65
+"""Surface stretch below which a free surface creases; see `finite_strain.force.distortion`."""
+COLORS = (GREY, GREEN, PURPLE, BLUE, ORANGE)
+SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
+         "energy balance [%]", "iterations")  # fmt: skip
+
+
+def present(found: Found, folder: Path) -> str:
+    """Write deep.csv and the figure; return the tables of the finest discretisations as Markdown."""
+    rows = {case.labels["scene"]: _rows(found, case) for case in found.cases if found.steps(case.name)}
+    save_csv(folder / "deep.csv", [_plain(row) for scene in rows.values() for row in scene])
+    with look():
+        save_figure(_figure(rows), folder, "deep")
+    lines = ["# How deep can balls be pressed in?", ""]
+    for scene, path in rows.items():
+        finest = [row for row in path if row["level"] == path[-1]["level"]]
+        lines += [f"## {scene}", "", _sentence(path), "", f"Finest discretisation ({finest[0]['level']}):", ""]
+        lines += [*markdown(finest, {key: key for key in SHOWN}), ""]
+        ends = list({row["level"]: row for row in path}.values())
+        keys = ("level", "unknowns", *(key for key in SHOWN if key not in ("iterations", "S_Q")))
+        lines += ["Deepest state of each discretisation:", "", *markdown(ends, {key: key for key in keys}), ""]
+        lines += [
+            f"- {row['level']} ended at D = {row['D / R']:g} R: {row['stopped']}" for row in ends if row["stopped"]
+        ]
+    return "\n".join([*lines, "", "![Q, S_Q, smallest J and surface stretch over D](deep.png)"])
+
+
+def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
+    """Return one row per discretisation and load step."""
+    rows: list[dict[str, Any]] = []
+    before: list[Mapping[str, Any]] = []
+    for step in found.steps(case.name):
+        record, ball = step["record"], step["balls"][0]
+        if before and before[-1]["record"]["fraction"] >= record["fraction"]:
+            before = []
+        before.append(step)
+        force = pull(step["balls"]) if len(step["balls"]) > 1 else None
+        bent = record["distorted_at"]
+        rows.append({
+            "scene": case.labels["scene"], "level": f"order {record['order']}, fineness {record['fineness']:g}",
+            "unknowns": record["unknowns"], "D / R": ball["approach"], "Q": ball["normal_force"], "T": force,
+            "S_Q": None,
+            "smallest J": record["smallest_volume_ratio"],
+            "at r, depth": "{:.2f}, {:.2f}".format(*bent["volume_ratio"]),
+            "smallest surface stretch": record["smallest_surface_stretch"],
+            "at r": f"{bent['surface_stretch'][0]:.2f}",
+            "energy balance [%]": 100.0 * _balance(before), "iterations": record["iterations"],
+            "stopped": record.get("stopped", ""),
+        })  # fmt: skip
+    for row in rows:
+        if row["level"] == rows[-1]["level"]:
+            row["S_Q"] = _strengthening(case, row["Q"], row["T"])
+    return rows
+
+
+def _strengthening(case: Case, load: float, force: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return T over the small-strain T of linear_bem at the same normal force, and its error."""
+    if force is None:
+        return None
+    problem = as_seen_by("linear_bem", case.problem).with_load("force", (load, load))
+    try:
+        small, _ = pull(linear_bem.solve(problem).to_dict()["balls"])
+    except ThirdBodyError:  # the linear contacts have no solution at this load
+        return None
+    return force[0] / small, force[1] / abs(small)
+
+
+def _balance(steps: Sequence[Mapping[str, Any]]) -> float:
+    """Return strain energy over work less one at the last step, both on the mesh; nan for fewer than three steps."""
+    if len(steps) < 3:
+        return math.nan
+    whole = [
+        {"balls": [{"approach": s["balls"][0]["approach"], "normal_force": s["record"]["force_on_mesh"]}]}
+        for s in steps
+    ]
+    return float(steps[-1]["record"]["strain_energy"]) / work(whole) - 1.0
+
+
+def _sentence(path: Sequence[Mapping[str, Any]]) -> str:
+    """Return in a sentence how deep the discretisations went, and what the surface and the film looked like there."""
+    ends = list({row["level"]: row for row in path}.values())
+    depths, last = [row["D / R"] for row in ends], ends[-1]
+    creased = [row["D / R"] for row in path if row["level"] == last["level"] and row[SHOWN[6]] < CREASE]
+    surface = (
+        f"the free surface is compressed below a stretch of {CREASE:g}, where it creases, from D = {creased[0]:g} R on"
+        if creased
+        else f"the surface is nowhere compressed below {last[SHOWN[6]]:.2f}: no crease"
+    )
+    return (
+        f"**{len(ends)} discretisations reach at least D = {min(depths):g} R; on the finest the smallest J "
+        f"there is {last['smallest J']:.2f}, and {surface}.**"
+    )
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row without pairs: value and error in columns of their own."""
+    pairs = {key: value for key, value in row.items() if isinstance(value, tuple)}
+    split = {
+        name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))
+    }
+    return {**row, **split}
+
+
+def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
+    """Return the figure: one row of panels over D for the thin pair's discretisations, and S_Q of all pairs."""
+    figure, axes = panels(4.2, 4.2, 4.2, height=4.0)
+    first = next(iter(rows.values()), ())
+    for color, level in zip(COLORS, dict.fromkeys(row["level"] for row in first), strict=False):
+        shown = [row for row in first if row["level"] == level]
+        for axis, key in zip(axes, ("smallest J", "smallest surface stretch"), strict=False):
+            axis.plot([r["D / R"] for r in shown], [r[key] for r in shown], color=color, marker="o", ms=3, label=level)
+    axes[1].axhline(CREASE, color="0.5", lw=0.8, ls=":")
+    for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
+        known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
+        if known:
+            value, error = zip(*(r["S_Q"] for r in known), strict=True)
+            axes[2].errorbar(
+                [r["D / R"] for r in known], value, error, color=color, marker="o", ms=3, capsize=2, label=scene
+            )
+    for axis, title in zip(
+        axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True
+    ):
+        axis.set(xlabel="$D/R$", title=title)
+        axis.legend()
+    return figure
+
+
+STUDY = study_of_cases("deep", cases, present, publishes=("deep.png",))
