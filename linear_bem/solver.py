@@ -130,14 +130,19 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
                 raise
         else:
             return found
-    if kernel.cell is not None or wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not (_steep(problem, guess) or _wide(kernel, guess)):
+    if (
+        kernel.cell is not None
+        or wanted < ROUTES_SUFFICE
+        or problem.size > GRID_FIRST
+        or not (_steep(problem, guess) or _wide(kernel, guess))
+    ):
         answer = _by_polynomials(problem, kernel, wanted, guess, report)
         if answer is not None:
             return answer
     if kernel.cell is not None:
         raise UnsupportedProblem(
-            "periodic: this load needs contacts on grids (contacts that merge, sharp tips, punches, contacts wider than "
-            "the layer is thick), and grids have no cell that repeats; press the balls less deep, or drop the effect"
+            "periodic: this load needs contacts on grids (contacts that merge, sharp tips, punches, contacts wider "
+            "than the layer is thick), and grids have no cell that repeats; press the balls less deep, or drop the effect"
         )
     return _on_grids(problem, kernel, wanted, guess)
 
