@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linear_bem.problem import Load, Problem
+from linear_bem.problem import Load
 from linear_bem.profiles import difference
 from linear_bem.solution import Solution
 from linear_bem.solver import solve_contact

@@ -142,7 +142,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
     if kernel.cell is not None:
         raise UnsupportedProblem(
             "periodic: this load needs contacts on grids (contacts that merge, sharp tips, punches, contacts wider "
-            "than the layer is thick), and grids have no cell that repeats; press the balls less deep, or drop the effect"
+            "than the layer is thick), and grids have no cell; press the balls less deep, or drop the effect"
         )
     return _on_grids(problem, kernel, wanted, guess)
 

@@ -1,12 +1,12 @@
 r"""Convolution of point loads with a smooth radial kernel on a mesh.
 
 Loads are spread to the nodes of a square mesh by B-splines, convolved there by FFT (on twice the mesh's size, so that
-nothing wraps around; in a `PeriodicMesh` everything does), and the field is interpolated by the same splines: a symmetric operator. Its transform is the
-kernel's, divided per direction by b(k), p the splines' order, H the spacing and b the transform of the spline of order
-2 p at whole numbers. That is the factor of least mean square error [Hockney and Eastwood 1988, Computer Simulation
-Using Particles, section 8-3] up to waves near pi/H, and smooth and periodic in k, so that the mesh's end is felt at few
-nodes only. A wave of k = x pi/H is reproduced to about (x/(2 - x))^p of itself; what the kernel has beyond pi/H is
-lost.
+nothing wraps around; in a `PeriodicMesh` everything does), and the field is interpolated by the same splines: a
+symmetric operator. Its transform is the kernel's, divided per direction by b(k), p the splines' order, H the spacing
+and b the transform of the spline of order 2 p at whole numbers. That is the factor of least mean square error
+[Hockney and Eastwood 1988, Computer Simulation Using Particles, section 8-3] up to waves near pi/H, and smooth and
+periodic in k, so that the mesh's end is felt at few nodes only. A wave of k = x pi/H is reproduced to about (x/(2 -
+x))^p of itself; what the kernel has beyond pi/H is lost.
 """
 
 from __future__ import annotations

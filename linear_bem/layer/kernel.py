@@ -154,8 +154,8 @@ class LayeredKernel:
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
     (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
-    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds. Where loads repeat
-    ``cell`` says how; all functions of r here are those of a single load.
+    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds. ``cell`` says
+    how loads repeat; all functions of r here are those of a single load.
     """
 
     cell: Cell | None = None

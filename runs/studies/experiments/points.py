@@ -178,17 +178,24 @@ def _separate(documents: Documents) -> Finding:
     return Finding(YES if at_cycles(document, 50) > 0.03 else NO, f"T/Q when touching {ratio[0]:.2e}; {places} cycles")
 
 
+ABOUT = 5.0
+"""Largest difference [mm] from the 50 mm at which the balls stay."""
+
+
 def _stay_apart(documents: Documents) -> Finding:
     document = documents[PAIR]
     distance = distances(document, 0, 1)[1]
     ratio = np.array([abs(m["tangential_force"][0][0]) / m["normal_force"][0] for m in document["path"]])
+    if document["rest"]["at_rest"]:
+        there = abs(1e3 * distance[-1] - 50.0) <= ABOUT
+        return Finding(YES if there else NO, f"at rest {1e3 * distance[-1]:.1f} mm apart")
     left = math.exp(float(np.interp(0.05, distance, np.log(ratio)))) if distance[-1] >= 0.05 else math.nan
     more = 1e3 * (at_cycles(document, 100) - at_cycles(document, 50))
     text = (
         f"T/Q at 50 mm is {left:.1e}, 1/{ratio[0] / left:.0f} of that when touching; "
         f"from 50 to 100 cycles {more:.1f} mm more, to 200 cycles {1e3 * at_cycles(document, 200):.0f} mm"
     )
-    return Finding(NO if not document["rest"]["at_rest"] else YES, text)
+    return Finding(NO, text)
 
 
 def _small_stay(documents: Documents) -> Finding:
@@ -198,7 +205,9 @@ def _small_stay(documents: Documents) -> Finding:
         first = document["path"][0]
         touching = bool(document["path"][-1]["contacts"])
         good.append(touching)
-        beyond = [f"{1e3 * p['distance']:.1f} mm" for p in document["pair_equilibria"] if p["verdict"] == "unstable"]
+        beyond = [
+            f"{1e3 * p['distance']:.1f} mm" for p in document["pair_equilibria"] or () if p["verdict"] == "unstable"
+        ]
         ratio = first["tangential_force"][0][0] / first["normal_force"][0]
         more = f", separate only beyond {', '.join(beyond)}" if beyond else ""
         texts.append(f"{name}: T/Q = {ratio:+.2e} when touching{more}")
