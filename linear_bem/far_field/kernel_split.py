@@ -64,8 +64,9 @@ class FarField:
         ``precision`` bounds what is neglected of the force of one neighbour.
         """
         if kernel.cell is not None:
-            mesh, alpha, cutoff = cell_split(kernel, len(centres), margin, precision)
-            return cls(kernel, *kernel.cell.pairs(centres, cutoff + 2.0 * margin), mesh, alpha, cutoff)
+            of_cell, alpha, cutoff = cell_split(kernel, len(centres), margin, precision)
+            first, second, shift = kernel.cell.pairs(centres, cutoff + 2.0 * margin)
+            return cls(kernel, first, second, shift, of_cell, alpha, cutoff)
         n = len(centres)
         reach = _range(kernel, 0.1 * precision) + 2.0 * margin
         tree = cKDTree(centres)

@@ -136,8 +136,8 @@ def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
     low = np.min([n.zone.centre for n in nodes], axis=0)
     points = low + np.mod(np.stack([x, y], axis=1) - low, kernel.cell.lengths)
     rest = LatticeRest(kernel, nodes, IN_CELL_TO)
-    at = points.T
-    return displacement_of_many(kernel, rest.nodes, *at) + rest.displacement(*at, rest.nodes)
+    px, py = points.T
+    return displacement_of_many(kernel, rest.nodes, px, py) + rest.displacement(px, py, rest.nodes)
 
 
 class DirectSums:
