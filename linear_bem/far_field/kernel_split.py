@@ -87,8 +87,9 @@ class FarField:
                     best, least = (size, cutoff), cost
         if best is None:
             if not within:
-                return cls(kernel, *np.triu_indices(n, 1), NOWHERE)
-            return cls(kernel, *tree.query_pairs(reach, output_type="ndarray").T, NOWHERE)
+                return cls(kernel, *np.triu_indices(n, 1), shift=NOWHERE)
+            first, second = tree.query_pairs(reach, output_type="ndarray").T
+            return cls(kernel, first, second, NOWHERE)
         assert rule is not None
         size, cutoff = best
         alpha = rule[0] / size

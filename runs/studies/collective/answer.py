@@ -22,6 +22,8 @@ from runs.studies.framework.tables import markdown, save_csv
 
 Array = NDArray[np.float64]
 
+SHOWN = Case(6.0, 0.3, 200, 1)
+"""The run of the animation."""
 GATHERED, GROUPED = 4.0, 1.3
 """Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
@@ -79,6 +81,8 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in free], laws)
         pictures.draw_ends(folder, [(d.case, folder / CASES) for d in free if d.case.seed == 1])
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
+        if SHOWN in [done.case for done in free]:
+            pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
     lines = [sentence(found, laws), *rest(found), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
     ended = [done.case for done in found if done.row["ended"] != "interrupted"]
     missing = [case.name for case in wanted if case not in ended]
@@ -234,5 +238,5 @@ def growth_table(found: Sequence[Finished]) -> list[str]:
     return ["Growth: mean cluster ~ path^exponent.", "", *markdown(rows, digits=2)]
 
 
-PUBLISHED = ("map.svg", "ends.png", "growth.svg")
+PUBLISHED = ("map.svg", "ends.png", "growth.svg", "gathering.gif")
 STUDY = Study("collective", compute, page, PUBLISHED)
