@@ -35,8 +35,10 @@ def test_the_share_that_an_end_needs_is_the_force_there() -> None:
     assert high == pytest.approx(np.exp(-9.0), rel=1e-3)
 
 
-@pytest.mark.parametrize(("end", "at_rest", "verdict"), [(0.065, False, NO), (0.052, True, YES), (0.030, True, NO)])
-def test_balls_stay_where_they_were_seen_only_if_they_rest_there(end: float, at_rest: bool, verdict: str) -> None:
+@pytest.mark.parametrize(
+    ("end", "at_rest", "verdict"), [(0.065, False, NO), (0.052, True, YES), (0.052, False, YES), (0.030, True, NO)]
+)
+def test_balls_stay_where_they_were_seen_only_if_they_are_there_later(end: float, at_rest: bool, verdict: str) -> None:
     assert LEFT.judge({PAIR: pair(end, at_rest)}).verdict == verdict
 
 
