@@ -16,7 +16,7 @@ from linear_bem.law import Gent, Hyperfoam, MooneyRivlin, NeoHookean, Ogden, Yeo
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import deepest_bulge, uniform_square_displacement
 from linear_bem.point_load import solve_point_load
-from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Problem, SurfaceResponse
+from linear_bem.problem import Ball, Elastic, Elements, FiniteStrain, Layer, Load, Periodic, Problem, SurfaceResponse
 from linear_bem.result import BallResult, Result
 from linear_bem.sequence.contact_sequence import ContactSequence, SequenceState
 from linear_bem.solution import Solution
@@ -45,6 +45,7 @@ __all__ = [
     "NotConverged",
     "Ogden",
     "Paraboloid",
+    "Periodic",
     "Problem",
     "Punch",
     "Result",

@@ -26,8 +26,13 @@ LEAST = 1e-9
 
 
 def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
-    """Return `half_space_pulls` [N] on every ball."""
-    return half_space_pulls(contacts.kernel, contacts.problem.positions, contacts.normal_forces, softest, fading)
+    """Return `half_space_pulls` [N] on every ball; in a cell by the others and the images next to them."""
+    positions, forces = contacts.problem.positions, contacts.normal_forces
+    if contacts.problem.periodic is not None:
+        shifts = np.array([(0, 0), *((m, n) for m in (-1, 0, 1) for n in (-1, 0, 1) if m or n)])
+        shifts = shifts * contacts.problem.periodic.lengths
+        positions, forces = (positions + shifts[:, None, :]).reshape(-1, 2), np.tile(forces, len(shifts))
+    return half_space_pulls(contacts.kernel, positions, forces, softest, fading)[: contacts.problem.size]
 
 
 def reference_force(contacts: Contacts) -> float:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linear_bem.problem import Load, Problem
+from linear_bem.problem import Load
 from linear_bem.profiles import difference
 from linear_bem.solution import Solution
 from linear_bem.solver import solve_contact
@@ -37,7 +37,7 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     def energy(dx: float, dy: float) -> float:
         moved = [replace(b, asperity=True) for b in problem.balls]
         moved[ball] = replace(moved[ball], position=(float(here[0] + dx), float(here[1] + dy)))
-        shifted = Problem(problem.layer, tuple(moved), Load("approach", approaches), problem.substrate)
+        shifted = replace(problem, balls=tuple(moved), load=Load("approach", approaches))
         return solve_contact(shifted, 1e-6).contacts.elastic_energy
 
     return -difference(lambda s: energy(s, 0.0), h), -difference(lambda s: energy(0.0, s), h)

@@ -123,7 +123,7 @@ def smooth_state(
     origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
     approaches = start.approaches.copy()
     smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision, pair_precision, report)
-    if overlap(smooth.nodes):
+    if overlap(kernel, smooth.nodes):
         raise NotConverged("linear_bem: contacts of neighbouring balls merge")
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":

@@ -101,6 +101,8 @@ def solve_point_load(problem: Problem) -> Result:
     problem = problem.without_empty_layer()
     if problem.finite_strain is not None:
         raise UnsupportedProblem("point_load: the effect finite_strain is not part of this model; drop the table")
+    if problem.periodic is not None:
+        raise UnsupportedProblem("point_load: the effect periodic is not part of this model; use linear_bem")
     sharp = next((b.shape for b in problem.balls if isinstance(b.shape, Cone | Punch)), None)
     if sharp is not None:
         raise UnsupportedProblem(

@@ -98,6 +98,18 @@ class FiniteStrain:
 
 
 @dataclass(frozen=True)
+class Periodic:
+    """Effect: a rectangular cell of the layer with its balls that repeats along x and y; linear model only.
+
+    ``lengths`` [m] are those of the cell. All balls have images at distances of whole lengths, under the same load;
+    forces are those of one cell. Approaches and displacements count from the mean level of the layer's underside, those
+    of a half-space from the mean level of its surface; see `linear_bem.layer.cell`.
+    """
+
+    lengths: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Elements:
     """The finite-element formulation of the layer; by default the model chooses.
 
@@ -120,6 +132,7 @@ class Problem:
     substrate: Elastic | None = None
     finite_strain: FiniteStrain | None = None
     elements: Elements | None = None
+    periodic: Periodic | None = None
 
     def __post_init__(self) -> None:
         faults = self._type_faults()
@@ -132,6 +145,8 @@ class Problem:
             faults.append("finite_strain: needs a layer of a material, got the response of its surface; use linear_bem")
         elif self.finite_strain is not None:
             faults += self.finite_strain.faults(self.layer.poisson)
+        if self.periodic is not None and self.finite_strain is not None:
+            faults.append("periodic: the finite elements have no cell that repeats; leave out one of the two effects")
         if self.finite_strain is not None and any(ball.asperity for ball in self.balls):
             faults.append("finite_strain: bodies must be whole, some balls are asperities; leave out the effect")
         if faults:
@@ -169,6 +184,10 @@ class Problem:
         for i, ball in enumerate(self.balls):
             if not _are_numbers(ball.position) or len(ball.position) != 2:
                 faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r}")
+        if self.periodic is not None:
+            lengths = self.periodic.lengths
+            if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
+                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r}")
         if not _are_numbers(self.load.values):
             faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r}")
         return faults
@@ -199,10 +218,17 @@ class Problem:
         if whole.size == 0:
             return []
         widest = max(_largest_half_width(self.balls[i]) for i in whole)
-        pairs = whole[cKDTree(self.positions[whole]).query_pairs(2.0 * widest, output_type="ndarray")]
-        faults = []
+        cell, positions = None, self.positions
+        if self.periodic is not None:
+            cell = np.array(self.periodic.lengths)
+            positions = np.minimum(positions - cell * np.floor(positions / cell), np.nextafter(cell, 0.0))
+        pairs = whole[cKDTree(positions[whole], boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")]
+        faults = self._own_overlaps(whole.tolist()) if self.periodic is not None else []
         for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
             a, b = self.balls[i], self.balls[j]
+            if cell is not None:
+                away = np.array(b.position) - a.position
+                b = replace(b, position=tuple((a.position + away - cell * np.round(away / cell)).tolist()))
             gap = math.dist(a.position, b.position)
             touch = _touching_distance(a, b)
             if gap < touch * (1.0 - 1e-9):
@@ -211,6 +237,21 @@ class Problem:
                     f"apart, radii {a.radius:g} m and {b.radius:g} m need at least {touch:.9g} m; caps of a rough "
                     "surface may stand closer: Ball(..., asperity=True)"
                 )
+        return faults
+
+    def _own_overlaps(self, whole: list[int]) -> list[str]:
+        """Return which bodies overlap their own images in the next cell."""
+        assert self.periodic is not None
+        faults = []
+        for i in whole:
+            (x, y), ball = self.balls[i].position, self.balls[i]
+            for axis, length in enumerate(self.periodic.lengths):
+                image = replace(ball, position=(x + length, y) if axis == 0 else (x, y + length))
+                if length < (touch := _touching_distance(ball, image)) * (1.0 - 1e-9):
+                    faults.append(
+                        f"periodic.lengths[{axis}]: ball {i} overlaps its own image: they need at least {touch:.9g} m, "
+                        f"got {length:.9g} m"
+                    )
         return faults
 
     def _load_faults(self) -> list[str]:

@@ -130,10 +130,20 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
                 raise
         else:
             return found
-    if wanted < ROUTES_SUFFICE or problem.size > GRID_FIRST or not (_steep(problem, guess) or _wide(kernel, guess)):
+    if (
+        kernel.cell is not None
+        or wanted < ROUTES_SUFFICE
+        or problem.size > GRID_FIRST
+        or not (_steep(problem, guess) or _wide(kernel, guess))
+    ):
         answer = _by_polynomials(problem, kernel, wanted, guess, report)
         if answer is not None:
             return answer
+    if kernel.cell is not None:
+        raise UnsupportedProblem(
+            "periodic: this load needs contacts on grids (contacts that merge, sharp tips, punches, contacts wider "
+            "than the layer is thick), and grids have no cell; press the balls less deep, or drop the effect"
+        )
     return _on_grids(problem, kernel, wanted, guess)
 
 
@@ -169,7 +179,7 @@ def _by_polynomials(
     """Return contacts of the lowest sufficient degree, or of the best degree if it is nearly sufficient, else None."""
     best: _Refined | None = None
     before: SmoothContacts | None = None
-    many = len(guess.touching) > DENSE
+    many = len(guess.touching) > DENSE or kernel.cell is not None
     precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:

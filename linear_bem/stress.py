@@ -100,6 +100,8 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
     problem = solution.problem
     if isinstance(problem.layer, SurfaceResponse):
         raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
+    if problem.periodic is not None:
+        raise UnsupportedProblem(f"{what}: is known for balls alone in the plane, not in a cell that repeats")
     if np.ndim(depth) != 0:
         raise InvalidProblem(f"{what}: depth must be one number, got an array of {np.size(depth)}; ask depth by depth")
     widest = float(np.sqrt(np.max(solution.contacts.contact_areas) / np.pi))

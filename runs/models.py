@@ -136,7 +136,10 @@ _FINITE = frozenset({"finite_strain"})
 MODELS = {
     model.name: model
     for model in (
-        Model("linear_bem", "small strain, boundary elements", _HALF_SPACE, _stepwise(_linear_bem), leaves_out=_FINITE),
+        Model(
+            "linear_bem", "small strain, boundary elements", _HALF_SPACE | {"periodic"}, _stepwise(_linear_bem),
+            leaves_out=_FINITE,
+        ),
         Model(
             "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, _elements("finite_strain"),
             called_for_by=_FINITE, parallel=True, plan=_elements_plan("finite_strain"),
@@ -162,7 +165,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     """
     wanted = frozenset(scene.effects)
     moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
-    if moving:
+    if "reciprocation" in moving:
         raise UnsupportedProblem(
             f"{scene.path}: {_names(moving)}: solve and compare keep the balls where they are, alone in the plane; "
             f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"

@@ -219,6 +219,8 @@ def _check_supported(problem: Problem, model: str) -> None:
         faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
     if isinstance(problem.layer, SurfaceResponse):
         faults.append(f"layer: {model} needs a material, got the response of its surface; use linear_bem")
+    if problem.periodic is not None:
+        faults.append(f"periodic: {model} has no cell that repeats; use linear_bem, or drop the effect")
     if any(ball.asperity for ball in problem.balls):
         faults.append(f"balls: {model} needs whole bodies, some are asperities; use linear_bem")
     faults += form_faults(problem, model)

@@ -7,6 +7,10 @@ The first part is negligible beyond a few 1/alpha: it is summed over near pairs.
 = 0.4/alpha, at most h/3. The tail 1/r of the half-space and of an elastic substrate is part of it, without cut-off. On
 a rigid base K falls exponentially, and pairs beyond its range are left out. Ewald's split [Ewald 1921, Ann. Phys. 369,
 253, doi 10.1002/andp.19213690304] in the form of Hockney and Eastwood's P3M.
+
+In a cell that repeats, pairs include images, each with its shift, and the mesh holds the Fourier series of the second
+part, whose transform is 2 pi/k [erfc(k/(2 alpha)) + G(k h) - 1]. At k = 0 it is what the whole kernel has there
+(`linear_bem.layer.cell`) without the first part's integral 2 pi^(1/2)/alpha.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from scipy.spatial import cKDTree
 from scipy.special import erf, erfc
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.far_field.particle_mesh import ORDER, ParticleMesh, mesh_shape
+from linear_bem.far_field.particle_mesh import ORDER, ParticleMesh, PeriodicMesh, mesh_shape, periodic_shape
 from linear_bem.layer.kernel import LayeredKernel
 
 MESHED = ((1e-5, 0.4, 3.7), (1e-7, 0.3, 4.5))
@@ -28,6 +32,9 @@ MESHED = ((1e-5, 0.4, 3.7), (1e-7, 0.3, 4.5))
 Measured on 400 random loads per (40 H)^2 with splines of order 8: field to 1e-6/H and 6e-8/H, slope to 2.5e-6/H^2 and
 1.5e-7/H^2 of one load (root mean square).
 """
+IN_CELL = ((1e-5, 0.4, 3.7, 3.0), (1e-7, 0.3, 4.5, 4.0), (0.0, 0.2, 5.2, 5.0))
+"""The same in a cell, and the least thickness of the layer over the spacing."""
+NOWHERE = np.zeros((1, 2))
 PER_LAYER = 3.0
 """Least thickness of the layer over the spacing: s alone is then known to 2e-6/H."""
 PAIR, NODE, BALL = 5e-6, 4e-7, 1e-5
@@ -38,12 +45,14 @@ PAIR, NODE, BALL = 5e-6, 4e-7, 1e-5
 class FarField:
     """Pairs (``first``, ``second``) that are summed one by one, and the mesh for the rest (None: there is no rest).
 
-    ``alpha`` [1/m] and ``cutoff`` [m] split the kernel.
+    ``alpha`` [1/m] and ``cutoff`` [m] split the kernel. ``shift`` (pairs, 2) [m] takes the second to its image in a
+    cell that repeats; without one it has the shape (1, 2).
     """
 
     kernel: LayeredKernel
     first: Indices
     second: Indices
+    shift: Array
     mesh: ParticleMesh | None = None
     alpha: float = 0.0
     cutoff: float = np.inf
@@ -54,6 +63,10 @@ class FarField:
 
         ``precision`` bounds what is neglected of the force of one neighbour.
         """
+        if kernel.cell is not None:
+            of_cell, alpha, cutoff = cell_split(kernel, len(centres), margin, precision)
+            first, second, shift = kernel.cell.pairs(centres, cutoff + 2.0 * margin)
+            return cls(kernel, first, second, shift, of_cell, alpha, cutoff)
         n = len(centres)
         reach = _range(kernel, 0.1 * precision) + 2.0 * margin
         tree = cKDTree(centres)
@@ -74,14 +87,19 @@ class FarField:
                     best, least = (size, cutoff), cost
         if best is None:
             if not within:
-                return cls(kernel, *np.triu_indices(n, 1))
-            return cls(kernel, *tree.query_pairs(reach, output_type="ndarray").T)
+                return cls(kernel, *np.triu_indices(n, 1), shift=NOWHERE)
+            first, second = tree.query_pairs(reach, output_type="ndarray").T
+            return cls(kernel, first, second, NOWHERE)
         assert rule is not None
         size, cutoff = best
         alpha = rule[0] / size
         near_pairs = tree.query_pairs(min(cutoff + 2.0 * margin, reach), output_type="ndarray")
         mesh = ParticleMesh(low, high, size, lambda r: _far(kernel, alpha, r))
-        return cls(kernel, near_pairs[:, 0], near_pairs[:, 1], mesh, alpha, cutoff)
+        return cls(kernel, near_pairs[:, 0], near_pairs[:, 1], NOWHERE, mesh, alpha, cutoff)
+
+    def offsets(self, points: Array) -> Array:
+        """Return the offsets [m] of the first from the second of all pairs of ``points`` (n, 2) [m]."""
+        return np.asarray(points[self.first] - points[self.second] - self.shift)
 
     def far(self, r: Array) -> Array:
         """Return the part of K over ``singular`` that the mesh holds [1/m]; it is finite at r = 0."""
@@ -103,6 +121,41 @@ class FarField:
         return np.asarray(-(2.0 * a / np.sqrt(np.pi) * np.exp(-((a * r) ** 2)) + erfc(a * r) / r) / r)
 
 
+def cell_split(
+    kernel: LayeredKernel, count: int, margin: float, precision: float
+) -> tuple[PeriodicMesh | None, float, float]:
+    """Return the cheapest mesh for ``count`` contacts in the kernel's cell, alpha [1/m], and the cut-off [m] of pairs.
+
+    Without a mesh the cut-off is the range of a kernel that decays. ``margin`` and ``precision`` as in `FarField.of`.
+    """
+    cell = kernel.cell
+    assert cell is not None
+
+    def pairs(reach: float) -> float:
+        return 0.5 * count**2 * np.pi * (reach + 2.0 * margin) ** 2 / cell.area
+
+    reach = _range(kernel, 0.1 * precision)
+    best, least = (0.0, 0.0, reach), PAIR * pairs(reach)
+    _, share, cut, per_layer = next(rule for rule in IN_CELL if precision >= rule[0])
+    for halvings in 0.5 * np.arange(9):
+        size = min(float(np.sqrt(cell.area / count)), kernel.thickness / per_layer) / 2.0**halvings
+        nodes = float(np.prod(periodic_shape(cell.lengths, size), dtype=float))
+        cost = 2.0 * PAIR * pairs(cut * size / share) + NODE * nodes + BALL * count
+        if cost < least:
+            best, least = (size, share / size, cut * size / share), cost
+    size, alpha, cutoff = best
+    if size == 0.0:
+        return None, 0.0, cutoff
+    uniform = cell.uniform
+
+    def transform(k: Array) -> Array:
+        safe = np.where(k > 0.0, k, 1.0)
+        waves = 2.0 * np.pi / safe * (erfc(safe / (2.0 * alpha)) + kernel.response_at(safe) - 1.0)
+        return np.where(k > 0.0, waves, uniform - 2.0 * np.sqrt(np.pi) / alpha)
+
+    return PeriodicMesh(cell.lengths, size, transform), alpha, cutoff
+
+
 def _far(kernel: LayeredKernel, alpha: float, r: Array) -> Array:
     safe = np.maximum(r, 1e-6 / alpha)
     return np.asarray(erf(alpha * safe) / safe + kernel.smooth(r))
@@ -122,7 +175,7 @@ class PointInfluence:
 
     def __init__(self, field: FarField, points: Array, unit: float = 1.0) -> None:
         n = len(points)
-        r = np.hypot(*(points[field.first] - points[field.second]).T)
+        r = np.hypot(*field.offsets(points).T)
         values = unit * (field.kernel.scaled(r) if field.mesh is None else field.near(r))
         rows, columns = np.concatenate([field.first, field.second]), np.concatenate([field.second, field.first])
         self.near = csr_matrix((np.concatenate([values, values]), (rows, columns)), shape=(n, n))

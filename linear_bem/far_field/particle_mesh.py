@@ -1,12 +1,12 @@
-r"""Convolution of point loads with a smooth radial kernel on a mesh, for loads that do not repeat periodically.
+r"""Convolution of point loads with a smooth radial kernel on a mesh.
 
 Loads are spread to the nodes of a square mesh by B-splines, convolved there by FFT (on twice the mesh's size, so that
-nothing wraps around), and the field is interpolated by the same splines: a symmetric operator. Its transform is the
-kernel's, divided per direction by b(k), p the splines' order, H the spacing and b the transform of the spline of order
-2 p at whole numbers. That is the factor of least mean square error [Hockney and Eastwood 1988, Computer Simulation
-Using Particles, section 8-3] up to waves near pi/H, and smooth and periodic in k, so that the mesh's end is felt at few
-nodes only. A wave of k = x pi/H is reproduced to about (x/(2 - x))^p of itself; what the kernel has beyond pi/H is
-lost.
+nothing wraps around; in a `PeriodicMesh` everything does), and the field is interpolated by the same splines: a
+symmetric operator. Its transform is the kernel's, divided per direction by b(k), p the splines' order, H the spacing
+and b the transform of the spline of order 2 p at whole numbers. That is the factor of least mean square error
+[Hockney and Eastwood 1988, Computer Simulation Using Particles, section 8-3] up to waves near pi/H, and smooth and
+periodic in k, so that the mesh's end is felt at few nodes only. A wave of k = x pi/H is reproduced to about (x/(2 -
+x))^p of itself; what the kernel has beyond pi/H is lost.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class ParticleMesh:
     """A mesh over the rectangle from ``low`` to ``high`` [m], and a ``radial`` kernel on it as a function of r [m]."""
 
     def __init__(self, low: Array, high: Array, spacing: float, radial: Callable[[Array], Array]) -> None:
-        self.spacing = spacing
+        self.spacing = np.full(2, spacing)
         self.nodes, self.doubled = mesh_shape(low, high, spacing)
         self.origin = np.asarray(low, dtype=float) - spacing * (ORDER // 2)
         along = [np.minimum(np.arange(n), n - np.arange(n)) * spacing for n in self.doubled]
@@ -68,20 +68,24 @@ class ParticleMesh:
         first, second = np.fft.fftfreq(self.doubled[0], 1.0), np.fft.rfftfreq(self.doubled[1], 1.0)
         self.transform = transform * _factor(first)[:, None] * _factor(second)
 
+    def _columns(self, base: Array, axis: int) -> Array:
+        """Return the nodes whose splines reach points that lie in cells ``base`` of an axis, shape (points, order)."""
+        if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[axis])):
+            raise NotConverged("far field: a contact grew or moved out of the mesh that its first guess had set")
+        return np.asarray(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
+
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
         """Return the splines at points [m]; raises `NotConverged` for points out of the mesh."""
         weights, derivatives, indices = [], [], []
         for axis, at in enumerate((x, y)):
-            scaled = (np.ravel(at) - self.origin[axis]) / self.spacing
+            scaled = (np.ravel(at) - self.origin[axis]) / self.spacing[axis]
             base = np.floor(scaled)
-            if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[axis])):
-                raise NotConverged("far field: a contact grew or moved out of the mesh that its first guess had set")
             values = np.stack(_splines(scaled - base, ORDER), axis=1)
             weights.append(values)
-            indices.append(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
+            indices.append(self._columns(base, axis))
             if slopes:
                 lower = np.stack([*_splines(scaled - base, ORDER - 1), np.zeros_like(scaled)], axis=1)
-                derivatives.append((lower - np.roll(lower, 1, axis=1)) / self.spacing)
+                derivatives.append((lower - np.roll(lower, 1, axis=1)) / self.spacing[axis])
         count = np.size(x)
         columns = (indices[0][:, :, None] * np.int32(self.nodes[1]) + indices[1][:, None, :]).ravel()
         rows = np.arange(0, count * ORDER**2 + 1, ORDER**2, dtype=np.int32)
@@ -99,6 +103,31 @@ class ParticleMesh:
         spread = (points.value.T @ loads.ravel()).reshape(self.nodes)
         wide = irfft2(rfft2(spread, self.doubled) * self.transform, self.doubled)
         return np.ascontiguousarray(wide[: self.nodes[0], : self.nodes[1]]).ravel()
+
+
+class PeriodicMesh(ParticleMesh):
+    """A mesh over a cell of ``lengths`` (2,) [m] that repeats, and a kernel by its transform at wave numbers [1/m].
+
+    The transform is exact at the waves of the cell. Those beyond pi/``spacing`` [m] are lost.
+    """
+
+    def __init__(self, lengths: Array, spacing: float, transform: Callable[[Array], Array]) -> None:
+        self.nodes = self.doubled = periodic_shape(lengths, spacing)
+        self.spacing = lengths / self.nodes
+        self.origin = np.zeros(2)
+        waves = np.fft.fftfreq(self.nodes[0], 1.0), np.fft.rfftfreq(self.nodes[1], 1.0)
+        kx, ky = (2.0 * np.pi * w / s for w, s in zip(waves, self.spacing, strict=True))
+        symbol = transform(np.hypot(kx[:, None], ky)) / float(np.prod(self.spacing))
+        self.transform = symbol * _factor(waves[0])[:, None] * _factor(waves[1])
+
+    def _columns(self, base: Array, axis: int) -> Array:
+        return np.asarray((base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER)) % self.nodes[axis], np.int32)
+
+
+def periodic_shape(lengths: Array, spacing: float) -> tuple[int, int]:
+    """Return the numbers of nodes of a `PeriodicMesh`."""
+    first, second = (int(next_fast_len(int(np.ceil(length / spacing)), real=True)) for length in lengths)
+    return first, second
 
 
 def _factor(waves: Array) -> Array:

@@ -17,9 +17,6 @@ from scipy import fft
 from linear_bem.arrays import Array
 from linear_bem.grid.patches import Patch
 
-NONE = 1e-9
-"""`PeriodicPatch.uniform` over the layer's thickness that counts as none: the measured limit is known to 1e-11."""
-
 
 @dataclass
 class PeriodicPatch(Patch):
@@ -28,12 +25,7 @@ class PeriodicPatch(Patch):
     @cached_property
     def uniform(self) -> float:
         """Displacement per uniform pressure/``singular`` [m]; infinite over an elastic base, 0 if incompressible."""
-        if self.kernel.homogeneous or self.kernel.far_ratio > 0.0:
-            return np.inf
-        k = np.array([1e-4, 2e-4]) / self.kernel.thickness
-        near, far = 2.0 * np.pi * self.kernel.response_at(k) / k
-        limit = float(4.0 * near - far) / 3.0  # the next term goes like k^2
-        return limit if limit > NONE * self.kernel.thickness else 0.0
+        return self.kernel.uniform
 
     @cached_property
     def _symbol(self) -> Array:

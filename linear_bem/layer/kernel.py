@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
@@ -27,10 +28,15 @@ from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_
 from linear_bem.media import Elastic, Layer, without_empty_layer
 from linear_bem.problem import Problem
 
+if TYPE_CHECKING:
+    from linear_bem.layer.cell import Cell
+
 _SPACING = 0.02
 _NEAR = 1.0
 _EVEN = 2.0
 _TERMS = 20
+NONE = 1e-9
+"""`LayeredKernel.uniform` over the layer's thickness that counts as none: the measured limit is known to 1e-11."""
 
 
 @lru_cache(maxsize=64)
@@ -148,8 +154,11 @@ class LayeredKernel:
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
     (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
-    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds.
+    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds. ``cell`` says
+    how loads repeat; all functions of r here are those of a single load.
     """
+
+    cell: Cell | None = None
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
         layer, substrate = without_empty_layer(layer, substrate)
@@ -166,7 +175,12 @@ class LayeredKernel:
     @classmethod
     def of(cls, problem: Problem) -> LayeredKernel:
         """Return the kernel of the problem's layer and base."""
-        return cls(problem.layer, problem.substrate)
+        kernel = cls(problem.layer, problem.substrate)
+        if problem.periodic is not None:
+            from linear_bem.layer.cell import Cell  # noqa: PLC0415  (only where loads repeat)
+
+            kernel.cell = Cell.of(problem.periodic.lengths, problem.layer, kernel)
+        return kernel
 
     @property
     def far_ratio(self) -> float:
@@ -176,6 +190,16 @@ class LayeredKernel:
     def response_at(self, k: Array) -> Array:
         """Return G(k h) at wave numbers k > 0 [1/m]."""
         return np.ones_like(k) if self.homogeneous else self._response(k * self.thickness)
+
+    @property
+    def uniform(self) -> float:
+        """Displacement per uniform pressure/``singular`` [m], 2 pi h G'(0); infinite where G(0) > 0."""
+        if self.homogeneous or self.far_ratio > 0.0:
+            return np.inf
+        k = np.array([1e-4, 2e-4]) / self.thickness
+        near, far = 2.0 * np.pi * self.response_at(k) / k
+        limit = float(4.0 * near - far) / 3.0  # the next term goes like k^2
+        return limit if limit > NONE * self.thickness else 0.0
 
     def smooth_and_slope(self, r: Array | float, slope: bool = True) -> tuple[Array, Array]:
         """Return `smooth` and `smooth_slope` (zeros without ``slope``) at once."""

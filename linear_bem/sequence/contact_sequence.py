@@ -83,7 +83,7 @@ class ContactSequence:
     def _cold(self, problem: Problem) -> SequenceState:
         self._contacts, self._before = None, problem
         try:
-            state = self._started(problem)
+            state = self._started(problem) if problem.periodic is None else None
         except (NotConverged, np.linalg.LinAlgError):
             state = None
         if state is not None:
@@ -164,8 +164,8 @@ def _alike(a: Problem, b: Problem) -> bool:
     """Return whether only positions and load values differ and no ball is unloaded."""
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
-    if unloaded(a.load) or unloaded(b.load):
-        return False  # `solve_contact` finds where they rest
+    if a.periodic is not None or unloaded(a.load) or unloaded(b.load):
+        return False  # `solve_contact` finds where they rest, and has the cell
     return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
 
 

@@ -15,7 +15,13 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import force_error
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
-from linear_bem.smooth.displacement import FEW, DirectSums, displacement_of_many, zone_displacement
+from linear_bem.smooth.displacement import (
+    FEW,
+    DirectSums,
+    displacement_in_cell,
+    displacement_of_many,
+    zone_displacement,
+)
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
 from linear_bem.smooth.zone import stacked
@@ -115,10 +121,14 @@ class SmoothContacts:
         """Return the contact pressure [Pa] at surface points [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         flat, total = np.stack([x.ravel(), y.ravel()], axis=1), np.zeros(x.size)
-        tree = cKDTree(flat)
-        for zone in (n.zone for n in self.smooth.nodes):
-            close = tree.query_ball_point(zone.centre, FRAME * zone.reach)
-            total[close] += zone.pressure(*flat[close].T)
+        if self.kernel.cell is None:
+            tree = cKDTree(flat)
+            for zone in (n.zone for n in self.smooth.nodes):
+                close = tree.query_ball_point(zone.centre, FRAME * zone.reach)
+                total[close] += zone.pressure(*flat[close].T)
+        else:
+            for zone in (n.zone for n in self.smooth.nodes):
+                total += zone.pressure(*(zone.centre + self.kernel.cell.nearest(flat - zone.centre)).T)
         return total.reshape(x.shape) / self.kernel.singular
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -126,6 +136,8 @@ class SmoothContacts:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         flat_x, flat_y = x.ravel(), y.ravel()
         nodes = self.smooth.nodes
+        if self.kernel.cell is not None:
+            return displacement_in_cell(self.kernel, nodes, flat_x, flat_y).reshape(x.shape)
         if len(nodes) <= FEW:
             total = sum(zone_displacement(self.kernel, n, flat_x, flat_y) for n in nodes)
         else:
@@ -206,8 +218,12 @@ class SmoothContacts:
             centre = centres[k]
             spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
             inside = np.zeros(len(x), dtype=bool)
-            for j in np.flatnonzero(np.hypot(*(centres - centre).T) < spread + size):
-                inside |= zones[j].pressure(x, y) > 0.0
+            away = centres - centre if self.kernel.cell is None else self.kernel.cell.nearest(centres - centre)
+            for j in np.flatnonzero(np.hypot(*away.T) < spread + size):
+                at = np.stack([x, y], axis=1)
+                if self.kernel.cell is not None:
+                    at = centres[j] + self.kernel.cell.nearest(at - centres[j])
+                inside |= zones[j].pressure(*at.T) > 0.0
             out.append(inside)
         return np.concatenate(out)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from linear_bem.arrays import Array, Indices
+from linear_bem.far_field.kernel_split import FarField, cell_split
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.smooth.multipole import (
     DEGREES,
@@ -26,6 +27,8 @@ FEW = 6
 """Up to this number of contacts each is integrated at all points."""
 FINE = Rule(radial=14, angular=28, directions=0, along=0)
 """Quadrature of the pressures, other than the solver's."""
+IN_CELL_TO, FINER = 1e-6, 1e-2
+"""Precision of the split of fields in a cell, and that of direct sums over their own precision."""
 _NEAR = 4.0
 _DEGREE = 6
 
@@ -82,15 +85,73 @@ def displacement_about(
     return lambda xi, eta: np.asarray(np.einsum("nt,tnk->nk", coefficients, basis(xi, eta, zones.degree)))
 
 
+class LatticeRest:
+    """What a cell's lattice adds to the kernel's sum over all contacts and images listed: a smooth field.
+
+    ``nodes`` are the contacts and then their images within ``reach`` [m] of the rectangle that holds them all. Without
+    a mesh the kernel is negligible beyond the images, and there is nothing to add.
+    """
+
+    def __init__(self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float) -> None:
+        assert kernel.cell is not None
+        zones = stacked([n.zone for n in nodes])
+        margin = 1.5 * 1.1 * float(np.max(zones.reach))
+        self.mesh, alpha, reach = cell_split(kernel, len(nodes), margin, precision)
+        self.reach = reach + 2.0 * margin
+        owners, shifts = kernel.cell.images(zones.centre, self.reach)
+        self.nodes = [*nodes, *(nodes[i].moved(shift) for i, shift in zip(owners, shifts, strict=True))]
+        self.field = FarField(kernel, owners, owners, shifts, self.mesh, alpha, reach)  # its `far` alone is asked
+        if self.mesh is not None:
+            x, y, loads = (np.concatenate([getattr(n, name) for n in nodes]) for name in ("x", "y", "loads"))
+            self._grid = self.mesh.field(self.mesh.at(x, y), loads)
+
+    def displacement(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
+        """Return the displacement [m] at points by all contacts that are not among ``listed``."""
+        if self.mesh is None:
+            return np.zeros(len(x))
+        total = self.mesh.at(x, y).value @ self._grid
+        for n in listed:
+            total -= self.field.far(np.hypot(x[:, None] - n.x, y[:, None] - n.y)) @ n.loads
+        return np.asarray(total)
+
+    def slope(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
+        """Return the gradient (points, 2) of `displacement`."""
+        if self.mesh is None:
+            return np.zeros((len(x), 2))
+        points = self.mesh.at(x, y, slopes=True)
+        assert points.dx is not None
+        assert points.dy is not None
+        total = np.stack([points.dx @ self._grid, points.dy @ self._grid], axis=1)
+        for n in listed:
+            dx, dy = x[:, None] - n.x, y[:, None] - n.y
+            r = np.maximum(np.hypot(dx, dy), 1e-300)
+            g = self.field.far_slope(r) / r
+            total -= np.stack([(g * dx) @ n.loads, (g * dy) @ n.loads], axis=1)
+        return total
+
+
+def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array, y: Array) -> Array:
+    """Return the displacement [m] at surface points from contacts in a cell that repeats."""
+    assert kernel.cell is not None
+    low = np.min([n.zone.centre for n in nodes], axis=0)
+    points = low + np.mod(np.stack([x, y], axis=1) - low, kernel.cell.lengths)
+    rest = LatticeRest(kernel, nodes, IN_CELL_TO)
+    px, py = points.T
+    return displacement_of_many(kernel, rest.nodes, px, py) + rest.displacement(px, py, rest.nodes)
+
+
 class DirectSums:
     """Displacement and T from all contacts by sums over all of them, in place of the solver's degrees, pairs and mesh.
 
     A far contact acts by equivalent point loads, with interpolation nodes about the points where it is felt, of the
     lowest degree d with (a/(L - a))^(d + 1) below ``precision``, a the larger of both sizes: the neglected terms are of
-    that size relative to its share. Nearer contacts are integrated. Only the pressures come from the solver.
+    that size relative to its share. Nearer contacts are integrated. Only the pressures come from the solver. In a cell
+    the sums are over contacts and images within the cut-off of another mesh than the solver's, which adds the rest.
     """
 
     def __init__(self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float) -> None:
+        self.rest = None if kernel.cell is None else LatticeRest(kernel, nodes, FINER * precision)
+        nodes = nodes if self.rest is None else self.rest.nodes
         self.kernel, self.nodes, self.precision = kernel, nodes, precision
         zones = stacked([n.zone for n in nodes])
         self.centres, self.size = zones.centre, 1.1 * zones.reach
@@ -110,7 +171,7 @@ class DirectSums:
         large = np.maximum(self.size, spread)
         eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 0.01 * large), np.inf)
         eta[i] = np.inf
-        left, out = np.ones(len(apart), dtype=bool), []
+        left, out = apart < (np.inf if self.rest is None else self.rest.reach), []
         for d in DEGREES:
             chosen = np.flatnonzero(left & (eta ** (d + 1) < self.precision))
             left[chosen] = False
@@ -137,7 +198,15 @@ class DirectSums:
                 total += point_displacement(self.kernel, x, y, f.x[j], f.y[j], f.loads[j])
             else:
                 total += zone_displacement(self.kernel, self.nodes[j], x, y)
+        if self.rest is not None:
+            total += self.rest.displacement(x, y, self._listed(i))
         return total + zone_displacement(self.kernel, self.nodes[i], x, y) if own else total
+
+    def _listed(self, i: int) -> list[Nodes]:
+        """Return contact i and the contacts and images that are summed about it."""
+        assert self.rest is not None
+        apart = np.hypot(*(self.centres - self.centres[i]).T)
+        return [self.nodes[j] for j in np.flatnonzero(apart < self.rest.reach)]
 
     def force(self, i: int, here: Nodes) -> Array:
         """Return T [N] on a pressure in the place of contact i, from all other contacts."""
@@ -151,6 +220,8 @@ class DirectSums:
         f = self.fine
         for j in near:
             total += self._pull(here.x, here.y, here.loads, f.x[j], f.y[j], f.loads[j])
+        if self.rest is not None:
+            total += here.loads @ self.rest.slope(here.x, here.y, self._listed(i))
         return total / self.kernel.singular
 
     def _pull(self, x: Array, y: Array, q: Array, at_x: Array, at_y: Array, loads: Array) -> Array:

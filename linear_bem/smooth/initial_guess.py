@@ -154,7 +154,7 @@ def solve_smooth(
             f"more than {ROUGHEST:g}"
         )
     shapes = [height(problem.balls[i]) for i in touching]
-    if len(touching) > DENSE:
+    if len(touching) > DENSE or kernel.cell is not None:
         limit = 30 if degree == 2 else 60
         here = approaches[touching]
         return sweep_zones(kernel, shapes, zones, here, groups, precision, limit, pair_precision, report)
@@ -179,15 +179,21 @@ def _peaked(ball: Ball, zone: Zone) -> bool:
     return isinstance(body, Punch)
 
 
-def overlap(nodes: tuple[Nodes, ...]) -> bool:
-    """Return whether two zones come closer than a twentieth of the smaller one's radius."""
+def overlap(kernel: LayeredKernel, nodes: tuple[Nodes, ...]) -> bool:
+    """Return whether two zones, or their images, come closer than a twentieth of the smaller one's radius."""
     zones = stacked([n.zone for n in nodes])
     outlines = np.stack(zones.outline(48), axis=1)
     reach = np.max(np.hypot(*(outlines - zones.centre[:, :, None]).transpose(1, 0, 2)), axis=1)
-    for i, j in cKDTree(zones.centre).query_pairs(2.2 * float(np.max(reach)), output_type="ndarray"):
-        if np.hypot(*(zones.centre[i] - zones.centre[j])) > 1.1 * (reach[i] + reach[j]):
+    widest = 2.2 * float(np.max(reach))
+    if kernel.cell is None:
+        first, second = cKDTree(zones.centre).query_pairs(widest, output_type="ndarray").T
+        shifts = np.zeros((len(first), 2))
+    else:
+        first, second, shifts = kernel.cell.pairs(zones.centre, widest)
+    for i, j, shift in zip(first, second, shifts, strict=True):
+        if np.hypot(*(zones.centre[i] - zones.centre[j] - shift)) > 1.1 * (reach[i] + reach[j]):
             continue
-        gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :])).min()
+        gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :] - shift[:, None, None])).min()
         if gap < 0.05 * min(reach[i], reach[j]):
             return True
     return False

@@ -94,14 +94,16 @@ class Interaction:
         largest = float(np.max(reach))
         self.far = FarField.of(kernel, zones.centre, 1.5 * largest, precision)
         first, second = self.far.first, self.far.second
-        apart = np.hypot(*(zones.centre[first] - zones.centre[second]).T)
+        apart = np.hypot(*self.far.offsets(zones.centre).T)
+        shift = np.broadcast_to(self.far.shift, (len(first), 2))
         level = lowest_degree(apart, np.maximum(reach[first], reach[second]), precision)
-        self.pairs = [(k, first[level == k], second[level == k]) for k in range(FULL + 1) if np.any(level == k)]
-        self.gather = [tuple(_incidence(part, self.count) for part in (i, j)) for _, i, j in self.pairs]
+        levels = [k for k in range(FULL + 1) if np.any(level == k)]
+        self.pairs = [(k, *(v[level == k] for v in (first, second, shift))) for k in levels]
+        self.gather = [tuple(_incidence(part, self.count) for part in (i, j)) for _, i, j, _ in self.pairs]
         self.mesh_level = -1
         if self.far.mesh is not None:
             self.mesh_level = int(lowest_degree(np.array(self.far.cutoff), np.array(largest), precision))
-            assert self.mesh_level < FULL, "far contacts are far"
+            assert self.mesh_level < FULL or kernel.cell is not None, "far contacts are far"
         self.influence = PointInfluence(self.far, zones.centre)
 
     def update(self, nodes: NodeStack) -> None:
@@ -109,7 +111,7 @@ class Interaction:
         self.nodes = nodes
         self.places: dict[int, tuple[Array, Array]] = {}
         self.loads: dict[int, Array] = {}
-        for k in {self.mesh_level, *(k for k, _, _ in self.pairs)} - {-1}:
+        for k in {self.mesh_level, *(k for k, *_ in self.pairs)} - {-1}:
             self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zones.points(*disc_nodes(DEGREES[k])[:2])
             self.loads[k] = nodes.loads if k == FULL else equivalent_loads(nodes, DEGREES[k])
         if self.far.mesh is not None:
@@ -125,23 +127,29 @@ class Interaction:
             out[part] = np.einsum("tnk,nt->nk", basis(n.xi[part], n.eta[part], DEGREES[level]), found[part])
         return out
 
-    def _blocks(self, first: Indices, second: Indices, level: int) -> Iterator[tuple[slice, Array, Array]]:
+    def _blocks(
+        self, first: Indices, second: Indices, shift: Array, level: int
+    ) -> Iterator[tuple[slice, Array, Array]]:
         """Yield parts of the pairs, and dx, dy [m] between their nodes, shape (pairs, nodes, nodes)."""
         x, y = self.places[level]
         size = max(1, CACHED // x.shape[1] ** 2)
         for start in range(0, len(first), size):
-            i, j = first[start : start + size], second[start : start + size]
-            yield slice(start, start + size), *(v[i][:, :, None] - v[j][:, None, :] for v in (x, y))
+            part = slice(start, start + size)
+            i, j = first[part], second[part]
+            dx, dy = (v[i][:, :, None] - v[j][:, None, :] for v in (x, y))
+            if self.kernel.cell is not None:
+                dx, dy = dx - shift[part, 0, None, None], dy - shift[part, 1, None, None]
+            yield part, dx, dy
 
     def displacement(self) -> Array:
         """Return the displacement [m] at the quadrature points of every zone from all others."""
         total = np.zeros(self.nodes.x.shape)
         sums = {k: np.zeros(q.shape) for k, q in self.loads.items()}
-        for (level, first, second), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
+        for (level, first, second, shift), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
             for k, sign in self._kernels(level):
                 q = self.loads[k]
                 at_first, at_second = np.empty((len(first), q.shape[1])), np.empty((len(first), q.shape[1]))
-                for part, dx, dy in self._blocks(first, second, k):
+                for part, dx, dy in self._blocks(first, second, shift, k):
                     r = np.hypot(dx, dy)
                     value = self._value(r, sign)
                     at_first[part] = np.einsum("pab,pb->pa", value, q[second[part]])
@@ -179,10 +187,10 @@ class Interaction:
     def force(self) -> Array:
         """Return T on every zone [N] by the mutual formula, shape (zones, 2)."""
         total = np.zeros((self.count, 2))
-        for (level, first, second), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
+        for (level, first, second, shift), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
             for k, sign in self._kernels(level):
                 q, pull = self.loads[k], np.empty((len(first), 2))
-                for part, dx, dy in self._blocks(first, second, k):
+                for part, dx, dy in self._blocks(first, second, shift, k):
                     r = np.hypot(dx, dy)
                     g = self._slope(r, sign) / r
                     here, there = q[first[part]], q[second[part]]

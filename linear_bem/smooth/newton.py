@@ -79,6 +79,11 @@ class Nodes:
         variations = 0.5 * basis(xi, eta, zone.degree).T / pressure[:, None]
         return cls(zone, xi, eta, x, y, weights, pressure, variations)
 
+    def moved(self, shift: Array) -> Nodes:
+        """Return the nodes of an image, shifted by (2,) [m]."""
+        zone = replace(self.zone, centre=self.zone.centre + shift)
+        return replace(self, zone=zone, x=self.x + shift[0], y=self.y + shift[1])
+
     @property
     def loads(self) -> Array:
         """Point loads at the nodes."""

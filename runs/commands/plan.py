@@ -10,12 +10,12 @@ from typing import Any
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
-from linear_bem.problem import Problem
+from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
 from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
-from runs.display.numbers import Scale, bodies, duration, number
+from runs.display.numbers import Scale, bodies, duration, leading_ball, number
 from runs.models import MODELS, Model, Run, choose, load_path, planned_seconds, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -40,6 +40,8 @@ NAMES = {
 }
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
+CLOSE = 9
+"""Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones."""
 ROUGH = 1e-2
 """Relative accuracy of the linear solution on which a plan is based."""
 
@@ -66,10 +68,15 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
             path = model.plan(problem, scene.tangential_force, scene.budget, None)
             plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
     scale = Scale.of(problem, scene.data)
-    quick = ahead.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
+    close, near = _closest(problem, ahead)
+    quick = near.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     with waiting("the linear model with and without each effect, for this plan's advice"):
-        advice = Adviser(problem, ahead, scene.tangential_force, scene.effects).advise()
-        inputs = sensitivity.record(problem) if quick and problem.size > 1 else None
+        advice = Adviser(close, near, scene.tangential_force, scene.effects).advise()
+        inputs = sensitivity.record(close) if quick and problem.size > 1 else None
+    if close is not problem:
+        leading = leading_ball([ball.to_dict() for ball in ahead.balls])
+        notes = (*notes, f"advice: about ball {leading}, the one with the largest T, and its {CLOSE - 1} nearest alone")
+        inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
     evolution = None
     if scene.reciprocation is not None and scene.reciprocation.forces == "pairs":
         evolution = _table_of_pairs(model, scene, problem)
@@ -90,6 +97,22 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene)
+
+
+def _closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
+    """Return the ball with the largest T and the nearest others with their solution; few balls, and a cell, whole."""
+    if problem.size <= CLOSE or problem.periodic is not None:
+        return problem, ahead
+    place = problem.balls[leading_ball([ball.to_dict() for ball in ahead.balls])].position
+    kept = sorted(range(problem.size), key=lambda i: math.dist(place, problem.balls[i].position))[:CLOSE]
+    values, kind = problem.load.values, problem.load.kind
+    if kind == "total_force":
+        values, kind = tuple(ball.normal_force for ball in ahead.balls), "force"
+    load = Load(kind, tuple(values[i] for i in kept))
+    part = dataclasses.replace(
+        without(problem, ["finite_strain"]), balls=tuple(problem.balls[i] for i in kept), load=load
+    )
+    return part, MODELS["linear_bem"].solve(part, Run(ROUGH))
 
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:

@@ -49,11 +49,12 @@ def _rows(result: Result) -> list[dict[str, Any]]:
 def _show(session: Session, document: Document) -> None:
     balls, steps = document["balls"], document["steps"]
     out = tables.console()
-    tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}")
+    periodic = session.problem.periodic is not None
+    tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}", periodic=periodic)
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
         tables.show_path(out, steps, leading_ball(balls), session.scale)
-    if len(balls) > 1:
+    if len(balls) > 1 and not periodic:
         tables.say(out, LEGEND)
     tables.say(
         out, *tables.error_lines(balls), *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"])

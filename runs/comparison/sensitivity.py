@@ -150,7 +150,10 @@ def _distance(problem: Problem, factor: float) -> Problem:
         dataclasses.replace(ball, position=(factor * ball.position[0], factor * ball.position[1]))
         for ball in problem.balls
     )
-    return dataclasses.replace(problem, balls=balls)
+    cell = problem.periodic  # images move apart as the balls do
+    if cell is not None:
+        cell = dataclasses.replace(cell, lengths=(factor * cell.lengths[0], factor * cell.lengths[1]))
+    return dataclasses.replace(problem, balls=balls, periodic=cell)
 
 
 def _radius(problem: Problem, factor: float) -> Problem:

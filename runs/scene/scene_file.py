@@ -108,6 +108,11 @@ class PlainTables(Table):
         found = [(effect, getattr(self, name)) for name, effect in EFFECTS.items()]
         return [(effect, table) for effect, table in found if table is not None]
 
+    def drift(self) -> dict[str, Any]:
+        """Return the tables of the effects that concern how balls move, by name; empty where balls stay."""
+        found = {effect.name: table for effect, table in self.effects() if effect.of_drift}
+        return found if "reciprocation" in found else {}
+
     def problem(self) -> Problem:
         """Return the contact problem; raises `InvalidProblem` with every fault found."""
         size = len(self.balls.positions)
@@ -132,10 +137,10 @@ class PlainTables(Table):
             self.load.fractions()
         except InvalidProblem as error:
             texts += error.faults
-        parts = {}
+        parts, drifts = {}, self.drift()
         for effect, table in self.effects():
             texts += effect.faults(table, self)
-            if effect.part is not None:
+            if effect.part is not None and effect.name not in drifts:  # drift is by pairs, each alone in the plane
                 parts[effect.name] = effect.part(table)
         try:
             problem = Problem(
@@ -200,11 +205,10 @@ def read_scene(path: Path) -> Scene:
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
     effects = [effect.name for effect, _ in tables.effects()]
-    drift = {effect.name: table for effect, table in tables.effects() if effect.of_drift}
     title = "".join(c if c.isprintable() else " " for c in tables.title or path.stem)  # escapes command a terminal
     accuracy = tables.accuracy.tangential_force
     return Scene(
-        path, text, data, title, problem, tuple(effects), accuracy, drift, tables.output,
+        path, text, data, title, problem, tuple(effects), accuracy, tables.drift(), tables.output,
         tables.accuracy.budget, tables.load.fractions(),
     )  # fmt: skip
 

@@ -106,6 +106,8 @@ class Session:
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": scene.tangential_force,
         }
+        if self.problem.periodic is None:  # runs without it keep their identity
+            del identity["problem"]["periodic"]
         if self.problem.finite_strain is not None:
             identity["problem"]["finite_strain"] = effect_identity(self.problem.finite_strain)
         identity |= {name: table.model_dump() for name, table in scene.drift.items()}

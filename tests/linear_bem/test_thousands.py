@@ -87,7 +87,7 @@ def test_near_pairs_and_mesh_add_up_to_the_kernel(base):
         direct = kernel.scaled(r) @ loads
         found = PointInfluence(field, points) @ loads
         # the unit is the displacement of one load at one spacing of the mesh
-        spacing = field.mesh.spacing if field.mesh is not None else 1.0
+        spacing = field.mesh.spacing[0] if field.mesh is not None else 1.0
         assert np.max(np.abs(found[chosen] - direct)) * spacing < 5.0 * error
 
 

@@ -75,3 +75,21 @@ def test_a_power_law_is_found_with_its_error() -> None:
     assert law.exponent == pytest.approx(0.4, abs=4.0 * law.error)
     assert 0.0 < law.error < 0.05
     assert answer.growth(finished([{"cycle": p, "cluster_mean": 1.0} for p in path])) is None
+
+
+def test_a_run_with_resistance_has_a_scene_of_its_own() -> None:
+    law = cases.PairLaw(np.array([2e-3]), 4e-3, ())
+    free, held = Case(6.0, 0.3, 10, 1), Case(6.0, 0.3, 10, 1, 0.2)
+    assert held.name == f"{free.name}-rolling0.2"
+    assert "[rolling_resistance]\nshare = 0.0008" in cases.scene_text(held, law)
+    assert "rolling" not in cases.scene_text(free, law)
+
+
+def test_rest_is_said_of_runs_with_resistance_alone() -> None:
+    row = {"path": 53.6, "steps": 472, "seconds": 43.0, "cluster_mean": 14.0, "ended": "at rest"}
+    held = answer.Finished(Case(6.0, 0.3, 200, 1, 0.2), row, [])
+    free = answer.Finished(Case(6.0, 0.3, 200, 1), {**row, "ended": "path spent"}, [])
+    assert answer.rest([free]) == []
+    text = " ".join(answer.rest([free, held]))
+    assert "None of 1 layers that gather without resistance was at rest" in text
+    assert "200 balls on h = 6 R after a path of 53.6 with a mean cluster of 14" in text

@@ -16,7 +16,7 @@ class Effect:
     ``words`` and ``without`` say what is simulated with the table and without it; ``example`` holds a valid value of
     every key. ``part`` makes the value of the problem's field of the same name from the table (None: the effect is not
     a model's); ``faults`` returns what is wrong with the table in a scene, one text each. An effect
-    ``of_drift`` concerns how balls move: ``evolve`` has it, models do not.
+    ``of_drift`` concerns how balls move: ``evolve`` has it, and a model only where it names it and no ball moves.
     """
 
     name: str

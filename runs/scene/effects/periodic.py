@@ -1,16 +1,21 @@
-"""The effect `[periodic]`: balls that drift in a cell which repeats along x and y."""
+"""The effect `[periodic]`: a cell with its balls that repeats along x and y."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+from linear_bem.problem import Periodic
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Table, TwoLengths
 
 
 class PeriodicTable(Table):
-    """[periodic]: balls that drift in a cell."""
+    """[periodic]: a cell with its balls that repeats along x and y; forces are those of one cell.
+
+    ``solve`` takes it by linear_bem, ``evolve`` by any table of pairs. In ``solve``, approaches count from the mean
+    level of the layer's underside, those of a half-space from the mean level of its surface.
+    """
 
     lengths: TwoLengths
     """Of the cell, along x and y."""
@@ -21,14 +26,14 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
     if not all(0.0 < length < math.inf for length in lengths):
         given = ", ".join(f"{length:g}" for length in lengths)
         return [f"periodic.lengths: must be two lengths greater than 0 and finite, got {given} m"]
-    texts = []
     if scene.reciprocation is None:
-        texts.append("[periodic]: only balls that drift repeat; add [reciprocation], or drop [periodic]")
-    elif scene.reciprocation.forces == "direct":
-        texts.append('reciprocation.forces: the full model has no periodic cell; take forces = "pairs"')
+        return []
+    texts = []
+    if scene.reciprocation.forces == "direct":
+        texts.append('reciprocation.forces: with [periodic] balls drift by pair forces alone; take forces = "pairs"')
     if scene.substrate is not None or math.isinf(scene.layer.thickness):
         texts.append(
-            "[periodic]: the dents of infinitely many balls add up without limit on an elastic half-space; "
+            "[periodic]: the dents of infinitely many balls that drift add up without limit on an elastic half-space; "
             "drop [substrate] and give [layer] a finite thickness"
         )
     radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
@@ -46,6 +51,7 @@ PERIODIC = Effect(
     "a cell that repeats along x and y",
     "nothing is around the balls",
     {"lengths": ["200 mm", "200 mm"]},
-    faults=_faults,
+    lambda table: Periodic(table.lengths),
+    _faults,
     of_drift=True,
 )

@@ -22,6 +22,8 @@ from runs.studies.framework.tables import markdown, save_csv
 
 Array = NDArray[np.float64]
 
+SHOWN = Case(6.0, 0.3, 200, 1)
+"""The run of the animation."""
 GATHERED, GROUPED = 4.0, 1.3
 """Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
@@ -75,10 +77,13 @@ def page(folder: Path, quick: bool) -> str:
     save_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in found])
     laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
     if found:
-        pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in found], laws)
-        pictures.draw_ends(folder, [(d.case, folder / CASES) for d in found if d.case.seed == 1])
-        pictures.draw_growth(folder, [(d.case, d.rows) for d in found])
-    lines = [sentence(found, laws), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
+        free = [done for done in found if done.case.rolling == 0.0]
+        pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in free], laws)
+        pictures.draw_ends(folder, [(d.case, folder / CASES) for d in free if d.case.seed == 1])
+        pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
+        if SHOWN in [done.case for done in free]:
+            pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
+    lines = [sentence(found, laws), *rest(found), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
     ended = [done.case for done in found if done.row["ended"] != "interrupted"]
     missing = [case.name for case in wanted if case not in ended]
     if missing:
@@ -112,6 +117,7 @@ def growth(done: Finished) -> Growth | None:
 
 def sentence(found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> str:
     """Return the answer."""
+    found = [done for done in found if done.case.rolling == 0.0]
     if not found:
         return "No run has come to its end yet."
 
@@ -145,6 +151,25 @@ def sentence(found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> str:
     )
 
 
+def rest(found: Sequence[Finished]) -> list[str]:
+    """Return what it takes for layers that gather to come to rest; nothing without runs with resistance."""
+    held = [done for done in found if done.case.rolling > 0.0 and done.row["ended"] == "at rest"]
+    if not held:
+        return []
+    free = [d for d in found if d.case.rolling == 0.0 and d.outcome == "gathers" and d.row["ended"] == "path spent"]
+    ends = "; ".join(
+        f"{d.case.count} balls on h = {d.case.thickness:g} R after a path of {d.row['path']:.3g} with a mean cluster "
+        f"of {d.row['cluster_mean']:.3g} ({d.row['steps']} steps, {d.row['seconds']:.0f} s)"
+        for d in held
+    )
+    return [
+        "",
+        f"**Rest.** None of {len(free)} layers that gather without resistance was at rest at the end of its path: "
+        "their clusters go on to merge and to fold, ever more slowly. With a resistance to rolling of "
+        f"{held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
+    ]
+
+
 def table(found: Sequence[Finished]) -> list[str]:
     """Return the table of all runs."""
     names = {
@@ -152,6 +177,7 @@ def table(found: Sequence[Finished]) -> list[str]:
         "area_fraction": "area fraction",
         "balls": "balls",
         "seed": "seed",
+        "rolling": "resistance",
         "outcome": "outcome",
         "cluster_mean": "mean cluster",
         "coordination": "contacts per ball",
@@ -190,7 +216,7 @@ def growth_table(found: Sequence[Finished]) -> list[str]:
     rows = []
     groups: dict[tuple[float, float, int], list[Growth]] = {}
     for done in found:
-        law = growth(done)
+        law = growth(done) if done.case.rolling == 0.0 else None
         if law is not None:
             groups.setdefault((done.case.thickness, done.case.fraction, done.case.count), []).append(law)
     for (h, phi, count), laws in sorted(groups.items()):
@@ -212,5 +238,5 @@ def growth_table(found: Sequence[Finished]) -> list[str]:
     return ["Growth: mean cluster ~ path^exponent.", "", *markdown(rows, digits=2)]
 
 
-PUBLISHED = ("map.svg", "ends.png", "growth.svg")
+PUBLISHED = ("map.svg", "ends.png", "growth.svg", "gathering.gif")
 STUDY = Study("collective", compute, page, PUBLISHED)

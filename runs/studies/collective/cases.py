@@ -24,9 +24,11 @@ Array = NDArray[np.float64]
 POISSON, APPROACH = 0.48, 0.1
 """Poisson's ratio of the layer; approach over R."""
 MODEL = "linear_bem"
-GATHERING, PARTING = 20.0, 1000.0
-"""Longest run where balls in touch attract, and where they separate: sliding path over friction times the largest T/Q
-of a pair, over R. Balls that gather come to rest soon, those that part slow down as they go."""
+GATHERING, PARTING, RESISTED = 20.0, 1000.0, 1000.0
+"""Longest run where balls in touch attract, where they separate, and with resistance to rolling: sliding path over
+friction times the largest T/Q of a pair, over R. Without resistance clusters go on to merge, ever more slowly."""
+ROLLING = 0.2
+"""Resistance to rolling of the runs that have it, over the largest T/Q of a pair."""
 REST = 5e-3
 """Force over load of a ball at rest, over the largest T/Q of a pair."""
 TOLERANCE = 1e-4
@@ -37,17 +39,22 @@ DISTANCES = np.linspace(2.0, 24.0, 221)
 
 @dataclass(frozen=True)
 class Case:
-    """``count`` balls that cover ``fraction`` of the plane, on a layer of thickness h over R; ``seed`` of the start."""
+    """``count`` balls that cover ``fraction`` of the plane, on a layer of thickness h over R; ``seed`` of the start.
+
+    ``rolling``: resistance to rolling over the largest T/Q of a pair.
+    """
 
     thickness: float
     fraction: float
     count: int
     seed: int
+    rolling: float = 0.0
 
     @property
     def name(self) -> str:
         """Name of the case's folder."""
-        return f"h{self.thickness:g}-phi{self.fraction:g}-n{self.count}-seed{self.seed}"
+        resisted = f"-rolling{self.rolling:g}" if self.rolling > 0.0 else ""
+        return f"h{self.thickness:g}-phi{self.fraction:g}-n{self.count}-seed{self.seed}{resisted}"
 
     @property
     def length(self) -> float:
@@ -62,7 +69,8 @@ def cases(quick: bool) -> list[Case]:
     thicknesses = (1.16, 2.0, 6.0, 3.0, 0.8)
     grid = [Case(h, phi, 200, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
     seeds = [Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3)]
-    return [*grid, Case(1.16, 0.3, 1000, 1), seeds[0], Case(6.0, 0.3, 1000, 1), *seeds[1:]]
+    few, many = (Case(6.0, 0.3, count, 1, ROLLING) for count in (200, 1000))
+    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, many, Case(6.0, 0.3, 1000, 1)]
 
 
 @dataclass(frozen=True)
@@ -106,6 +114,8 @@ def random_start(case: Case) -> Array:
 
 def scene_text(case: Case, law: PairLaw) -> str:
     """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R."""
+    longest = RESISTED if case.rolling > 0.0 else GATHERING if law.ratio[0] > 0.0 else PARTING
+    resisted = f"[rolling_resistance]\nshare = {case.rolling * law.largest}\n" if case.rolling > 0.0 else ""
     positions = ",\n  ".join(f"[{x!r}, {y!r}]" for x, y in random_start(case).tolist())
     return f"""title = "{case.count} balls on {case.fraction:g} of the plane, layer of {case.thickness:g} R"
 [layer]
@@ -121,13 +131,13 @@ positions = [
 approach = {APPROACH}
 [reciprocation]
 amplitude = {0.25 / law.largest}
-cycles = {GATHERING if law.ratio[0] > 0.0 else PARTING}
+cycles = {longest}
 friction = 1.0
 tolerance = {TOLERANCE}
 rest = {REST * law.largest}
 [periodic]
 lengths = [{case.length!r}, {case.length!r}]
-"""
+{resisted}"""
 
 
 def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = True) -> dict[str, Any] | None:
@@ -156,6 +166,7 @@ def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]
         "area_fraction": case.fraction,
         "balls": case.count,
         "seed": case.seed,
+        "rolling": case.rolling,
         "path": last["cycle"],
         "ended": "interrupted"
         if not document["solved"]["converged"]

@@ -12,6 +12,7 @@ from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, p
 from runs.evolution import moment_files
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
+from runs.pictures.sheet import save_gif
 from runs.session.run_folder import PATH
 from runs.studies.collective.cases import DISTANCES, Case, PairLaw
 
@@ -71,6 +72,27 @@ def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
             axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
             axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
         save_figure(figure, folder, "ends", ("png",))
+
+
+def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> None:
+    """Write gathering.gif: the layer from above along the path of one run; ``largest`` T/Q of a pair."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load)
+
+    run = place / case.name / PATH
+    sheets = []
+    with look():
+        for number in range(len(list(run.glob("moment_*.npz")))):
+            moment = moment_files.read(run, number)
+            figure = blank(3.6, 3.8)
+            axis = figure.subplots()
+            draw_layer(axis, moment.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
+            axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+            axis.set_title(f"h = {case.thickness:g} R, path {moment.sigma * largest:.1f}")
+            canvas = FigureCanvasAgg(figure)
+            canvas.draw()
+            sheets.append(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
+    if sheets:
+        save_gif(sheets, folder / "gathering.gif")
 
 
 def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, float]]]]) -> None:

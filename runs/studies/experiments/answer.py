@@ -15,7 +15,7 @@ from runs.evolution.hard_balls import HardBalls
 from runs.process import signals
 from runs.session.progress import tell
 from runs.studies import Options
-from runs.studies.experiments import cases, side_by_side
+from runs.studies.experiments import cases, resistance, side_by_side
 from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
@@ -42,6 +42,8 @@ def compute(folder: Path, options: Options) -> None:
             begun = time.monotonic()
             cases.evolve(case, scene, model, folder, fresh=options.fresh, pictures=not options.quick)
             tell(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
+    if not options.quick:
+        resistance.compute(folder, fresh=options.fresh)
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -61,7 +63,9 @@ def page(folder: Path, quick: bool) -> str:
     save_csv(folder / "experiments.csv", _members(found))
     draw(folder, found)
     draw_gathering(folder, found)
-    return answer(found, missing, side_by_side.comparisons(), command("experiments", quick))
+    by_share = {} if quick else resistance.found(folder)
+    text = answer(found, missing, side_by_side.comparisons(), command("experiments", quick))
+    return "\n".join([text, "", *resistance.lines(found["linear_bem"], by_share)])
 
 
 def findings(point: Point, documents: Documents) -> Finding | None:

@@ -15,6 +15,7 @@ from runs.evolution.forces import at
 from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.models import MODELS, standing
+from runs.scene.effects.rolling_resistance import RollingResistanceTable
 from runs.scene.scene_file import Scene, read_scene
 from runs.session.session import Options
 
@@ -31,7 +32,7 @@ class Case:
     """A run: its scene, the scene of its finite-strain table, and ``positions`` [m] if a variant changes them.
 
     ``poisson`` and ``perturbation`` [m] replace the scene's; ``direct``: one member, the full model at every step;
-    ``essential`` cases run in the quick version too.
+    ``essential`` cases run in the quick version too. ``rolling``: share of its load below which T moves no ball.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Case:
     perturbation: float | None = None
     direct: bool = False
     essential: bool = True
+    rolling: float = 0.0
 
     def read(self, quick: bool) -> Scene:
         """Return the scene with the changes of this variant."""
@@ -57,7 +59,10 @@ class Case:
         problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
-        return dataclasses.replace(scene, problem=problem, drift={"reciprocation": sliding})
+        drift: dict[str, Any] = {"reciprocation": sliding}
+        if self.rolling > 0.0:
+            drift["rolling_resistance"] = RollingResistanceTable(share=self.rolling)
+        return dataclasses.replace(scene, problem=problem, drift=drift)
 
 
 def line(count: int, distance: float, out: int | None = None, aside: float = 0.0) -> list[Place]:
@@ -131,7 +136,8 @@ def evolve(
     compute: bool = True,
 ) -> dict[str, Any] | None:  # fmt: skip
     """Return the finished document of one run, computed if it is missing; None if missing and not ``compute``."""
-    stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}"
+    resisted = f"-rolling_{case.rolling:g}" if case.rolling > 0.0 else ""
+    stem = f"{case.name.replace(', ', '-').replace(' = ', '_').replace(' ', '_')}-{model}{resisted}"
     with open_session(scene, model, Options(False, folder / stem, fresh)) as session:
         if session.complete:
             return session.saved

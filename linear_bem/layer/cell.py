@@ -1,0 +1,94 @@
+r"""A rectangular cell of the surface that repeats along x and y: images of points, and the wave k = 0.
+
+The kernel's sum over all images of a load is a Fourier series over the waves of the cell. Its wave k = 0 is the uniform
+pressure p. Under it a layer of thickness h, which cannot extend sideways, is compressed by
+
+    w0 = h (1 + nu) (1 - 2 nu) / (E (1 - nu)) p
+
+(the oedometric compliance, 2 pi h G'(0) times `LayeredKernel.singular` on a rigid base), and an elastic half-space
+below it moves down without limit, as it has no depth at which it stands still. Displacements and approaches therefore
+count from the mean level of the layer's underside: on a rigid base that is the base, which a stiff substrate tends to.
+Where a half-space has no layer they count from the mean level of its surface, w0 = 0 [Stanley and Kato 1997, J. Tribol.
+119, 481, doi 10.1115/1.2833523]. Forces, differences of approaches, and T do not depend on this choice of a level where
+forces are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linear_bem.arrays import Array, Indices
+from linear_bem.media import Layer, SurfaceResponse
+
+if TYPE_CHECKING:
+    from linear_bem.layer.kernel import LayeredKernel
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of ``lengths`` (2,) [m]; ``uniform`` [m] is the displacement per uniform pressure/``singular``."""
+
+    lengths: Array
+    uniform: float
+
+    @classmethod
+    def of(cls, lengths: tuple[float, float], layer: Layer, kernel: LayeredKernel) -> Cell:
+        """Return the cell of a layer, whose kernel is that of a single load."""
+        uniform = 0.0
+        if isinstance(layer, SurfaceResponse):
+            uniform = kernel.uniform if np.isfinite(kernel.uniform) else 0.0
+        elif np.isfinite(layer.thickness):
+            nu = layer.poisson
+            compliance = layer.thickness * (1.0 + nu) * (1.0 - 2.0 * nu) / (layer.young * (1.0 - nu))
+            uniform = compliance / kernel.singular
+        return cls(np.array(lengths, dtype=float), uniform)
+
+    @property
+    def area(self) -> float:
+        """Area [m^2]."""
+        return float(np.prod(self.lengths))
+
+    def nearest(self, offset: Array) -> Array:
+        """Return offsets (..., 2) [m] between points to the nearest images."""
+        return np.asarray(offset - self.lengths * np.round(offset / self.lengths))
+
+    def images(self, points: Array, reach: float) -> tuple[Indices, Array]:
+        """Return points and shifts [m] of all images other than the points, within ``reach`` of the smallest rectangle.
+
+        That is the rectangle along x and y which holds all ``points`` (n, 2) [m].
+        """
+        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+        most = np.ceil((high - low) / self.lengths).astype(int)
+        owners, shifts = [], []
+        for m, n in product(*(range(-k, k + 1) for k in most)):
+            shift = self.lengths * (m, n)
+            moved = points + shift
+            inside = np.flatnonzero(np.all((moved >= low) & (moved <= high), axis=1))
+            if (m or n) and inside.size:
+                owners.append(inside)
+                shifts.append(np.broadcast_to(shift, (inside.size, 2)))
+        return np.concatenate([np.empty(0, dtype=np.intp), *owners]), np.concatenate([np.empty((0, 2)), *shifts])
+
+    def pairs(self, points: Array, reach: float) -> tuple[Indices, Indices, Array]:
+        """Return all pairs within ``reach`` [m], each once, and the shifts [m] of the second to its image.
+
+        A point and its own image are a pair, too; it stands for the two images in opposite directions.
+        """
+        back = -self.lengths * np.floor(points / self.lengths)
+        inside = points + back
+        tree = cKDTree(inside)
+        close = tree.query_pairs(reach, output_type="ndarray").astype(np.intp)
+        owner, shift = self.images(inside, reach)
+        half = (shift[:, 0] > 0.0) | ((shift[:, 0] == 0.0) & (shift[:, 1] > 0.0))  # the other half mirrors it
+        owner, shift = owner[half], shift[half]
+        found = tree.query_ball_point(inside[owner] + shift, reach) if owner.size else []
+        counts = np.array([len(some) for some in found], dtype=np.intp)
+        first = np.concatenate([close[:, 0], *found]).astype(np.intp)
+        second = np.concatenate([close[:, 1], np.repeat(owner, counts)])
+        moved = np.concatenate([np.zeros((len(close), 2)), np.repeat(shift, counts, axis=0)])
+        return first, second, moved + back[second] - back[first]

@@ -1,0 +1,239 @@
+"""A cell that repeats: its images, the wave k = 0, and contacts in it against balls alone in the plane."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from linear_bem import (
+    Ball,
+    ContactSequence,
+    Elastic,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Periodic,
+    Problem,
+    Punch,
+    SurfaceResponse,
+    UnsupportedProblem,
+    solve_contact,
+    solve_point_load,
+    stress,
+)
+from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.layer.cell import Cell
+from linear_bem.layer.response import LayerResponse
+from linear_bem.lifted_balls import smooth_state
+from linear_bem.smooth.initial_guess import first_guess
+
+BASES = {"rigid base": None, "soft base": Elastic(5.0, 0.3), "stiff base": Elastic(1e9, 0.3)}
+LAYER = Layer(1.0, 0.4, 1.5)
+PLACES = ((0.0, 0.0), (1.95, 0.3), (0.8, 1.9))
+RADII = (1.0, 0.9, 0.7)
+LENGTHS = (4.6, 4.4)
+FORCES = (0.1, 0.08, 0.05)
+ACCURACY = 1e-3
+
+
+def cell(load, base="rigid base", lengths=LENGTHS):
+    balls = tuple(Ball(place, radius) for place, radius in zip(PLACES, RADII, strict=True))
+    return Problem(LAYER, balls, load, BASES[base], periodic=Periodic(lengths))
+
+
+def lattice(columns, load, base, distance=2.4):
+    places = [(distance * (k + 0.3), 0.0) for k in range(columns)]
+    periodic = Periodic((columns * distance, distance))
+    return Problem(LAYER, tuple(Ball(p, 1.0) for p in places), load, BASES[base], periodic=periodic)
+
+
+def numbers(solution):
+    balls = solution.result().balls
+    forces = np.array([b.tangential_force for b in balls])
+    return forces, np.array([[b.approach, b.normal_force, b.contact_area, b.peak_pressure] for b in balls])
+
+
+@pytest.fixture(scope="module")
+def under_forces():
+    return {base: solve_contact(cell(Load("force", FORCES), base), ACCURACY) for base in BASES}
+
+
+def test_the_mesh_and_near_images_add_up_to_the_sum_over_all_images():
+    rng = np.random.default_rng(4)
+    points, loads = rng.uniform(-4.0, 9.0, (30, 2)), rng.uniform(0.5, 1.5, 30)
+    kernel = LayeredKernel.of(cell(Load("force", FORCES)))
+    exact = np.zeros(30)
+    for m in range(-8, 9):
+        for n in range(-8, 9):
+            r = np.hypot(*np.moveaxis(points[:, None] - points - np.multiply((m, n), LENGTHS), 2, 0))
+            exact += np.where(r > 0.0, kernel.scaled(np.where(r > 0.0, r, 1.0)), 0.0) @ loads
+    found = []
+    for precision, error in ((1e-5, 4e-6), (1e-7, 3e-7), (1e-10, 1e-8)):
+        field = FarField.of(kernel, points, 0.0, precision)
+        assert field.mesh is not None
+        found.append(PointInfluence(field, points) @ loads)
+        assert np.max(np.abs(found[-1] - exact)) < error * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("reach", [1.0, 6.0, 14.0])
+def test_pairs_in_a_cell_are_all_images_within_reach_once(reach):
+    points = np.random.default_rng(5).uniform(-8.0, 12.0, (12, 2))
+    first, second, shift = Cell(np.array(LENGTHS), 0.0).pairs(points, reach)
+    vectors = points[first] - points[second] - shift
+    found = np.concatenate([np.column_stack([first, second, vectors]), np.column_stack([second, first, -vectors])])
+    wanted = []
+    for m in range(-12, 13):
+        for n in range(-12, 13):
+            apart = points[:, None] - points - np.multiply((m, n), LENGTHS)
+            r = np.hypot(apart[..., 0], apart[..., 1])
+            i, j = np.nonzero((r <= reach) & (r > 0.0))
+            wanted.append(np.column_stack([i, j, apart[i, j]]))
+    wanted = np.concatenate(wanted)
+
+    def ordered(rows):
+        return rows[np.lexsort(np.round(rows, 6).T)]
+
+    assert found.shape == wanted.shape
+    np.testing.assert_allclose(ordered(found), ordered(wanted), atol=1e-12)
+
+
+def test_a_uniform_pressure_compresses_the_layer_alone():
+    # a rigid base: the closed form is the limit of the response; a stiff base tends to it, a half-space has none
+    closed, measured = (LayeredKernel.of(cell(Load("force", FORCES))) for _ in range(2))
+    assert closed.cell.uniform == pytest.approx(measured.uniform, rel=1e-9)
+    response = LayerResponse(Elastic(1.0, 0.4), None)
+    own = SurfaceResponse(1.0, 0.4, LAYER.thickness, response)
+    periodic = Cell.of(LENGTHS, own, LayeredKernel(own))
+    assert periodic.uniform == pytest.approx(closed.cell.uniform, rel=1e-5)
+    half_space = Layer(1.0, 0.4, np.inf)
+    assert Cell.of(LENGTHS, half_space, LayeredKernel(half_space)).uniform == 0.0
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_mean_displacement_is_that_of_the_mean_pressure(base, under_forces):
+    count = 20
+    x, y = np.meshgrid(*((np.arange(count) + 0.5) / count * length for length in LENGTHS))
+    w = under_forces[base].displacement(x, y)
+    mean = sum(FORCES) / np.prod(LENGTHS)
+    nu = LAYER.poisson
+    oedometric = LAYER.thickness * (1.0 + nu) * (1.0 - 2.0 * nu) / (1.0 - nu)
+    # sums over cells of the size of a contact's radius leave 4e-3; without the wave k = 0 the mean would vanish
+    assert float(np.mean(w)) == pytest.approx(oedometric * mean, rel=6e-3)
+    again = under_forces[base].displacement(x[3] + LENGTHS[0], y[3] - 2.0 * LENGTHS[1])
+    np.testing.assert_allclose(again, w[3], atol=1e-6 * np.max(w))
+    x, y = np.meshgrid(*((np.arange(200) + 0.5) / 200 * length for length in LENGTHS))
+    assert float(np.mean(under_forces[base].pressure(x, y))) == pytest.approx(mean, rel=2e-3)
+
+
+def test_a_cell_is_the_middle_of_a_large_free_lattice():
+    shifts = [(0, 0), *((m, n) for m in range(-2, 3) for n in range(-2, 3) if m or n)]
+    balls = tuple(
+        Ball((x + m * LENGTHS[0], y + n * LENGTHS[1]), radius)
+        for m, n in shifts
+        for (x, y), radius in zip(PLACES, RADII, strict=True)
+    )
+    thin = Layer(1.0, 0.4, 0.5)
+    periodic = replace(cell(Load("force", FORCES)), layer=thin)
+    free = Problem(thin, balls, Load("force", FORCES * len(shifts)))
+    found = []
+    for problem in (periodic, free):  # the same degree: only the images differ, which end at 16 thicknesses
+        kernel = LayeredKernel.of(problem)
+        contacts = smooth_state(problem, kernel, 4, first_guess(problem, kernel), 1e-8)
+        found.append((contacts.mutual_force[:3], contacts.approaches[:3], contacts.contact_areas[:3]))
+    (force, *state), (wanted, *others) = found
+    np.testing.assert_allclose(force, wanted, atol=1e-6 * np.max(np.abs(wanted)))
+    np.testing.assert_allclose(state, others, rtol=1e-6)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_t_in_a_cell_adds_up_to_zero_by_both_formulas(base, under_forces):
+    solution = under_forces[base]
+    force, _ = numbers(solution)
+    largest = float(np.max(np.abs(force)))
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-5 * largest)
+    np.testing.assert_allclose(solution.contacts.slope_force, force, atol=1e-3 * largest)
+    # recomputed around every ball, by sums over images and a mesh that the solver does not use
+    assert max(solution.contacts.certificate.values()) < 2e-4
+
+
+def test_a_stiff_base_is_a_rigid_one(under_forces):
+    stiff, rigid = (numbers(under_forces[base]) for base in ("stiff base", "rigid base"))
+    np.testing.assert_allclose(stiff[0], rigid[0], atol=1e-6 * np.max(np.abs(rigid[0])))
+    np.testing.assert_allclose(stiff[1], rigid[1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["approach", "total_force"])
+def test_every_load_gives_the_same_state(kind, under_forces):
+    base = under_forces["soft base"]
+    approaches, forces = numbers(base)[1][:, :2].T
+    values = tuple(approaches) if kind == "approach" else (float(np.sum(forces)),)
+    if kind == "total_force":
+        held = solve_contact(cell(Load("approach", (approaches[0],) * 3), "soft base"), ACCURACY)
+        values = (float(np.sum(numbers(held)[1][:, 1])),)
+        base = held
+    again = solve_contact(cell(Load(kind, values), "soft base"), ACCURACY)
+    largest = np.max(np.abs(numbers(base)[0]))
+    np.testing.assert_allclose(numbers(again)[0], numbers(base)[0], atol=2e-5 * largest)
+    np.testing.assert_allclose(numbers(again)[1], numbers(base)[1], rtol=2e-5)
+
+
+@pytest.mark.parametrize("base", ["rigid base", "soft base"])
+def test_a_lattice_has_no_t_and_two_cells_are_one(base):
+    one, two = (solve_contact(lattice(n, Load("approach", (0.06,) * n), base), ACCURACY) for n in (1, 2))
+    (force, state), (forces, states) = numbers(one), numbers(two)
+    np.testing.assert_allclose(np.concatenate([force, forces]), 0.0, atol=1e-8 * state[0, 1])
+    np.testing.assert_allclose(states, np.tile(state, (2, 1)), rtol=1e-6)
+
+
+def test_an_unloaded_ball_rests_on_the_surface_of_the_cell():
+    solution = solve_contact(cell(Load("force", (0.1, 0.08, 0.0)), "soft base"), ACCURACY)
+    resting = solution.result().balls[2]
+    below = solution.displacement(np.array([PLACES[2][0]]), np.array([PLACES[2][1]]))
+    assert resting.normal_force == 0.0
+    assert resting.approach == pytest.approx(float(below[0]), rel=0.05)  # it leans on the slope, not on the axis
+
+
+def test_many_balls_in_a_cell_are_known_by_a_sample():
+    # 6 x 6 x 3 = 108 balls are judged by a sample, the three of one cell by their neighbouring degrees
+    many = [(x + m * LENGTHS[0], y + n * LENGTHS[1]) for m in range(6) for n in range(6) for x, y in PLACES]
+    balls = tuple(Ball(p, r) for p, r in zip(many, RADII * 36, strict=True))
+    lengths = (6 * LENGTHS[0], 6 * LENGTHS[1])
+    load = Load("force", FORCES * 36)
+    large = solve_contact(Problem(LAYER, balls, load, BASES["soft base"], periodic=Periodic(lengths)), ACCURACY)
+    small = solve_contact(cell(Load("force", FORCES), "soft base"), 1e-5)
+    assert large.accuracy["sample"]
+    force = numbers(small)[0]
+    largest = float(np.max(np.abs(force)))
+    np.testing.assert_allclose(numbers(large)[0], np.tile(force, (36, 1)), atol=1e-3 * largest)
+    # the stated error holds
+    assert np.max(np.abs(numbers(large)[0] - np.tile(force, (36, 1)))) <= np.max(large.tangential_force_error)
+
+
+def test_what_has_no_cell_refuses_it(under_forces):
+    problem = cell(Load("force", FORCES))
+    with pytest.raises(UnsupportedProblem, match="point_load: the effect periodic is not part"):
+        solve_point_load(problem)
+    with pytest.raises(UnsupportedProblem, match="not in a cell that repeats"):
+        stress(under_forces["rigid base"], 0.0, 0.0, 0.5)
+    flat = replace(problem, balls=(Ball((0.0, 0.0), shape=Punch(1.0, 0.1)),), load=Load("force", (0.01,)))
+    with pytest.raises(UnsupportedProblem, match="periodic: this load needs contacts on grids"):
+        solve_contact(flat)
+    sequence = ContactSequence().solve(problem)
+    force, _ = numbers(under_forces["rigid base"])
+    np.testing.assert_allclose(sequence.tangential_force, force, atol=1e-2 * np.max(np.abs(force)))
+
+
+@pytest.mark.parametrize(
+    ("places", "lengths", "says"),
+    [
+        (((0.0, 0.0),), (1.9, 5.0), r"periodic\.lengths\[0\]: ball 0 overlaps its own image: they need at least 2 m"),
+        (((0.0, 0.0), (4.0, 0.0)), (5.0, 5.0), "balls 0 and 1 overlap by 1 m: their axes are 1 m"),
+        (((0.0, 0.0),), (0.0, 5.0), "must be two lengths greater than 0"),
+        (((0.0, 0.0),), (np.inf, 5.0), "must be two lengths greater than 0"),
+    ],
+)
+def test_faults_of_a_cell_are_named(places, lengths, says):
+    balls = tuple(Ball(p, 1.0) for p in places)
+    with pytest.raises(InvalidProblem, match=says):
+        Problem(LAYER, balls, Load("force", (0.01,) * len(balls)), periodic=Periodic(lengths))

@@ -1,0 +1,88 @@
+"""A scene with [periodic] and balls that stay: which model solves it, and what is refused in words."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+import finite_strain
+from linear_bem import UnsupportedProblem, solve
+from linear_bem.problem import Periodic
+from runs.commands.solve import solve_scene
+from runs.comparison import sensitivity
+from runs.models import MODELS, choose
+from runs.scene.scene_file import InvalidScene, read_scene
+from runs.session.session import Options
+from tests.launch import python
+
+SCENE = """
+[layer]
+young = 1.0
+poisson = 0.4
+thickness = 1.0
+[balls]
+radius = 1.0
+positions = [[0.0, 0.0], [2.1, 0.3]]
+[load]
+approach = 0.1
+[accuracy]
+tangential_force = 1e-2
+"""
+CELL = "[periodic]\nlengths = [4.5, 2.4]\n"
+LOADED = """
+import sys
+from runs.cli import main
+try:
+    main()
+finally:
+    print("LOADED", *sys.modules, file=sys.stderr)
+"""
+
+
+def written(folder: Path, text: str = SCENE + CELL) -> Path:
+    file = folder / "cell.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_the_linear_model_solves_a_cell_from_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = read_scene(written(tmp_path))
+    model, problem, notes = choose(scene)
+    assert (model.name, problem.periodic, notes) == ("linear_bem", Periodic((4.5, 2.4)), ())
+    solve_scene(scene, None, Options(False, tmp_path / "out", False))
+    shown = capsys.readouterr().out
+    assert "|T| / Q" in shown
+    found = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["balls"]
+    alone = solve(dataclasses.replace(problem, periodic=None), 1e-2).balls
+    # the bulges that images raise on a thin layer carry load
+    assert found[0]["normal_force"] > 1.01 * alone[0].normal_force
+    assert found[0]["tangential_force"][0] == pytest.approx(-found[1]["tangential_force"][0], rel=1e-3)
+
+
+def test_the_sensitivity_to_distances_takes_the_images_along(tmp_path: Path) -> None:
+    farther = sensitivity._distance(choose(read_scene(written(tmp_path)))[1], 2.0)
+    assert farther.periodic == Periodic((9.0, 4.8))
+    assert farther.balls[1].position == (4.2, 0.6)
+
+
+@pytest.mark.parametrize("asked", ["point_load", "finite_strain", "small_strain"])
+def test_other_models_refuse_a_cell(asked: str, tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedProblem, match=rf"\[periodic\].*model {asked} lacks it.*--model linear_bem"):
+        choose(read_scene(written(tmp_path)), asked)
+    assert "periodic" not in MODELS[asked].effects
+
+
+def test_finite_strain_and_a_cell_are_refused_together(tmp_path: Path) -> None:
+    with pytest.raises(InvalidScene, match="periodic: the finite elements have no cell that repeats"):
+        read_scene(written(tmp_path, SCENE + CELL + "[finite_strain]\n"))
+    problem = choose(read_scene(written(tmp_path)))[1]
+    with pytest.raises(UnsupportedProblem, match="periodic: small_strain has no cell that repeats; use linear_bem"):
+        finite_strain.plan(problem, model="small_strain")
+
+
+def test_a_scene_without_a_cell_never_loads_its_code(tmp_path: Path) -> None:
+    for text, there in ((SCENE, False), (SCENE + CELL, True)):
+        done = python("-c", LOADED, "solve", written(tmp_path, text), "--out", tmp_path / f"out_{there}")
+        assert done.returncode == 0, done.stderr
+        assert ("linear_bem.layer.cell" in done.stderr.split("LOADED")[1].split()) == there
