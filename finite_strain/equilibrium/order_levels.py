@@ -16,7 +16,7 @@ from scipy import sparse
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.discretisation.nodal_values import order_of
+from finite_strain.discretisation.nodal_values import element_of
 
 _ROUNDOFF = 1e-12
 """Shape functions, at most about 1, below which a value counts as zero."""
@@ -63,7 +63,7 @@ def _interpolation(fine: Any, coarse: Any, fixed: np.ndarray) -> tuple[PETSc.Mat
 def _shapes(fine: Any, coarse: Any) -> sparse.csr_matrix:
     """Return the values (fine nodes, coarse nodes) of the coarse shape functions at this rank's fine nodes."""
     fine_dofs, coarse_dofs = compat.cell_dofs(fine), compat.cell_dofs(coarse)
-    elements = [compat.lagrange_element(order_of(dofs.shape[1])) for dofs in (fine_dofs, coarse_dofs)]
+    elements = [element_of(dofs.shape[1]) for dofs in (fine_dofs, coarse_dofs)]
     values = elements[1].tabulate(0, elements[0].points)[0].reshape(fine_dofs.shape[1], coarse_dofs.shape[1])
     nodes, first = np.unique(fine_dofs, return_index=True)  # one of the cells that share a node
     cells, places = np.unravel_index(first, fine_dofs.shape)
