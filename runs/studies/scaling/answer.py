@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from runs.process import ranks, signals
+from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.framework.study import Study
-from runs.studies.framework.tables import markdown, save_csv, written
+from runs.studies.framework.tables import markdown, written
 from runs.studies.scaling.measuring import FORMS, measure
 
 SIZES = (12_000, 25_000, 60_000)
@@ -47,7 +48,7 @@ def compute(folder: Path, options: Options) -> None:
                 if comm.rank == 0:
                     tell(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
-                save_csv(file, rows)
+                write_csv(file, rows)
 
 
 def read(files: Sequence[Path]) -> list[dict[str, Any]]:
