@@ -66,7 +66,7 @@ def mpirun(
 def thirdbody(
     *args: str | Path,
     ranks: int = 1,
-    timeout: float = 120.0,
+    timeout: float = 900.0,
     env: Mapping[str, str] | None = None,
     cwd: Path = ROOT,
     program: str = "runs.cli",
