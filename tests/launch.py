@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import importlib
+import multiprocessing
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from multiprocessing import forkserver
 from pathlib import Path
+from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parent.parent
+PRELOADED = ["runs.cli", "runs.commands.solve", "linear_bem", "matplotlib.pyplot", "finite_strain.planning.run_plan"]
+"""What `thirdbody` has imported before it is asked: nothing that starts MPI."""
 LAUNCHED_BY_MPI = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "ORTE_", "HYDI_", "MPI_LOCAL")
+
+
+STAND_IN = "tests.runs.elements"
+"""The command line with a stand-in for the finite elements, as ``program`` of `thirdbody`."""
 
 
 def environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -50,6 +61,49 @@ def mpirun(
         raise FileNotFoundError("mpirun is not on PATH: apt-get install openmpi-bin")
     options = ["-n", str(n), "--bind-to", "none", "--oversubscribe"]
     return _run([launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
+
+
+def thirdbody(
+    *args: str | Path,
+    ranks: int = 1,
+    timeout: float = 900.0,
+    env: Mapping[str, str] | None = None,
+    cwd: Path = ROOT,
+    program: str = "runs.cli",
+) -> subprocess.CompletedProcess[str]:
+    """Run the command line (or another module's ``main``) with ``args`` and return the completed process.
+
+    One rank is a fork of a process that has imported the command line already, which saves a second. Runs of the real
+    finite elements need a process of their own, for MPI: use `python`.
+    """
+    if ranks > 1:
+        return mpirun(ranks, "-m", program, *args, timeout=timeout, env=env, cwd=cwd)
+    words, context = [program, *map(str, args)], multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    with patch.dict(os.environ, environment(), clear=True):
+        forkserver.ensure_running()
+    with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as errors:
+        outputs = [f"/proc/{os.getpid()}/fd/{file.fileno()}" for file in (said, errors)]
+        child = context.Process(target=_forked, args=(words, environment(env), str(cwd), outputs))
+        child.start()
+        child.join(timeout)
+        if child.is_alive():
+            child.kill()
+            child.join()
+            raise subprocess.TimeoutExpired(words, timeout)
+        texts = [Path(output).read_text(encoding="utf-8") for output in outputs]
+        assert child.exitcode is not None
+        return subprocess.CompletedProcess(words, child.exitcode, *texts)
+
+
+def _forked(words: list[str], env: dict[str, str], cwd: str, outputs: list[str]) -> None:
+    for number, output in enumerate(outputs, start=1):
+        os.dup2(os.open(output, os.O_WRONLY | os.O_APPEND), number)
+    os.environ.clear()
+    os.environ.update(env)
+    os.chdir(cwd)
+    sys.argv = words
+    importlib.import_module(words[0]).main()
 
 
 def headless_browser() -> str | None:

@@ -34,7 +34,7 @@ else
   summary+=("mypy not run: it goes by the annotations of numpy 1, which Debian 12 has")
 fi
 workers=$(env -u OMP_NUM_THREADS nproc) # which takes that variable for the number of cores
-# In the order of their names, the finite elements' long files come first: the last files to end are short ones.
+# Files with slow tests come first (tests/conftest.py): the last files to end are short ones.
 parallel=(-n $((workers < 4 ? workers : 4)) --dist loadfile --no-loadscope-reorder --durations 15)
 drawing=tests/runs/test_rendering.py
 if (($#)); then

@@ -1,7 +1,7 @@
-"""A state that can be evaluated at any point, so that other meshes and later runs can use it.
+"""Saved states: checkpoints of a run, and initial guesses on other meshes and element orders.
 
-Every rank holds the whole state: the nodes of all cells and the values at the fields' nodes. It is independent of
-numbering, number of ranks and version, so it serves as checkpoint and as predictor on finer meshes or other orders.
+A state holds the nodes of all cells and the values at the fields' nodes, the same on every rank. It does not depend on
+numbering, number of ranks or DOLFINx version, and can be evaluated at any point.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from linear_bem.errors import OutputUnusable
 INSIDE = 1e-8
 """Largest distance outside a cell, in its reference coordinates, at which a point still counts as inside."""
 _ROUNDS = 8
-"""Most iterations to find a place in a cell."""
+"""Most Newton iterations for the reference coordinates of a point."""
 BULGE = 0.05
-"""Largest extent of a curved cell beyond the box of its nodes, over the box's sides."""
+"""How far a curved cell may extend beyond the bounding box of its nodes, as a fraction of the box's sides."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The fields of one state: ``nodes`` (cells, n, 3) [m], and values (cells, nodes, components) of each field.
+    """One state: ``nodes`` (cells, n, 3) [m] of the mesh, and values (cells, nodes, components) of each field.
 
-    ``approaches`` (balls,) [m] belong to it. The source of its multipliers, `Penalised`, is on the same mesh.
+    ``approaches`` (balls,) [m] are those of the balls; ``source`` is the penalised state that defines the multipliers.
     """
 
     fraction: float
@@ -67,7 +67,7 @@ class Snapshot:
         return (answer[0], *(values.ravel() for values in answer[1:])), source
 
     def _locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell (n,) that holds each point (n, 3) [m], and the point's place in it (n, 3), within [0, 1]."""
+        """Return the cell (n,) of each point (n, 3) [m], and its reference coordinates (n, 3) there, within [0, 1]."""
         cells, places = np.full(len(points), -1), np.zeros((len(points), 3))
         violation = np.full(len(points), np.inf)
         low, high = self.nodes.min(axis=1), self.nodes.max(axis=1)
@@ -87,7 +87,7 @@ class Snapshot:
         return cells, np.clip(places, 0.0, 1.0)
 
     def save(self, path: Path) -> None:
-        """Write the state to a file, as a whole or not at all (one rank)."""
+        """Write the state to a file atomically (on one rank)."""
         draft = path.with_suffix(".part")
         with draft.open("wb") as file:
             named = {f"values{number}": values for number, values in enumerate(self.values)}
@@ -97,7 +97,7 @@ class Snapshot:
 
     @classmethod
     def fault(cls, path: Path) -> str:
-        """Return why a file holds no state; nothing if it holds one."""
+        """Return why a file cannot be loaded; an empty text if it can."""
         try:
             cls.load(path)
         except OutputUnusable as error:
@@ -117,7 +117,7 @@ class Snapshot:
 
 
 def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return nodal values (cells, nodes, k) at places (n, 3) in cells (n,)."""
+    """Interpolate nodal values (cells, nodes, k) at reference coordinates (n, 3) in cells (n,)."""
     element = element_of(values.shape[1])
     answer = np.empty((len(cells), values.shape[2]))
     for begin in range(0, len(cells), 4096):
@@ -128,7 +128,7 @@ def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.n
 
 
 def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the places (n, 3) of points in a cell with nodes (n, 3), by Newton's method."""
+    """Return the reference coordinates (n, 3) of points in a cell with nodes (n, 3), by Newton's method."""
     place, element = np.full(points.shape, 0.5), element_of(len(nodes))
     for _ in range(_ROUNDS):
         shapes, *slopes = element.tabulate(1, np.clip(place, -0.5, 1.5)).reshape(4, len(points), -1)

@@ -1,4 +1,4 @@
-"""The results of a run as values: of one model at a load step, of each discretisation, and their JSON."""
+"""Typed results of a run (one model at a load step, each discretisation, the answer) and their JSON file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from linear_bem.errors import OutputUnusable
 from linear_bem.result import BallResult, Step
 
 NAME, BEFORE = "discretisations.json", "discretisations.before.json"
-"""File of the records, and what it was before the last step."""
+"""File of the records, and its copy from before the last step."""
 
 
 @dataclass(frozen=True)
 class ContactState:
-    """One model's equilibrium on one discretisation; arrays have one entry per ball of the model, whole balls.
+    """Equilibrium of one model on one discretisation; arrays have one entry per ball of the model, of the whole ball.
 
-    ``penetration`` [m] is the largest; ``mean_gap`` [m] is weighted with the pressure, negative where the surface lies
-    inside the ball; ``traction_force`` is T by the contact traction.
+    ``penetration`` [m] is the largest; ``mean_gap`` [m] is the pressure-weighted mean, negative if the surface lies
+    inside the ball; ``traction_force`` [N] is T from the contact traction, ``tangential_force`` [N] from the domain
+    integral.
     """
 
     fraction: float
@@ -51,7 +52,7 @@ class ContactState:
 
 @dataclass(frozen=True)
 class Row:
-    """Results of one discretisation at a load step: of the run's own model and, if it converged, its pair."""
+    """Results of one discretisation at a load step: of the run's own model and, if it converged, of small strain."""
 
     own: ContactState
     small: ContactState | None = None
@@ -74,7 +75,7 @@ class Discretisation:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverAccount:
-    """The cost of a load step with output, and its residuals.
+    """Cost and residuals of a load step with output.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
     the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
@@ -170,7 +171,7 @@ class Record:
 
 
 def save_records(folder: Path, key: str, records: list[Record]) -> None:
-    """Write every discretisation of a run into its folder's file, as a whole or not at all; the last file is kept."""
+    """Write all discretisations of a run into its folder atomically; the previous file is kept as `BEFORE`."""
     path = folder / NAME
     draft = path.with_suffix(".part")
     draft.write_text(json.dumps({"key": key, "discretisations": records}, default=_plain), encoding="utf-8")
@@ -188,7 +189,8 @@ def _plain(value: object) -> object:
 def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
     """Return the records that an earlier run of the same key saved in a folder, and a note if its last file is damaged.
 
-    The file before it lacks one load step at most. Raises `OutputUnusable` if that cannot be read either.
+    In that case the previous file is used, which lacks at most one load step. Raises `OutputUnusable` if both are
+    damaged.
     """
     damage = ""
     for name in (NAME, BEFORE):

@@ -1,4 +1,4 @@
-"""Moments of many balls, each in a file of its own: a path of thousands of balls does not fit into one JSON object."""
+"""One file for each moment of a path: thousands of balls would make a single JSON document too large."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from runs.process.files import replacing
 
 
 def name(number: int) -> str:
-    """Return the name of the file of the moment ``number``."""
+    """Return the file name of moment ``number``."""
     return f"moment_{number:06d}.npz"
 
 
@@ -29,7 +29,7 @@ def write(folder: Path, number: int, moment: Moment) -> None:
 
 
 def read(folder: Path, number: int) -> Moment:
-    """Return a saved moment, without the step that follows; raises `OutputUnusable`."""
+    """Return a saved moment; its next step is not saved. Raises `OutputUnusable`."""
     file = folder / name(number)
     try:
         with np.load(file) as data:

@@ -1,4 +1,4 @@
-"""The page of one run: problem, results and accuracy."""
+"""Sections of the report on a run: results, accuracy, versions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from runs.reporting.markup import facts, paragraph, section, table
 from runs.scene.scene_file import Tables
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
-"""Parts of a document that have sections of their own, or belong to the figures."""
+"""Keys of a document that other sections or the figures show."""
 MOST_ROWS = 100
 STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approach"))
 
@@ -97,7 +97,7 @@ def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str,
 
 
 def _anything(document: Mapping[str, Any]) -> list[str]:
-    """Show a document of another command: single values as facts, lists of rows as tables."""
+    """Return sections for the document of any other command: single values as facts, lists of rows as tables."""
     single = {
         key.replace("_", " "): number(value) if isinstance(value, float) else str(value)
         for key, value in document.items()
@@ -115,7 +115,7 @@ def _anything(document: Mapping[str, Any]) -> list[str]:
 
 
 def _tables(document: Mapping[str, Any]) -> list[str]:
-    """Return what a document holds beside scene, balls and load steps: its lists of rows as tables."""
+    """Return a table for each list of rows that no other section shows."""
     parts = []
     for key, value in document.items():
         rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
@@ -166,7 +166,7 @@ def _state(
             SIZE_RATIO if periodic else RATIO: number(force / load, 3) if load > 0.0 else "-",
         }
         known = (solved.get("accuracy") or {}).get("reached")
-        if known is not None:  # of all balls, as the accuracy asked for
+        if known is not None:  # of all balls, like the required accuracy
             shown["T known to"] = f"{100.0 * known:.2g} %"
         else:
             shown["T known to"] = f"{100.0 * error / abs(force):.2g} %" if force else "-"
@@ -196,14 +196,16 @@ def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool =
 
 
 def _accuracy(solved: Mapping[str, Any]) -> str:
-    """Return the accuracy asked for and reached, and the meshes used; nothing where a model does not refine."""
-    told = solved.get("accuracy") or {}
-    if not told:
+    """Return the required and the reached accuracy and the meshes; empty for models that do not refine."""
+    accuracy = solved.get("accuracy") or {}
+    if not accuracy:
         return ""
-    asked, reached = (f"{100.0 * told[key]:.2g} %" for key in ("asked", "reached"))
-    met = "met" if told.get("met") else "not met"
-    words = paragraph(f"Asked for T: {asked}; reached: {reached} ({met}). It ended there because: {told['stopped']}.")
-    terms = error_terms(told)
+    asked, reached = (f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached"))
+    met = "met" if accuracy.get("met") else "not met"
+    words = paragraph(
+        f"Asked for T: {asked}; reached: {reached} ({met}). It ended there because: {accuracy['stopped']}."
+    )
+    terms = error_terms(accuracy)
     if terms:
         words += paragraph(f"The error of T at full load, the root of the sum of squares: {terms}.")
     rows = [
@@ -213,7 +215,7 @@ def _accuracy(solved: Mapping[str, Any]) -> str:
             "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
             "seconds": mesh["seconds"],
         }
-        for mesh in told.get("meshes", [])
+        for mesh in accuracy.get("meshes", [])
     ]
     return section("Accuracy", words, table(rows, "Meshes used") if rows else "")
 

@@ -1,4 +1,4 @@
-"""The output folder of one run: written during the run, resumed by the same run, refused to any other."""
+"""The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from runs.process.json_values import plain, to_json
 
 MARK = "run.json"
 FIRST = (MARK, "scene.toml", ".lock")
-"""What a run writes before it computes anything."""
+"""Files that a run writes before it computes."""
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
@@ -29,10 +29,10 @@ OURS = (
 
 
 class RunFolder:
-    """One run's folder. Use on rank 0 alone.
+    """The folder of one run, for use on rank 0 only.
 
-    ``identity`` says what is computed (command, model, problem, accuracy); a folder that holds another
-    identity raises `OutputUnusable`, as does one that holds files of no run or cannot be written.
+    ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
+    another run, holds other files, or cannot be written.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
@@ -50,7 +50,7 @@ class RunFolder:
 
     @property
     def fields(self) -> Path:
-        """Where the finite-element fields and checkpoints go."""
+        """Folder of the finite-element fields and checkpoints."""
         return self.path / FIELDS
 
     def _open(self, scene_text: str, fresh: bool) -> None:
@@ -114,7 +114,7 @@ class RunFolder:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
     def saved(self) -> dict[str, Any] | None:
-        """Return what an earlier run of the same identity has saved so far."""
+        """Return the document that an earlier run saved, complete or not."""
         return self._read_json("result.json")
 
     def finished(self) -> dict[str, Any] | None:
@@ -128,11 +128,11 @@ class RunFolder:
         write_csv(self.path / "steps.csv", [_flat(row) for row in rows])
 
     def finish(self) -> None:
-        """Mark the run as complete: the same command then prints what is saved."""
+        """Mark the run as complete; from then on its command prints the saved document."""
         self._write_mark("finished")
 
     def log(self, text: str) -> None:
-        """Append lines with the time to run.log."""
+        """Append lines to run.log, each with the time."""
         stamp = time.strftime("%Y-%m-%d %H:%M:%S")
         try:
             with open(self.path / "run.log", "a", encoding="utf-8") as log:
@@ -141,7 +141,7 @@ class RunFolder:
             raise OutputUnusable(f"{self.path / 'run.log'}: cannot be written: {error.strerror or error}") from None
 
     def close(self) -> None:
-        """Release the folder for other runs."""
+        """Release the lock."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -158,7 +158,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(old: Any, new: Any, where: str = "") -> str:
-    """Return in words where two identities differ: "quick is True there and False here"."""
+    """Return how two identities differ, such as "quick is True there and False here"."""
     if isinstance(old, dict) and isinstance(new, dict):
         parts = [
             difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
 
 import finite_strain
-from finite_strain import Numerics
 from linear_bem.errors import ThirdBodyError
-from tests.finite_strain.scenes import Recorder, light_pair
+from tests.finite_strain.scenes import COARSER, Recorder, light_pair
 
 ACCURACY = 0.3
 STEPS = (0.5, 1.0)
@@ -39,11 +39,11 @@ def main() -> None:
     folder, *rest = sys.argv[1:]
     comm = MPI.COMM_WORLD
     observer = StopAfter(int(rest[0]) if rest and rest[0].isdigit() else 0)
-    hasty = Numerics(shortest_step=0.4, newton_iterations=1)
+    hasty = replace(COARSER, shortest_step=0.4, newton_iterations=1)
     try:
         result = finite_strain.solve(
             light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS,
-            numerics=hasty if "fail" in rest else Numerics(),
+            numerics=hasty if "fail" in rest else COARSER,
         )  # fmt: skip
     except Stopped:
         raise SystemExit(STOPPED) from None

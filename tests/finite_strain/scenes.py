@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from finite_strain.geometry.extent import Extent
+from finite_strain.numerics import Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import RunPlan, plan_run
 from linear_bem import Ball, Elastic, Elements, FiniteStrain, Indenter, Layer, Load, Problem
@@ -92,6 +93,10 @@ def in_form(form: str, problem: Problem) -> Problem:
 
 
 LIGHT = 0.1
+
+
+COARSER = Numerics(growth=4.0)
+"""Elements that grow fast: half the unknowns; T of the light pair changes by 0.2 %, its error bar by a factor of 3."""
 
 
 def light_pair() -> Problem:

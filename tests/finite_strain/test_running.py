@@ -22,7 +22,7 @@ from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
-from tests.finite_strain.scenes import LIGHT, Recorder, at_small_strain, light_pair, relatively
+from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
 from tests.launch import mpirun
 
 PARALLEL = 1e-6
@@ -55,7 +55,8 @@ def result(folder: Path, heard: Recorder) -> Any:
 
 
 def solve(folder: Path, observer: Any) -> Any:
-    return finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS)
+    options = {"tangential_force": ACCURACY, "steps": STEPS, "numerics": COARSER}
+    return finite_strain.solve(light_pair(), folder=folder, observer=observer, **options)
 
 
 def test_two_mirrored_balls_feel_opposite_forces_to_the_last_bit(result: Any) -> None:
@@ -128,7 +129,7 @@ def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
 
 
 def test_a_plan_predicts_the_number_of_unknowns(result: Any) -> None:
-    plan = plan_run(light_pair(), ACCURACY, "finite_strain")
+    plan = plan_run(light_pair(), ACCURACY, "finite_strain", steps=STEPS, numerics=COARSER)
     for mesh in result.solved.accuracy["meshes"]:
         level = Discretisation(mesh["order"], mesh["fineness"], mesh["extent"])
         # theory: the stated error of the estimate
@@ -292,7 +293,10 @@ def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp
     (tmp_path / NAME).write_bytes((folder / NAME).read_bytes())
     hasty = StopAfter(1)
     with pytest.raises(Stopped):
-        finite_strain.solve(light_pair(), tangential_force=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS)
+        finite_strain.solve(
+            light_pair(), tangential_force=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS,
+            numerics=COARSER,
+        )  # fmt: skip
     assert {attempt["mesh"] for attempt in hasty.attempts} >= {"coarse", "main"}
 
 

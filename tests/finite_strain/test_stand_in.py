@@ -20,7 +20,7 @@ from finite_strain.observer import Started
 from finite_strain.planning.records import Answer
 from linear_bem.result import Result, Step
 from tests.finite_strain.press import StopAfter, Stopped
-from tests.finite_strain.scenes import light_pair
+from tests.finite_strain.scenes import COARSER, light_pair
 from tests.runs import elements
 
 STEPS = (0.5, 1.0)
@@ -64,8 +64,9 @@ def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
     def run(folder: Path, listener: Listener) -> Result:
         return request.param.solve(
-            light_pair(), tangential_force=0.3, comm=MPI.COMM_SELF, folder=folder, observer=listener, steps=STEPS
-        )
+            light_pair(), tangential_force=0.3, comm=MPI.COMM_SELF, folder=folder, observer=listener, steps=STEPS,
+            numerics=COARSER,
+        )  # fmt: skip
 
     whole, stopped, resumed, again = Listener(), Listener(1), Listener(), Listener()
     result, folder = run(tmp_path_factory.mktemp("whole"), whole), tmp_path_factory.mktemp("broken")
@@ -75,6 +76,7 @@ def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return SimpleNamespace(results=results, whole=whole, stopped=stopped, resumed=resumed, again=again)
 
 
+@pytest.mark.slow
 def test_observers_are_called_in_the_same_order(solved: SimpleNamespace) -> None:
     assert re.fullmatch(FRESH, solved.whole.order)
     assert re.fullmatch(FRESH, solved.stopped.order)

@@ -191,8 +191,13 @@ def install() -> None:
     sys.modules["finite_strain"] = module
 
 
-if __name__ == "__main__":
-    from runs.cli import main
+def main() -> None:
+    """Run the command line with this stand-in."""
+    from runs import cli  # noqa: PLC0415
 
     install()
+    cli.main()
+
+
+if __name__ == "__main__":
     main()

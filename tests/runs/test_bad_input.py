@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.launch import ROOT, mpirun
+from tests.launch import ROOT, thirdbody
 
 SCENES = ROOT / "runs" / "scenes"
-GOOD = (SCENES / "paper_thin_pair_linear.toml").read_text(encoding="utf-8")
+LINEAR = SCENES / "paper_thin_pair_linear.toml"
+GOOD = LINEAR.read_text(encoding="utf-8")
 CHANGES = {
     "unknown key": ("[layer]", "[layer]\nthicknes = 2.0", "thicknes"),
     "negative thickness": ("thickness = 1.16", "thickness = -1.16", "thickness"),
@@ -20,14 +21,15 @@ CHANGES = {
     "no toml": ("[layer]", "[layer", "is not TOML"),
     "sliding": ("[load]", "[reciprocation]\namplitude = 1\ncycles = 9\nfriction = 0.1\n\n[load]", "approach, not"),
 }
-RANKS = [1, pytest.param(2, marks=pytest.mark.mpi)]
 
 
-def refused(ranks: int, *args: str | Path, says: str, capsys: pytest.CaptureFixture[str]) -> str:
-    began = time.monotonic()
-    done = mpirun(ranks, "-m", "runs.cli", *args, timeout=60.0)
-    with capsys.disabled():
-        print(f" [{time.monotonic() - began:.1f} s]", end="")
+def both(*values: object) -> Any:
+    """Return a test's parameters, for two ranks."""
+    return pytest.param(*values, 2, marks=pytest.mark.mpi)
+
+
+def refused(ranks: int, *args: str | Path, says: str) -> str:
+    done = thirdbody(*args, timeout=60.0, ranks=ranks)
     assert done.returncode == 2, done.stderr
     assert done.stdout == ""
     assert done.stderr.count("thirdbody: error:") == 1, done.stderr
@@ -38,52 +40,47 @@ def refused(ranks: int, *args: str | Path, says: str, capsys: pytest.CaptureFixt
     return done.stderr
 
 
-@pytest.mark.parametrize("ranks", RANKS)
-@pytest.mark.parametrize("change", CHANGES)
-def test_a_bad_scene_is_refused(change: str, ranks: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("change", "ranks"), [*((change, 1) for change in CHANGES), both("negative thickness")])
+def test_a_bad_scene_is_refused(change: str, ranks: int, tmp_path: Path) -> None:
     old, new, says = CHANGES[change]
     assert old in GOOD
     scene = tmp_path / "scene.toml"
     scene.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    message = refused(ranks, "solve", scene, "--json", "--out", tmp_path / "out", says=says, capsys=capsys)
+    message = refused(ranks, "solve", scene, "--json", "--out", tmp_path / "out", says=says)
     assert str(scene) in message
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("model", ["linear_bem", "small_strain"])
-@pytest.mark.parametrize("place", ["below a file", "/proc", "a file"])
-def test_a_folder_that_cannot_be_written_is_refused(
-    place: str, model: str, ranks: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(("place", "ranks"), [("below a file", 1), ("/proc", 1), ("a file", 1), both("below a file")])
+def test_a_folder_that_cannot_be_written_is_refused(place: str, model: str, ranks: int, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("", encoding="utf-8")
     folder = {"below a file": file / "out", "/proc": Path("/proc/out"), "a file": file}[place]
     scene = SCENES / "paper_thin_pair.toml"
-    refused(ranks, "solve", scene, "--model", model, "--out", folder, says=str(folder), capsys=capsys)
+    refused(ranks, "solve", scene, "--model", model, "--out", folder, says=str(folder))
 
 
-@pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize(
-    ("args", "says"),
+    ("args", "says", "ranks"),
     [
-        (("solve", "none.toml"), "does not exist"),
-        (("plan", "runs/scenes"), "is a folder"),
-        (("compare", "runs/scenes/paper_thin_pair_linear.toml"), "needs [finite_strain]"),
-        (("solve", "runs/scenes/paper_thin_pair_linear.toml", "--model", "finite_strain"), "needs [finite_strain]"),
+        (("solve", "none.toml"), "does not exist", 1),
+        (("plan", "runs/scenes"), "is a folder", 1),
+        (("compare", LINEAR), "needs [finite_strain]", 1),
+        both(("compare", LINEAR), "needs [finite_strain]"),
+        (("solve", LINEAR, "--model", "finite_strain"), "needs [finite_strain]", 1),
+        both(("solve", LINEAR, "--model", "finite_strain"), "needs [finite_strain]"),
     ],
 )
-def test_a_request_that_no_model_meets_is_refused(
-    args: tuple[str, ...], says: str, ranks: int, capsys: pytest.CaptureFixture[str]
-) -> None:
-    refused(ranks, *args, says=says, capsys=capsys)
+def test_a_request_that_no_model_meets_is_refused(args: tuple[str | Path, ...], says: str, ranks: int) -> None:
+    refused(ranks, *args, says=says)
 
 
 @pytest.mark.parametrize(
     "args", [("solve", "scene.toml", "--model", "quantum"), ("solve",), ("dissolve",), ("plan", "--x")]
 )
 def test_a_wrong_command_line_is_a_usage_error(args: tuple[str, ...]) -> None:
-    done = mpirun(1, "-m", "runs.cli", *args, timeout=60.0)
+    done = thirdbody(*args, timeout=60.0)
     assert done.returncode == 2
     assert done.stdout == ""
     assert "Usage" in done.stderr
@@ -92,6 +89,6 @@ def test_a_wrong_command_line_is_a_usage_error(args: tuple[str, ...]) -> None:
 
 @pytest.mark.mpi
 def test_a_usage_error_is_said_once_on_two_ranks() -> None:
-    done = mpirun(2, "-m", "runs.cli", "solve", "scene.toml", "--model", "quantum", timeout=60.0)
+    done = thirdbody("solve", "scene.toml", "--model", "quantum", timeout=60.0, ranks=2)
     assert done.returncode == 2
     assert done.stderr.count("Usage") == 1

@@ -10,7 +10,7 @@ import pytest
 from linear_bem.result import BallResult, Step
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import path_so_far
-from tests.launch import python
+from tests.launch import thirdbody
 from tests.scenes import thin_pair
 
 
@@ -34,7 +34,7 @@ def test_a_budget_of_nothing_is_a_fault_of_its_key(key: str, tmp_path: Path) -> 
 
 
 def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
-    done = python("-m", "runs.cli", "plan", scene(tmp_path, "unknowns = 40000\nseconds = 900"), "--json")
+    done = thirdbody("plan", scene(tmp_path, "unknowns = 40000\nseconds = 900"), "--json")
     assert done.returncode == 0, done.stderr
     (elements,) = (model for model in json.loads(done.stdout)["models"] if model["model"] == "finite_strain")
     assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 40000.0, "seconds_at_most": 900.0}
@@ -45,7 +45,7 @@ def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
 
 
 def test_a_budget_too_small_for_any_mesh_is_refused_before_any_work(tmp_path: Path) -> None:
-    done = python("-m", "runs.cli", "solve", scene(tmp_path, "unknowns = 1000"), "--out", tmp_path / "out")
+    done = thirdbody("solve", scene(tmp_path, "unknowns = 1000"), "--out", tmp_path / "out")
     assert done.returncode != 0
     assert "accuracy.unknowns" in done.stderr
 

@@ -13,7 +13,7 @@ import finite_strain
 from finite_strain.output.field_catalogue import CATALOGUE
 from runs.models import MODELS, Run
 from runs.scene.scene_file import InvalidScene, read_scene
-from tests.launch import python
+from tests.launch import thirdbody
 
 SCENE = """
 [layer]
@@ -76,6 +76,6 @@ def test_an_unknown_field_and_a_step_of_zero_are_named_at_once(tmp_path: Path) -
 
 def test_the_linear_model_says_that_it_has_no_fields_to_write(tmp_path: Path) -> None:
     scene = written(tmp_path, f'{SCENE}[output]\nfields = ["gap"]\n')
-    done = python("-m", "runs.cli", "solve", scene, "--json", "--out", tmp_path / "out")
+    done = thirdbody("solve", scene, "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert any("[output] left out" in note for note in json.loads(done.stdout)["solved"]["notes"])

@@ -13,7 +13,7 @@ import pytest
 from runs.process import exit_codes, signals
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options, Session
-from tests.launch import ROOT, mpirun, python
+from tests.launch import ROOT, python, thirdbody
 from tests.scenes import thin_pair
 
 SCENES = ROOT / "runs" / "scenes"
@@ -30,7 +30,7 @@ def strict(text: str) -> Any:
 
 @pytest.mark.parametrize("ranks", RANKS)
 def test_solve_prints_the_contract_and_nothing_else(ranks: int, tmp_path: Path) -> None:
-    done = mpirun(ranks, "-m", "runs.cli", "solve", LINEAR, "--json", "--out", tmp_path / "out", timeout=60.0)
+    done = thirdbody("solve", LINEAR, "--json", "--out", tmp_path / "out", timeout=60.0, ranks=ranks)
     assert done.returncode == 0, done.stderr
     result = strict(done.stdout)
     assert result["model"] == "linear_bem"
@@ -49,7 +49,7 @@ def test_solve_prints_the_contract_and_nothing_else(ranks: int, tmp_path: Path) 
 def test_every_model_that_is_linear_answers_by_name(tmp_path: Path) -> None:
     forces = {}
     for model in ("linear_bem", "point_load"):
-        done = python("-m", "runs.cli", "solve", LINEAR, "--json", "--model", model, "--out", tmp_path / model)
+        done = thirdbody("solve", LINEAR, "--json", "--model", model, "--out", tmp_path / model)
         assert done.returncode == 0, done.stderr
         result = strict(done.stdout)
         assert result["model"] == model
@@ -61,7 +61,7 @@ def test_every_model_that_is_linear_answers_by_name(tmp_path: Path) -> None:
 
 def test_a_model_asked_for_by_name_says_what_it_leaves_out(tmp_path: Path) -> None:
     scene = SCENES / "paper_thin_pair.toml"
-    done = python("-m", "runs.cli", "solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
+    done = thirdbody("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     notes = strict(done.stdout)["solved"]["notes"]
     assert any("[finite_strain] left out" in note for note in notes)
@@ -73,7 +73,7 @@ def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
         scene = tmp_path / f"wanted{wanted}.toml"
         scene.write_text(thin_pair(f"tangential_force = {wanted}"), encoding="utf-8")
         args = ("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / wanted)
-        done = python("-m", "runs.cli", *args)
+        done = thirdbody(*args)
         assert done.returncode == 0, done.stderr
         result = strict(done.stdout)
         ball = result["balls"][0]
@@ -88,7 +88,7 @@ RESTING = [path for path in sorted(SCENES.glob("*.toml")) if "[reciprocation]" n
 
 @pytest.mark.parametrize("scene", RESTING, ids=lambda path: path.stem)
 def test_every_scene_of_balls_that_stay_is_solved(scene: Path, tmp_path: Path) -> None:
-    done = python("-m", "runs.cli", "solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
+    done = thirdbody("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     left, right = strict(done.stdout)["balls"]
     force = left["tangential_force"][0]
@@ -100,7 +100,7 @@ def test_every_scene_of_balls_that_stay_is_solved(scene: Path, tmp_path: Path) -
 
 
 def test_the_default_folder_is_named_after_scene_command_and_model(tmp_path: Path) -> None:
-    done = python("-m", "runs.cli", "solve", LINEAR, cwd=tmp_path, env={"PYTHONPATH": str(ROOT)})
+    done = thirdbody("solve", LINEAR, cwd=tmp_path, env={"PYTHONPATH": str(ROOT)})
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "paper_thin_pair_linear-solve-linear_bem" / "result.json").exists()
     assert "T / Q" in done.stdout
@@ -109,7 +109,7 @@ def test_the_default_folder_is_named_after_scene_command_and_model(tmp_path: Pat
 
 @pytest.mark.parametrize("ranks", RANKS)
 def test_plan_names_what_is_simulated_and_what_is_not(ranks: int) -> None:
-    done = mpirun(ranks, "-m", "runs.cli", "plan", LINEAR, timeout=60.0)
+    done = thirdbody("plan", LINEAR, timeout=60.0, ranks=ranks)
     assert done.returncode == 0, done.stderr
     simulated, absent = done.stdout.split("not simulated:")
     assert "[substrate]" in simulated
@@ -119,7 +119,7 @@ def test_plan_names_what_is_simulated_and_what_is_not(ranks: int) -> None:
 
 
 def test_plan_speaks_json() -> None:
-    done = python("-m", "runs.cli", "plan", LINEAR, "--json")
+    done = thirdbody("plan", LINEAR, "--json")
     assert done.returncode == 0, done.stderr
     plan = strict(done.stdout)
     assert plan["effects_present"] == ["substrate"]
@@ -129,8 +129,8 @@ def test_plan_speaks_json() -> None:
 
 
 def test_version_and_help() -> None:
-    assert python("-m", "runs.cli", "--version").stdout.startswith("thirdbody 0.")
-    commands = python("-m", "runs.cli", "--help").stdout
+    assert thirdbody("--version").stdout.startswith("thirdbody 0.")
+    commands = thirdbody("--help").stdout
     for command in ("solve", "compare", "plan", "doctor"):
         assert command in commands
 

@@ -16,7 +16,7 @@ import pytest
 from linear_bem import solve
 from runs.reporting import page_of, read_folder
 from runs.scene.scene_file import read_scene
-from tests.launch import ROOT, environment, mpirun
+from tests.launch import ROOT, STAND_IN, environment, thirdbody
 from tests.runs.test_command_line import strict
 from tests.scenes import thin_pair
 
@@ -25,8 +25,8 @@ RANKS = [1, pytest.param(2, marks=pytest.mark.mpi)]
 
 
 def run(ranks: int, command: str, out: Path, *more: str, wrong: str = "") -> subprocess.CompletedProcess[str]:
-    args = ("-m", "tests.runs.elements", command, SCENE, "--out", out, *more)
-    return mpirun(ranks, *args, timeout=120.0, env={"ELEMENTS": wrong})
+    env = {"ELEMENTS": wrong}
+    return thirdbody(command, SCENE, "--out", out, *more, ranks=ranks, env=env, program=STAND_IN)
 
 
 def table(out: Path) -> list[dict[str, str]]:
@@ -194,7 +194,7 @@ def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(thin_pair().replace("[load]", '[load]\nsteps = ["0.5 mm", "1 mm", "1.5 mm"]'), encoding="utf-8")
     args = ("solve", scene, "--out", tmp_path / "out", "--model", "small_strain")
-    done = mpirun(1, "-m", "tests.runs.elements", *args, timeout=120.0)
+    done = thirdbody(*args, program=STAND_IN)
     assert done.returncode == 0, done.stderr
     assert "[finite_strain] left out" in done.stdout
     assert "load path of ball 0" in done.stdout
@@ -205,7 +205,7 @@ def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
 
 
 def test_plan_names_the_models_of_a_comparison() -> None:
-    done = mpirun(1, "-m", "tests.runs.elements", "plan", SCENE, timeout=60.0)
+    done = thirdbody("plan", SCENE, program=STAND_IN)
     assert done.returncode == 0, done.stderr
     assert "mirror plane x = 0" in done.stdout
     assert "about 1 min 05 s" in done.stdout
@@ -217,7 +217,7 @@ def test_a_load_that_the_elements_lack_is_refused_before_long_work(tmp_path: Pat
     scene = tmp_path / "scene.toml"
     text = thin_pair().replace("approach = 0.32", "force = 0.1")
     scene.write_text(text, encoding="utf-8")
-    done = mpirun(1, "-m", "tests.runs.elements", "compare", scene, "--out", tmp_path / "out", timeout=60.0)
+    done = thirdbody("compare", scene, "--out", tmp_path / "out", program=STAND_IN)
     assert done.returncode == 2
     assert "load.force" in done.stderr
     assert not (tmp_path / "out").exists()

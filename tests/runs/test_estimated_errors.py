@@ -7,12 +7,12 @@ from pathlib import Path
 
 from linear_bem import Ball, Layer, Load, Problem, solve
 from runs.display.tables import error_lines
-from tests.launch import ROOT, python
+from tests.launch import ROOT, thirdbody
 
 
 def test_the_largest_relative_errors_are_one_line_and_columns_of_the_table(tmp_path: Path) -> None:
     scene = ROOT / "runs/scenes/paper_thin_pair_linear.toml"
-    done = python("-m", "runs.cli", "solve", scene, "--out", tmp_path / "out")
+    done = thirdbody("solve", scene, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "estimated errors: " in done.stdout
     with open(tmp_path / "out" / "steps.csv", encoding="utf-8", newline="") as file:

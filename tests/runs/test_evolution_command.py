@@ -20,7 +20,7 @@ from runs.models import MODELS, Run
 from runs.process import signals
 from runs.scene.scene_file import Scene, read_scene
 from runs.session.session import Options
-from tests.launch import ROOT, python
+from tests.launch import ROOT, python, thirdbody
 from tests.test_architecture import HEAVY, LOADED
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
@@ -91,7 +91,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     file = tmp_path / "three.toml"
     file.write_text(TEXT, encoding="utf-8")
     out = tmp_path / "out"
-    done = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out)
+    done = thirdbody("evolve", file, "--model", "point_load", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "at rest after" in done.stdout
     assert "3 of 3 members end with 3 contacts in groups of [3]" in done.stdout
@@ -110,7 +110,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
         assert (out / name).stat().st_size > 5_000, name
     assert (out / "evolution.gif").read_bytes()[:6] == b"GIF89a"
     assert not list(out.glob("structure*"))  # which are of layers of many balls
-    again = python("-m", "runs.cli", "evolve", file, "--model", "point_load", "--out", out, "--json")
+    again = thirdbody("evolve", file, "--model", "point_load", "--out", out, "--json")
     assert json.loads(again.stdout) == document
     assert "complete already" in again.stderr
 
@@ -281,7 +281,7 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
 def test_refusals_name_what_is_wrong(command: str, change: tuple[str, str], says: str, tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(TEXT.replace(*change) if change[0] else TEXT, encoding="utf-8")
-    done = python("-m", "runs.cli", command, file, "--out", tmp_path / "out")
+    done = thirdbody(command, file, "--out", tmp_path / "out")
     assert done.returncode == 2, done.stderr
     assert says in done.stderr
     assert "Traceback" not in done.stderr

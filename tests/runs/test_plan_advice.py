@@ -12,7 +12,7 @@ import pytest
 from linear_bem import Ball, Elastic, FiniteStrain, Layer, Load, Problem, solve
 from runs.advice import Advice, Adviser
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
-from tests.launch import python
+from tests.launch import thirdbody
 
 SUBSTRATE = Elastic(1e3, 0.3)
 PRECISION = 5e-3
@@ -138,11 +138,11 @@ def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> 
 
 
 def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
-    said = python("-m", "runs.cli", "plan", "runs/scenes/paper_thin_pair_linear.toml")
+    said = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml")
     assert said.returncode == 0, said.stderr
     assert "would change T by more than 2 %" in said.stdout
     assert "below that: the substrate's compliance" in said.stdout
-    done = python("-m", "runs.cli", "plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
+    done = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
     items: list[dict[str, Any]] = json.loads(done.stdout)["advice"]
     assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
     for item in items:

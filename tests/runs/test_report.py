@@ -19,9 +19,8 @@ from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.reporting.pictures import figure, said_of
 from runs.session.run_folder import MARK
-from tests.launch import ROOT, headless_browser, mpirun, python
+from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
 
-STAND_IN = Path(__file__).with_name("elements.py")
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 BROWSER = headless_browser()
 FLAGS = (
@@ -70,14 +69,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     base = tmp_path_factory.mktemp("report")
     made = {name: base / name for name in ("solve", "compare", "study")}
     commands = {
-        "solve": ("-m", "runs.cli", "solve", "runs/scenes/paper_thin_pair_linear.toml"),
-        "compare": (STAND_IN, "compare", "runs/scenes/paper_thin_pair.toml"),
-        "study": (STAND_IN, "study", "strengthening", "--quick", "--shard", "1/2"),
+        "solve": ("solve", "runs/scenes/paper_thin_pair_linear.toml"),
+        "compare": ("compare", "runs/scenes/paper_thin_pair.toml"),
+        "study": ("study", "strengthening", "--quick", "--shard", "1/2"),
     }
     for name, folder in made.items():
-        done = python(*commands[name], "--out", folder)
+        done = thirdbody(*commands[name], "--out", folder, program=STAND_IN)
         assert done.returncode == 0, done.stderr
-        told = python("-m", "runs.cli", "report", folder)
+        told = thirdbody("report", folder)
         assert told.returncode == 0, told.stderr
         assert "report.html" in told.stderr
     return made
@@ -149,8 +148,8 @@ def test_what_a_user_writes_cannot_become_markup(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     given = (ROOT / "runs/scenes/paper_thin_pair_linear.toml").read_text(encoding="utf-8")
     scene.write_text(re.sub(r'title = ".*"', 'title = "<script>alert(1)</script> & co"', given), encoding="utf-8")
-    assert python("-m", "runs.cli", "solve", scene, "--out", tmp_path / "out").returncode == 0
-    assert python("-m", "runs.cli", "report", tmp_path / "out", "--out", tmp_path / "page.html").returncode == 0
+    assert thirdbody("solve", scene, "--out", tmp_path / "out").returncode == 0
+    assert thirdbody("report", tmp_path / "out", "--out", tmp_path / "page.html").returncode == 0
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert not Page(text).all("script")
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in text
@@ -166,7 +165,7 @@ def test_a_run_of_any_other_command_is_shown_by_its_tables(tmp_path: Path) -> No
     }
     (tmp_path / MARK).write_text(json.dumps({"identity": {"command": "evolve"}, "state": "running"}))
     (tmp_path / "result.json").write_text(json.dumps(document))
-    assert python("-m", "runs.cli", "report", tmp_path).returncode == 0
+    assert thirdbody("report", tmp_path).returncode == 0
     text = " ".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
     for words in (document["answer"], "120", "seed", "groups", "Note: forces by pairs", "1.24", "unfinished"):
         assert str(words) in text
@@ -189,7 +188,7 @@ def test_balls_whose_pressures_no_model_knows_are_reported(tmp_path: Path) -> No
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
-    done = mpirun(1, "-m", "runs.cli", "report", tmp_path)
+    done = thirdbody("report", tmp_path)
     assert done.returncode == 2
     assert "holds no run and no study" in done.stderr
 

@@ -19,14 +19,14 @@ from runs.studies import read_shard
 from runs.studies.framework.case import varied
 from runs.studies.framework.publishing import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases
-from tests.launch import mpirun
+from tests.launch import STAND_IN, thirdbody
 
-STAND_IN = Path(__file__).with_name("elements.py")
 NAMES = [case.name for case in cases(quick=True)]
 
 
 def study(out: Path, *more: str, n: int = 1, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    return mpirun(n, STAND_IN, "study", "strengthening", "--quick", "--out", out, *more, env=env)
+    args = ("study", "strengthening", "--quick", "--out", out, *more)
+    return thirdbody(*args, ranks=n, env=env, program=STAND_IN)
 
 
 def records(out: Path) -> dict[str, dict[str, Any]]:
@@ -96,7 +96,7 @@ def test_parts_of_a_study_without_cases_and_a_published_quick_one_are_refused() 
         (("figures", "--shard", "1/2"), "cannot be split"),
         (("strengthening", "--quick", "--publish"), "full"),
     ):
-        done = mpirun(1, "-m", "runs.cli", "study", *more)
+        done = thirdbody("study", *more)
         assert done.returncode == 2
         assert words in done.stderr
 

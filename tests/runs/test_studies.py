@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.launch import python
+from tests.launch import thirdbody
 
 REFERENCE = 1e-5
 """Relative error of the independent reference values, and of the T that the study asks for."""
@@ -25,7 +25,7 @@ PARTS = (
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study") / "figures"
-    done = python("-m", "runs.cli", "study", "figures", "--quick", "--out", folder)
+    done = thirdbody("study", "figures", "--quick", "--out", folder)
     assert done.returncode == 0, done.stderr
     assert "# Figures 8 to 12" in done.stdout
     assert done.stdout == (folder / "figures.md").read_text(encoding="utf-8")
@@ -42,6 +42,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return {key: np.array([float(row[key] or "nan") for row in rows]) for key in rows[0]}
 
 
+@pytest.mark.slow
 def test_every_figure_is_drawn_twice_with_its_numbers_behind_it(out: Path) -> None:
     for part in PARTS:
         assert (out / f"{part}.png").stat().st_size > 20_000
@@ -125,22 +126,22 @@ def test_the_law_has_touching_balls_change_sign_where_the_solver_does(out: Path)
 def test_finished_parts_are_not_computed_again(out: Path) -> None:
     before = {part: (out / f"{part}.json").stat().st_mtime_ns for part in PARTS}
     (out / "figure_9_pressure.svg").unlink()  # as a run that was killed leaves it
-    done = python("-m", "runs.cli", "study", "figures", "--quick", "--out", out)
+    done = thirdbody("study", "figures", "--quick", "--out", out)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("taken from") == len(PARTS)
     assert (out / "figure_9_pressure.svg").exists()
     assert before == {part: (out / f"{part}.json").stat().st_mtime_ns for part in PARTS}
     (out / "figure_9_pressure.json").unlink()
-    shown = python("-m", "runs.cli", "study", "figures", "--quick", "--tables", "--out", out)
+    shown = thirdbody("study", "figures", "--quick", "--tables", "--out", out)
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.count("\n## ") == len(PARTS) - 1
-    full = python("-m", "runs.cli", "study", "figures", "--out", out)
+    full = thirdbody("study", "figures", "--out", out)
     assert full.returncode == 2
     assert "quick is True there and False here" in full.stderr
 
 
 def test_a_name_that_is_no_study_is_told_with_the_list() -> None:
-    done = python("-m", "runs.cli", "study", "figure")
+    done = thirdbody("study", "figure")
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert 'there is no study "figure"; known: figures' in done.stderr

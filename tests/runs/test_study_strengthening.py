@@ -17,9 +17,8 @@ from runs.studies.framework.records import Found
 from runs.studies.strengthening import fitting
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import cases
-from tests.launch import python
+from tests.launch import STAND_IN, thirdbody
 
-STAND_IN = Path(__file__).with_name("elements.py")
 LINEAR = 2e-4
 """Relative error asked of the linear T, twice."""
 
@@ -33,7 +32,7 @@ def rows(*points: tuple[float, float, float]) -> list[dict[str, Any]]:
 
 
 def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -> None:
-    done = python(STAND_IN, "study", "strengthening", "--quick", "--out", tmp_path / "out")
+    done = thirdbody("study", "strengthening", "--quick", "--out", tmp_path / "out", program=STAND_IN)
     assert done.returncode == 0, done.stderr
     with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
         found = list(csv.DictReader(file))

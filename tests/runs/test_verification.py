@@ -60,6 +60,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, 
     return tables
 
 
+@pytest.mark.slow
 def test_real_elements_meet_the_linear_model_within_their_error_bar(quick: Any) -> None:
     (row,) = quick["small-load"]
     assert row["verdict"] == "right"

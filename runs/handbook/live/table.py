@@ -9,8 +9,8 @@ Lengths are over R, forces over E R^2, so that the table holds for all R and E. 
   layer, which depends on L/h and nu alone and has a finer table. The remainder, due to the contacts' size, is smooth;
 - one ball alone: contact radius a and the surface around it, for the section.
 
-D is tabulated as a share of the deepest approach, the smaller of 0.5 R and 0.44 h. Every value is then computed anew
-at random points by `linear_bem.solve`; the largest differences are part of the table, and the page shows them.
+D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0.44 h. The table is then compared with
+`linear_bem.solve` at random points; it contains the largest differences, which the page shows.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ DISTANCE = Axis("distance", 2.0, 8.0, "log", 10)
 DEPTH = Axis("depth", 0.02, 1.0, "sqrt", 5)
 BREAK = DEEPEST / DEEPEST_SHARE
 THICKNESS = (Axis("thickness", 0.5, BREAK, "log", 5), Axis("thickness", BREAK, 12.0, "log", 9))
-"""The deepest approach has a kink where both limits are equal: no table spans it."""
+"""The largest approach has a kink where both limits are equal, so there is one table on each side."""
 FINE_POISSON = Axis("poisson", 0.0, 0.5, "linear", 8)
 REACH = Axis("distance over thickness", 0.15, 16.0, "log", 40)
 AROUND = Axis("distance from the contact", 0.0, 8.0, "sqrt", 16)
@@ -70,12 +70,12 @@ def point_ratio(poisson: float, reach: float) -> float:
 
 @dataclass(frozen=True)
 class LiveTable:
-    """What the page computes with; `pair_forces` and `section` are its formulas."""
+    """The tables of the live page, with its formulas `pair_forces` and `section`."""
 
     data: dict[str, Any]
 
     def patch(self, thickness: float) -> tuple[Axis, dict[str, Any]]:
-        """Return the axis and the tables of the part that holds ``thickness``."""
+        """Return the axis of thickness and the tables that cover ``thickness``."""
         number = int(thickness > BREAK)
         return THICKNESS[number], self.data["patches"][number]
 
@@ -104,7 +104,10 @@ class LiveTable:
         return approach * float(interpolate((AROUND,), around, (min(r - radius, AROUND.high),)))
 
     def section(self, poisson: float, thickness: float, distance: float, approach: float) -> Callable[[float], float]:
-        """Return w(x) / R under both balls: each dents the layer as alone, at its depth below the other's dent."""
+        """Return w(x) / R under both balls, by superposition of single balls.
+
+        Each has its approach reduced by the surface displacement that the other causes at its axis.
+        """
         alone = approach
         for _ in range(30):
             alone = approach - self.dent(poisson, thickness, alone, distance)
@@ -124,7 +127,7 @@ def reference(poisson: float, distance: float, normal: float) -> float:
 
 
 def compute(say: Callable[[str], None] = print) -> LiveTable:
-    """Return the table, with its errors; finished parts are read from `CACHE`."""
+    """Return the table with its errors; parts that are complete are read from `CACHE`."""
     CACHE.mkdir(parents=True, exist_ok=True)
     fine = [[point_ratio(nu, reach) for reach in REACH.nodes()] for nu in FINE_POISSON.nodes()]
     table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis, say) for axis in THICKNESS]})
@@ -134,7 +137,7 @@ def compute(say: Callable[[str], None] = print) -> LiveTable:
 def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, float, float]]:
     """Yield (poisson, thickness, distance, approach) spread over the whole table, the same ones every time.
 
-    An eighth of them lies on each axis's ends, where interpolation is worst.
+    One eighth of the coordinates lie at the ends of their axes, where interpolation is least accurate.
     """
     random = np.random.default_rng(seed)
     shares = np.clip(random.uniform(-1.0 / 14.0, 15.0 / 14.0, (count, 4)), 0.0, 1.0)
@@ -236,7 +239,7 @@ def _array(values: Any) -> Array:
 
 
 def read() -> LiveTable:
-    """Return the table as it is shipped."""
+    """Return the shipped table."""
     return LiveTable(json.loads(FILE.read_text(encoding="utf-8")))
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import duration
+from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25
@@ -26,7 +27,7 @@ def present(found: Found, folder: Path) -> str:
     """Write accuracy.csv and pareto.svg; return tables and advice as Markdown."""
     rows = measured(found)
     if rows:
-        save_csv(folder / "accuracy.csv", rows)
+        write_csv(folder / "accuracy.csv", rows)
         from runs.studies.accuracy.picture import draw  # noqa: PLC0415  (loads Matplotlib)
 
         draw(rows, folder)

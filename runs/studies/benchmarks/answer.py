@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from runs.process import signals
+from runs.process.files import write_csv, write_text
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
-from runs.studies.framework.study import Study, read_json, write
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.study import Study, read_json
+from runs.studies.framework.tables import markdown
 
 GRIDS = (256, 512, 1024)
 COUNTS = (9, 100, 300, 1000)
@@ -51,7 +52,7 @@ def compute(folder: Path, options: Options) -> None:
         f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, other programs ran too, and "
         f"ratios are more reliable than seconds. Codes: {', '.join(_versions())}."
     )
-    write(folder / KEPT, json.dumps({"words": words, "tables": tables}, indent=1))
+    write_text(folder / KEPT, json.dumps({"words": words, "tables": tables}, indent=1))
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -59,7 +60,7 @@ def page(folder: Path, quick: bool) -> str:
     kept = read_json(folder / KEPT) or {"words": "Nothing has been measured yet.", "tables": {}}
     lines = [kept["words"]]
     for name, rows in kept["tables"].items():
-        save_csv(folder / f"{name}.csv", rows)
+        write_csv(folder / f"{name}.csv", rows)
         columns = {key: key.replace("_", " ") for key in rows[0]}
         lines += ["", f"## {TITLES[name]}", "", *markdown(rows, columns, digits=3, aligned=False)]
     return "\n".join(lines)

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runs.process import signals
+from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.collective import cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def page(folder: Path, quick: bool) -> str:
     """Write tables and figures; return the answer as Markdown."""
     wanted = cases.cases(quick)
     found = [done for case in wanted if (done := read(case, folder / CASES)) is not None]
-    save_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in found])
+    write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in found])
     laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
     if found:
         free = [done for done in found if done.case.rolling == 0.0]

@@ -15,9 +15,10 @@ from runs.evolution.evolving import TABLES, Evolution, open_session
 from runs.evolution.forces import Forces
 from runs.evolution.providers import provider
 from runs.models import MODELS
+from runs.process.files import write_text
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
-from runs.studies.framework.study import read_json, write
+from runs.studies.framework.study import read_json
 
 Array = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = Tru
     if not file.exists():
         if not compute:
             return None
-        write(file, scene_text(case, pair_law(case.thickness)))
+        write_text(file, scene_text(case, pair_law(case.thickness)))
     elif not compute:
         return saved(folder / case.name)
     with open_session(read_scene(file), MODEL, Options(False, folder / case.name, fresh)) as session:

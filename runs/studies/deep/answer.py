@@ -10,12 +10,13 @@ from typing import Any
 import linear_bem
 from linear_bem.errors import ThirdBodyError
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.process.files import write_csv
 from runs.studies.deep.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import as_seen_by
 from runs.studies.framework.records import Found, pull
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 from runs.studies.stability.judging import work
 
 CREASE = 0.65
@@ -28,7 +29,7 @@ SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surfac
 def present(found: Found, folder: Path) -> str:
     """Write deep.csv and the figure; return the tables of the finest discretisations as Markdown."""
     rows = {case.labels["scene"]: _rows(found, case) for case in found.cases if found.steps(case.name)}
-    save_csv(folder / "deep.csv", [_plain(row) for scene in rows.values() for row in scene])
+    write_csv(folder / "deep.csv", [_plain(row) for scene in rows.values() for row in scene])
     with look():
         save_figure(_figure(rows), folder, "deep")
     lines = ["# How deep can balls be pressed in?", ""]

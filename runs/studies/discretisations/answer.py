@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv
 from runs.studies.discretisations.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 
 BY_ITSELF, PAIRED, BAR = "error of T, unpaired [%]", "error of T, paired [%]", "error bar of T [%]"
 
@@ -19,7 +20,7 @@ BY_ITSELF, PAIRED, BAR = "error of T, unpaired [%]", "error of T, paired [%]", "
 def present(found: Found, folder: Path) -> str:
     """Write discretisations.csv; return the table as Markdown."""
     rows = [row for case in found.cases for row in _rows(case, found)]
-    save_csv(folder / "discretisations.csv", rows)
+    write_csv(folder / "discretisations.csv", rows)
     text = (
         "Finite strain at full load, for the ball with the largest T. *Unpaired* is T of the finite-strain problem "
         "alone, *paired* T corrected by the small-strain problem on the same mesh; the reference for both is the "

@@ -10,12 +10,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv, write_text
 from runs.studies import Options
 from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
-from runs.studies.framework.study import Study, command, write
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.study import Study, command
+from runs.studies.framework.tables import markdown
 
 REPEATS = 3
 """Runs of each scene in the full version; the shortest gives its cost."""
@@ -25,7 +26,7 @@ KEPT = "effects.json"
 
 def compute(folder: Path, options: Options) -> None:
     """Measure everything; earlier results are not reused."""
-    write(folder / KEPT, json.dumps(measure(effects(), quick=options.quick), indent=1))
+    write_text(folder / KEPT, json.dumps(measure(effects(), quick=options.quick), indent=1))
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -34,7 +35,7 @@ def page(folder: Path, quick: bool) -> str:
         rows = json.loads((folder / KEPT).read_text(encoding="utf-8"))
     except FileNotFoundError:
         rows = []
-    save_csv(folder / "effects.csv", rows)
+    write_csv(folder / "effects.csv", rows)
     return "\n".join(report(rows, quick=quick))
 
 
@@ -46,11 +47,10 @@ def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
     effect separately.
     """
     repeats, workers = (0, 2) if quick else (REPEATS, 1)
-    texts = {toml(e.without): e.without for e in chosen}
+    texts = {toml(scene): scene for e in chosen for scene in (e.without, e.with_)}
     with ThreadPoolExecutor(workers) as pool:
-        bare = dict(zip(texts, pool.map(lambda scene: _best(scene, repeats), texts.values()), strict=True))
-        full = list(pool.map(lambda e: _best(e.with_, repeats), chosen))
-        pairs = [(bare[toml(e.without)], with_) for e, with_ in zip(chosen, full, strict=True)]
+        accounts = dict(zip(texts, pool.map(lambda scene: _best(scene, repeats), texts.values()), strict=True))
+        pairs = [(accounts[toml(e.without)], accounts[toml(e.with_)]) for e in chosen]
         own = [own_modules(*pair) + own_functions(*pair) for pair in pairs]
         absent = [
             tuple(sorted({n for other in own for n in other} - without.modules - without.functions) if quick else names)

@@ -13,6 +13,7 @@ from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, 
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
 from runs.process import signals
+from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.experiments import cases, resistance, side_by_side
@@ -20,7 +21,7 @@ from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
 from runs.studies.framework.study import Study, command
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}
@@ -60,7 +61,7 @@ def page(folder: Path, quick: bool) -> str:
                 tell(f"{case.name}, {model}: not there")
             else:
                 found[model][case.name] = document
-    save_csv(folder / "experiments.csv", _members(found))
+    write_csv(folder / "experiments.csv", _members(found))
     draw(folder, found)
     draw_gathering(folder, found)
     by_share = {} if quick else resistance.found(folder)

@@ -14,12 +14,13 @@ import scipy
 
 from runs.display.style import look, save_figure
 from runs.process import signals
+from runs.process.files import write_text
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.figures import bulge, distance, map_lengths, map_materials, modulus, pressure, thickness
 from runs.studies.figures.pair import scene
 from runs.studies.figures.part import save, saved
-from runs.studies.framework.study import Study, command, write
+from runs.studies.framework.study import Study, command
 from runs.studies.framework.tables import markdown
 
 SOURCE = "Materials 2021, 14(19), 5689, doi 10.3390/ma14195689"
@@ -31,7 +32,7 @@ PARTS = (
 
 def compute(folder: Path, options: Options) -> None:
     """Compute every part that the same code has not computed before."""
-    write(folder / "scene.toml", scene().text)
+    write_text(folder / "scene.toml", scene().text)
     for part in PARTS:
         signals.check()
         if not options.fresh and saved(folder, part, options.quick) is not None:

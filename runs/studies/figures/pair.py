@@ -40,7 +40,7 @@ class Pair:
     """The scene's pair with some of its values replaced: None keeps the scene's. Dimensionless, as the scene is.
 
     ``approach`` prescribes the approach of both balls in place of the force ``force``; ``half_space`` True
-    leaves out the substrate and lets the layer go on for ever.
+    leaves out the substrate and makes the layer infinitely thick.
     """
 
     thickness: float | None = None

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 import linear_bem
+from runs.process.files import write_csv, write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import code_of
-from runs.studies.framework.study import read_json, write
-from runs.studies.framework.tables import save_csv
+from runs.studies.framework.study import read_json
 
 Columns = Mapping[str, Sequence[float] | np.ndarray]
 
@@ -51,9 +51,9 @@ def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float)
     """Write STEM_TABLE.csv for every table, and STEM.json last: it says that the part is complete."""
     for name, columns in found.tables.items():
         rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-        save_csv(folder / f"{part.stem}_{name}.csv", [dict(zip(columns, row, strict=True)) for row in rows])
+        write_csv(folder / f"{part.stem}_{name}.csv", [dict(zip(columns, row, strict=True)) for row in rows])
     document = {"identity": _identity(quick), "seconds": seconds, "numbers": found.numbers, "tables": found.tables}
-    write(folder / f"{part.stem}.json", to_json(document))
+    write_text(folder / f"{part.stem}.json", to_json(document))
 
 
 def _identity(quick: bool) -> dict[str, Any]:

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import attraction
+from runs.process.files import write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
-from runs.studies.framework.study import CASES, read_json, write
+from runs.studies.framework.study import CASES, read_json
 
 DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
 """States of a record; all others say how the case ended without an answer."""
@@ -43,7 +44,7 @@ class StudyFolder:
 
     def save(self, case: Case, record: Mapping[str, Any]) -> None:
         """Write a case's record; delete its working files unless it is still running."""
-        write(self.path / CASES / f"{case.name}.json", to_json({"key": case.key(), **record}))
+        write_text(self.path / CASES / f"{case.name}.json", to_json({"key": case.key(), **record}))
         if record["state"] != RUNNING:
             shutil.rmtree(self.workspace(case), ignore_errors=True)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from linear_bem.errors import OutputUnusable
 from runs.process import ranks
-from runs.process.files import replacing
+from runs.process.files import write_text
 from runs.process.json_values import to_json
 from runs.session.progress import tell
 from runs.session.run_folder import MARK, difference
@@ -48,7 +48,7 @@ def run(study: Study, options: Options) -> None:
     if not ranks.is_root():
         return
     text = study.page(folder, options.quick).rstrip("\n") + "\n"
-    write(folder / study.text, text)
+    write_text(folder / study.text, text)
     print(text, end="")
     if options.publish:
         tell(f"published in {publish(study.name, text, [folder / name for name in study.publishes])}")
@@ -58,12 +58,6 @@ def run(study: Study, options: Options) -> None:
 def command(name: str, quick: bool) -> str:
     """Return the command that makes the study's page."""
     return f"thirdbody study {name}{' --quick' if quick else ''}"
-
-
-def write(path: Path, text: str) -> None:
-    """Write a text file atomically."""
-    with replacing(path) as draft:
-        draft.write_text(text, encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
@@ -87,7 +81,7 @@ def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
     if not known:
         raise OutputUnusable(f"{folder}: holds files of no study ({strangers[0]}); name a new or empty --out")
     if mark is None:
-        write(folder / MARK, to_json({"identity": identity, "state": "running"}))
+        write_text(folder / MARK, to_json({"identity": identity, "state": "running"}))
     elif mark.get("identity") != identity:
         raise OutputUnusable(
             f"{folder}: holds another run ({difference(mark.get('identity'), identity)}); name another --out"

@@ -1,15 +1,12 @@
-"""Tables of a study: Markdown for its page, CSV for other programs."""
+"""Tables of a study's page in Markdown."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import with_error
-from runs.process.files import replacing
 
 
 def markdown(
@@ -41,12 +38,3 @@ def written(value: Any, digits: int = 4) -> str:
     if isinstance(value, float):
         return f"{value:.{digits}g}"
     return str(value).replace("|", "\\|").replace("\n", " ")
-
-
-def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows of plain values; a row may lack columns."""
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    with replacing(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)

@@ -9,10 +9,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.framework.study import Study, read_json
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 
 SIZES = ("2x1", "3x1", "4x1")
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -46,7 +47,7 @@ def page(folder: Path, quick: bool) -> str:
     """Write peers.csv; return its table as Markdown."""
     answers = (read_json(file) for file, *_ in cases(folder, quick))
     rows = sorted((_row(found) for found in answers if found), key=lambda row: (row["D"], row["error of T"]))
-    save_csv(folder / "peers.csv", rows)
+    write_csv(folder / "peers.csv", rows)
     return "\n".join(markdown(rows))
 
 

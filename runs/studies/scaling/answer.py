@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from runs.process import ranks, signals
+from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.framework.study import Study
-from runs.studies.framework.tables import markdown, save_csv, written
+from runs.studies.framework.tables import markdown, written
 from runs.studies.scaling.measuring import FORMS, measure, pressed, too_large
 
 SIZES = (12_000, 60_000, 120_000)
@@ -62,7 +63,7 @@ def compute(folder: Path, options: Options) -> None:
                 if comm.rank == 0:
                     tell(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
-                save_csv(file, rows)
+                write_csv(file, rows)
 
 
 def read(files: Sequence[Path]) -> list[dict[str, Any]]:

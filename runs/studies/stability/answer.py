@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 from runs.studies.stability.bars import path_bars, sentence
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
@@ -25,8 +26,8 @@ def present(found: Found, folder: Path) -> str:
     rows = [_row(found, case) for case in found.cases]
     bars = path_bars(found)
     pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
-    save_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
-    save_csv(folder / "bars.csv", bars)
+    write_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
+    write_csv(folder / "bars.csv", bars)
     ended = [row["ended"] for row in rows]
     counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
     numbers = {key: key for key in rows[0] if key not in ("why", "words")}

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import number, with_error
+from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import LAW_APPROACHES, SIDES, cases
@@ -30,7 +31,7 @@ def present(found: Found, folder: Path) -> str:
     named = {case.name: case for case in found.cases}
     flat = [{"case": name, **named[name].labels, **row} for name, path in rows.items() for row in path]
     if flat:
-        save_csv(folder / "factors.csv", flat)
+        write_csv(folder / "factors.csv", flat)
     fits = {side: _headline_fit(rows, h, side) for h, side in SIDES.items()}
     pictures.draw(found, rows, fits, folder)
     lines = ["# How much stronger finite strain makes the tangential force", ""]

@@ -15,10 +15,11 @@ from typing import Any
 from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import compare_steps
 from runs.display.numbers import attraction
+from runs.process.files import write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
-from runs.studies.framework.study import read_json, write
+from runs.studies.framework.study import read_json
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""
@@ -35,7 +36,7 @@ def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
         key = [case.key(), len(steps)]
         old = kept.get(case.name, {})
         now[case.name] = old if old.get("key") == key else {"key": key, "rows": _rows(case, steps)}
-    write(folder / KEPT, to_json(now))
+    write_text(folder / KEPT, to_json(now))
     return {name: entry["rows"] for name, entry in now.items()}
 
 

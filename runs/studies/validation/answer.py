@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
 from runs.studies.validation.comparison import (
     AGREES,
@@ -40,7 +41,7 @@ def cases(quick: bool) -> list[Case]:
 def present(found: Found, folder: Path) -> str:
     """Write validation.csv and the figure; return the answer as Markdown."""
     every = {comparison.key: comparison.points(found) for comparison in COMPARISONS}
-    save_csv(folder / "validation.csv", [r for c in COMPARISONS for r in _rows(c, every[c.key])])
+    write_csv(folder / "validation.csv", [r for c in COMPARISONS for r in _rows(c, every[c.key])])
     pictures.draw(every, folder)
     done = [c for c in COMPARISONS if _points(every[c.key])]
     lines = ["# Results of others", "", f"**{headline(done, every)}**", "", METHOD, ""]

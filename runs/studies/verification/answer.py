@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown, save_csv
+from runs.studies.framework.tables import markdown
 from runs.studies.verification import (
     bars,
     convergence,
@@ -43,7 +44,7 @@ def present(found: Found, folder: Path) -> str:
     tables = {part.name: part.rows(found) for part in PARTS}
     for name, rows in tables.items():
         if rows:
-            save_csv(folder / f"{name}.csv", rows)
+            write_csv(folder / f"{name}.csv", rows)
     pictures.draw(tables, folder)
     every = _counts([row for rows in tables.values() for row in rows])
     lines = ["# Verification of the finite-strain model", ""]

@@ -1,0 +1,130 @@
+"""Forces by pairs on many balls: waves in a lattice, images in a periodic cell, the law's cut, the loads' solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runs.evolution.drift import Drift
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.loads import DENSE, effective_approaches
+from runs.evolution.pair_forces import PairForces
+from tests.runs.lattices import in_cell, lattice
+
+ROUNDOFF = 1e-9
+CLOSE = 1e-6
+"""Share of the law left out where the sums themselves are looked at."""
+
+
+def growth_rates(pair: PairForces, spacing: float, wave: float, reach: float = 40.0) -> tuple[float, float]:
+    r"""Return the growth rates [1/m of path over friction] of a square lattice along and across a wave along x.
+
+    With all loads Q, displacements u_j = U exp(i q x_j) and the pair law's k and c at the lattice's distances, the
+    linearised balance of loads gives (1/s + sum k exp(i q r)) dQ = -Q i sum k' n sin(q r) U, s = dF/dd, and
+
+        du/dsigma = Q [sum (c' n n + c/L (1 - n n)) (cos(q r) - 1) + (sum c n sin)(sum k' n sin)/(1/s + sum k exp)] U.
+    """
+    steps = np.arange(-int(reach / spacing), int(reach / spacing) + 1)
+    r = spacing * np.array([(i, j) for i in steps for j in steps if (i, j) != (0, 0)], dtype=float)
+    distance = np.hypot(*r.T)
+    n = r / distance[:, None]
+    (k, c), h = pair.law(distance), 1e-4
+    (k_up, c_up), (k_down, c_down) = pair.law(distance + h), pair.law(distance - h)
+    k_slope, c_slope = (k_up - k_down) / (2.0 * h), (c_up - c_down) / (2.0 * h)
+    single, approach = pair.singles[0], pair.problem.load.values[0]
+    load = single.force(np.array([approach]))[0]
+    for _ in range(200):  # the load that all balls share
+        load = 0.5 * load + 0.5 * single.force(np.array([approach - np.sum(k) * load]))[0]
+    slope = single.force_and_slope(np.array([approach - np.sum(k) * load]))[1][0]
+    phase = wave * r[:, 0]
+    soft = 1.0 / slope + np.sum(k * np.cos(phase))
+    rates = []
+    for axis in (0, 1):
+        square = n[:, axis] ** 2
+        stiff = np.sum((c_slope * square + c / distance * (1.0 - square)) * (np.cos(phase) - 1.0))
+        turned = np.sum(c * n[:, axis] * np.sin(phase)) * np.sum(k_slope * n[:, axis] * np.sin(phase))
+        rates.append(float(load * (stiff + turned / soft)))
+    return rates[0], rates[1]
+
+
+@pytest.mark.parametrize(("name", "spacing"), [("thin", 3.0), ("thick", 2.2), ("thick", 3.0)])
+def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
+    name: str, spacing: float, request: pytest.FixtureRequest
+) -> None:
+    pair: PairForces = request.getfixturevalue(name)
+    count = 8
+    x = lattice(count, count, spacing)
+    cell = np.array([count * spacing] * 2)
+    forces = in_cell(pair, len(x), cell)
+    still = forces(x)
+    push = still.normal[0] ** 2 * abs(float(pair.law(np.array([spacing]))[1][0]))
+    assert np.max(np.abs(still.tangential)) <= ROUNDOFF * push
+    balls = HardBalls(np.ones(len(x)), cell)
+    for number in (1, 3):
+        wave = 2.0 * np.pi * number / cell[0]
+        for axis, rate in enumerate(growth_rates(pair, spacing, wave)):
+            shape = np.sin(wave * x[:, 0])
+            moved = x.copy()
+            moved[:, axis] += 1e-5 * shape
+            path = list(Drift(forces, balls, 1e-10, 1e-15).path(moved, 0.4 / abs(rate)))
+            size = [float(shape @ (m.positions - x)[:, axis]) for m in (path[0], path[-1])]
+            measured = np.log(size[1] / size[0]) / path[-1].sigma
+            # the law of the forces is cut, a wave of 1e-5 R is not quite linear
+            assert measured == pytest.approx(rate, rel=0.02)
+
+
+def test_a_cell_stands_for_its_images_and_its_edge_for_nothing(thin: PairForces) -> None:
+    side, rng = 9.0, np.random.default_rng(3)
+    x = np.array([(1.5, 1.5), (4.4, 2.0), (7.2, 1.2), (2.0, 5.1), (5.5, 5.6), (1.2, 7.9), (7.0, 7.5)])
+    x += rng.uniform(-0.2, 0.2, x.shape)
+    cell = np.array([side, side])
+    forces = in_cell(thin, len(x), cell, CLOSE)
+    assert forces.reach > side  # a ball acts on another, and on itself, through several images
+    here = forces(x)
+    copies = np.array([(0, 0), *[(i, j) for i in range(-4, 5) for j in range(-4, 5) if (i, j) != (0, 0)]])
+    many = (x[None] + side * copies[:, None]).reshape(-1, 2)
+    problem = in_cell(thin, len(many), cell).problem
+    wide = PairForces(problem, [thin.singles[0]] * len(many), thin.law, cut=CLOSE)(many)
+    assert here.normal == pytest.approx(wide.normal[: len(x)], rel=10.0 * CLOSE)
+    size = float(np.max(np.abs(here.tangential)))
+    assert here.tangential == pytest.approx(wide.tangential[: len(x)], abs=10.0 * CLOSE * size)
+    assert here.tangential.sum(axis=0) == pytest.approx(0.0, abs=ROUNDOFF * size)
+    moved = forces(x + np.array([4.3, -7.7]) + side * np.array([[1.0, 0.0]] * 3 + [[0.0, -2.0]] * 4))
+    assert moved.tangential == pytest.approx(here.tangential, abs=ROUNDOFF * size)
+    balls = HardBalls(np.ones(2), np.array([20.0, 20.0]))
+    across = np.array([[0.5, 10.0], [19.0, 10.0]])
+    assert balls.gaps(across) == pytest.approx([-0.5])
+    assert balls.gaps(balls.parted(across, np.ones(2))) == pytest.approx([0.0], abs=1e-12)
+
+
+def test_forces_left_out_are_as_small_as_stated(thin: PairForces) -> None:
+    x = 2.4 * lattice(12, 12, 1.0) + np.random.default_rng(1).uniform(-0.15, 0.15, (144, 2))
+    balls = HardBalls(np.ones(len(x)))
+    assert len(balls.near(x, -1e-3)) == 0
+    forces = PairForces(in_cell(thin, len(x), np.ones(2)).problem, [thin.singles[0]] * len(x), thin.law)
+    # all pairs, by the law itself
+    between = x[None] - x[:, None]
+    distance = np.hypot(*between.T).T
+    np.fill_diagonal(distance, np.inf)
+    k, c = thin.law(distance)
+    state = forces(x)
+    load = state.normal
+    for _ in range(100):
+        load = 0.5 * load + 0.5 * thin.singles[0].force(0.1 - k @ load)
+    np.fill_diagonal(distance, 1.0)
+    full = np.einsum("ij,ijk->ik", c * np.outer(load, load) / distance, between)
+    error = float(np.max(np.abs(state.tangential - full)) / np.max(np.hypot(*full.T)))
+    assert 1e-7 < error < 1.2 * forces.cut_error(x) < 2e-3
+
+
+def test_loads_of_many_balls_are_those_of_elimination(monkeypatch: pytest.MonkeyPatch, thin: PairForces) -> None:
+    x = 2.3 * lattice(6, 6, 1.0)
+    forces = PairForces(in_cell(thin, len(x), np.ones(2)).problem, [thin.singles[0]] * len(x), thin.law)
+    by_elimination = forces(x)
+    assert len(x) <= DENSE
+    monkeypatch.setattr("runs.evolution.loads.DENSE", 0)
+    assert forces(x).normal == pytest.approx(by_elimination.normal, rel=1e-11)
+    from scipy.sparse import csr_matrix  # noqa: PLC0415
+
+    none = effective_approaches(csr_matrix((2, 2)), lambda d: (d, np.ones(2)), np.array([1.0, 2.0]))
+    assert none == pytest.approx([1.0, 2.0])

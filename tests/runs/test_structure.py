@@ -1,0 +1,36 @@
+"""Measures of structure: distances, clusters, coordination, hexatic order and structure factor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runs.evolution import structure
+from runs.evolution.hard_balls import HardBalls
+from tests.runs.foam_balls import line
+from tests.runs.lattices import triangular
+
+
+def test_structure_of_a_lattice_and_of_chance() -> None:
+    x, cell = triangular(10, 12, 2.0)
+    balls = HardBalls(np.ones(len(x)), cell)
+    assert structure.nearest_distances(x, cell) == pytest.approx(2.0)
+    assert structure.cluster_sizes(balls, x).tolist() == [len(x)]
+    assert structure.coordination(len(balls.touching(x, 1e-9)), len(x)) == pytest.approx(6.0)
+    shaken = x + np.random.default_rng(0).uniform(-1e-6, 1e-6, x.shape)
+    order = structure.hexatic_order(shaken, cell)
+    assert np.abs(order) == pytest.approx(1.0, abs=1e-5)
+    assert np.abs(np.mean(order)) == pytest.approx(1.0, abs=1e-5)
+    k, s = structure.structure_factor(x, cell, 6.0)
+    # the first reciprocal vectors of the lattice, 4 pi/(sqrt(3) a): all balls in phase, six waves of the ring's
+    peak = float(k[np.argmax(s)])
+    assert peak == pytest.approx(4.0 * np.pi / (2.0 * np.sqrt(3.0)), rel=0.03)
+    assert np.all(s[k < 0.9 * peak] < 1e-9)
+    gas = np.random.default_rng(1).uniform(0.0, 60.0, (900, 2))
+    k, s = structure.structure_factor(gas, np.array([60.0, 60.0]), 6.0)
+    assert np.mean(s[k > 1.0]) == pytest.approx(1.0, abs=0.05)
+    assert np.abs(structure.hexatic_order(gas, None)).mean() < 0.6
+    # two balls: Debye's sum
+    k, s = structure.structure_factor(np.array([[0.0, 0.0], [3.0, 0.0]]), None, 6.0)
+    assert s[0] == pytest.approx(2.0, abs=0.05)
+    assert np.all(structure.hexatic_order(np.array(line(5, 0.03)), None) == 0.0)
