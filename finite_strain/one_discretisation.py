@@ -15,7 +15,7 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
-from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
+from finite_strain.equilibrium.load_path import RESIDUAL, ROUGH, LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.distortion import distortion
@@ -25,8 +25,15 @@ from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
 from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
+from linear_bem.errors import NotConverged
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
+
+LARGEST_PENETRATION = 1e-4
+"""Largest penetration at a node, over the ball's radius, that `ModelRun.enforce` accepts."""
+STIFFER, ROUNDS = 4.0, 3
+"""Factor on the penalties otherwise, and how often: each halves the penetration, and the last tangent still serves as
+preconditioner (`thirdbody study discretisations` has the alternatives)."""
 
 
 def mesh_box(box: Box, file: Path, comm: MPI.Comm) -> Meshed:
@@ -56,6 +63,38 @@ class ModelRun:
         """Free matrix, factors and vectors (collective)."""
         self.solver.close()
         self.model.close()
+
+    def enforce(self, record: StepRecord, rounds: int | None = None) -> int:
+        """Stiffen the contact of an equilibrium with multipliers; return how often (collective).
+
+        By default until no ball penetrates more than `LARGEST_PENETRATION`. If Newton's method fails, the state stays.
+        """
+        contact, fields, taken = self.model.contact, self.model.fields, 0
+        values, approaches, force = fields.copy(), contact.approaches, self.solver.tolerance / RESIDUAL
+        most = (ROUNDS if rounds is None else rounds) * record.augmented
+        accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in contact.balls])
+        try:
+            while taken < most and (rounds is not None or np.any(self.extremes()[:, 1] > accepted)):
+                contact.stiffen(STIFFER)
+                taken += 1
+                self._again(record, ROUGH, force)
+            if taken:
+                self._again(record, 1.0, force)
+                if not math.isfinite(self.model.energy()):
+                    raise NotConverged("elements are turned inside out")
+        except NotConverged:
+            contact.stiffen(STIFFER**-taken)
+            fields.restore(values)
+            contact.set_approaches(approaches)
+            return 0
+        return taken
+
+    def _again(self, record: StepRecord, rough: float, force: float) -> None:
+        done = self.solver.solve(rough * RESIDUAL, force, record.fraction, keeps=True)
+        record.newton_iterations += done.iterations
+        record.augmentation_iterations += done.iterations
+        record.tangents += done.tangents
+        record.residual = done.residual
 
     def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""

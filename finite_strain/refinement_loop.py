@@ -162,9 +162,11 @@ class Refinement:
             if done.fraction not in plan.goals:
                 continue
             run.own.path.augment(done)
+            is_last = number > 0 and done.fraction == plan.goals[-1]
+            rounds = run.own.enforce(done) if is_last else 0
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
-            small, pair = self._pair(run.small, record, number, done.fraction)
+            small, pair = self._pair(run.small, record, number, done.fraction, rounds)
             record.rows.append(Row(own, small))
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
@@ -192,14 +194,18 @@ class Refinement:
         return replace(answer, mesh=number)
 
     def _pair(
-        self, run: ModelRun | None, record: Record, number: int, fraction: float
+        self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int
     ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
-        """Return the small-strain state at a load fraction; None once no equilibrium was found (collective)."""
+        """Return the small-strain state at a load fraction; None once no equilibrium was found (collective).
+
+        ``rounds`` is how often the run's own contact was stiffened: the pair has the same penalties.
+        """
         if run is None or (record.rows and record.rows[-1].small is None):
             return None, None
         try:
             last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
             run.path.augment(last)
+            run.enforce(last, rounds)
             self._keep(run.snapshot(fraction), number, "small")
             return run.state(fraction), last
         except NotConverged:

@@ -178,6 +178,11 @@ class Contact:
         """Change the equilibrium condition so that the penetration of the multipliers' source state vanishes."""
         self.augmented.value += 1.0
 
+    def stiffen(self, factor: float) -> None:
+        """Multiply the penalties by a factor; the multipliers stay as they are."""
+        self.set_penalties(factor * self.penalties)
+        self.augmented.value /= factor
+
     def forget_multipliers(self) -> None:
         """Set the multipliers to zero."""
         self.augmented.value = 0.0

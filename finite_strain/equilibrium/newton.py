@@ -129,18 +129,18 @@ class NewtonSolver:
         self._renew(self._x)
         self._prepared = True
 
-    def solve(self, tolerance: float, force: float, fraction: float) -> Equilibrium:
+    def solve(self, tolerance: float, force: float, fraction: float, keeps: bool = False) -> Equilibrium:
         """Bring the model into equilibrium at a fraction of the load, from its present state.
 
-        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]. Raises `NotConverged`, with the state as
-        it was before, when Newton's method fails.
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: the last solve's tangent is
+        near enough to begin with. Raises `NotConverged`, with the state as it was before, when Newton's method fails.
         """
         self.tolerance, self._targets = tolerance * force, self.control.targets(fraction)
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
         self.residuals = []
-        self._norm, self._keeps = 1e-300, self._prepared
+        self._norm, self._keeps = 1e-300, self._prepared or keeps
         iterations, tangents = 0, self.effort.tangents - self._prepared  # the prepared one is this solve's
         # near the end the potential's decrease is below its roundoff: full steps are safe, and the residual decides
         exact, failed = self.tolerance, PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH

@@ -15,6 +15,7 @@ import finite_strain
 import linear_bem
 from finite_strain.force.distortion import distortion
 from finite_strain.geometry.estimates import PENETRATION
+from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
@@ -82,6 +83,7 @@ def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> Non
         # solver: the residual is closed to 1e-9 of the normal force
         assert step.record["force_balance"] <= 1e-7
         assert step.record["penetration"] < 0.03 * step.balls[0].approach  # at the contact's edge, inside an element
+    assert deep.steps[-1].record["penetration"] < LARGEST_PENETRATION  # at full load
     # the work of the normal forces along the way is the strain energy; Q ~ D^n between load steps
     d, q = (np.array([getattr(step.balls[0], name) for step in deep.steps]) for name in ("approach", "normal_force"))
     power = np.diff(np.log(q)) / np.diff(np.log(d))
@@ -220,6 +222,33 @@ def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: P
     assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
     assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
     assert 0 < last.augmentation_iterations <= last.newton_iterations
+
+
+def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
+    rig = rig_of(pair(0.2, poisson=0.3), tmp_path)
+    *_, last = rig.press()
+    assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
+    assert rig.path.augment(last)
+    before, stiff, iterations = rig.run.state(1.0), rig.model.contact.penalties.copy(), last.newton_iterations
+    assert before.penetration[0] > LARGEST_PENETRATION
+
+    rig.solver.max_iterations = 0  # Newton's method fails
+    assert rig.run.enforce(last) == 0
+    same = rig.run.state(1.0)
+    for name, value in vars(before).items():
+        assert np.array_equal(getattr(same, name), value), name
+
+    rig.solver.max_iterations = rig.plan.numerics.newton_iterations
+    rounds = rig.run.enforce(last)
+    after = rig.run.state(1.0)
+    assert rounds > 0
+    assert rig.model.contact.penalties == relatively(stiff * STIFFER**rounds, 1e-12)
+    assert after.penetration[0] < 0.6 * before.penetration[0]
+    assert abs(after.mean_gap[0]) < abs(before.mean_gap[0])
+    # the mean penetration acts like a smaller approach
+    assert after.normal_force == relatively(before.normal_force, 3.0 * abs(before.mean_gap[0]) / 0.2)
+    assert last.newton_iterations > iterations
+    assert last.residual <= rig.solver.tolerance
 
 
 def test_a_deformable_substrate_matches_the_linear_model(tmp_path: Path) -> None:

@@ -249,9 +249,10 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(2, tmp_path)
-    assert found["solved"]["ranks"] == 2
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_several_ranks_give_the_same_answer_as_one(ranks: int, result: Any, folder: Path, tmp_path: Path) -> None:
+    found = press(ranks, tmp_path)
+    assert found["solved"]["ranks"] == ranks
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert "main" in found["meshes_run"]
     for number in (0, 1):
