@@ -245,8 +245,8 @@ def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path
     assert rig.model.contact.penalties == relatively(stiff * STIFFER**rounds, 1e-12)
     assert after.penetration[0] < 0.6 * before.penetration[0]
     assert abs(after.mean_gap[0]) < abs(before.mean_gap[0])
-    # the mean penetration acts like a smaller approach
-    assert after.normal_force == relatively(before.normal_force, 3.0 * abs(before.mean_gap[0]) / 0.2)
+    # discretisation: at order 2 the contact's edge moves within its elements; 3e-4 here
+    assert after.normal_force == relatively(before.normal_force, 1e-3)
     assert last.newton_iterations > iterations
     assert last.residual <= rig.solver.tolerance
 
