@@ -24,7 +24,7 @@ from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms, form_notes
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
-from finite_strain.one_discretisation import MeshRun, ModelRun
+from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
@@ -198,14 +198,14 @@ class Refinement:
     ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
         """Return the small-strain state at a load fraction; None once no equilibrium was found (collective).
 
-        ``rounds`` is how often the run's own contact was stiffened: the pair has the same penalties.
+        ``rounds`` is how often the own contact was stiffened; the pair gets the same penalties when its multipliers are added.
         """
         if run is None or (record.rows and record.rows[-1].small is None):
             return None, None
         try:
+            run.path.stiffer *= STIFFER**rounds
             last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
             run.path.augment(last)
-            run.enforce(last, rounds)
             self._keep(run.snapshot(fraction), number, "small")
             return run.state(fraction), last
         except NotConverged:

@@ -82,7 +82,7 @@ class LoadPath:
         shortest: float = DEFAULT.shortest_step,
     ) -> None:  # fmt: skip
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
-        self._observe, self._stiffer, self._shortest = observe, stiffer, shortest
+        self._observe, self.stiffer, self._shortest = observe, stiffer, shortest
         self.history: list[State] = []
         self.source = model.contact.penalised
 
@@ -175,7 +175,7 @@ class LoadPath:
         """Find the equilibrium near the present state with the multipliers of another one, or of this one."""
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
-        contact.augment(source, self._stiffer * STIFFENING)
+        contact.augment(source, self.stiffer * STIFFENING)
         self._set_area(source.approaches)
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
