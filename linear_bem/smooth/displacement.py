@@ -89,7 +89,7 @@ class LatticeRest:
     """What a cell's lattice adds to the kernel's sum over all contacts and images listed: a smooth field.
 
     ``nodes`` are the contacts and then their images within ``reach`` [m] of the rectangle that holds ``places`` (k, 2)
-    [m], by default the contacts. Without a mesh the kernel is negligible beyond the images, and there is nothing to add.
+    [m], by default the contacts. Without a mesh the kernel is negligible beyond the images: there is nothing to add.
     """
 
     def __init__(
