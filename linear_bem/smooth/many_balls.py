@@ -7,7 +7,8 @@ compliance s_i = dD_i/dQ_i, (3) new forces from the coarse system
 
     (diag(s) + K(L_ij)) dQ = D_wanted - D,
 
-which point loads describe well. The error shrinks by the size of the shape coupling, 1e-2 to 1e-4 per
+which point loads describe well, and (4) the changes of every ball's pressure that its new force makes, so that the
+others feel it in the next sweep. The error shrinks by the size of the shape coupling, 1e-2 to 1e-4 per
 sweep for separate balls; contacts that nearly touch, whose error is only halved, are accelerated by Anderson's
 mixing. A sweep costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
 """

@@ -167,8 +167,8 @@ def rest(found: Sequence[Finished]) -> list[str]:
     return [
         "",
         f"**Rest.** {resting or 'None'} of {len(free)} layers that gather without resistance came to rest by the end "
-        "of the path; clusters of the others go on to merge and to fold, ever more slowly. With a resistance to rolling of "
-        f"{held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
+        "of the path; clusters of the others go on to merge and to fold, ever more slowly. With a resistance to "
+        f"rolling of {held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
     ]
 
 
