@@ -57,15 +57,17 @@ class Cell:
         """Return offsets (..., 2) [m] between points to the nearest images."""
         return np.asarray(offset - self.lengths * np.round(offset / self.lengths))
 
-    def images(self, points: Array, reach: float) -> tuple[Indices, Array]:
+    def images(self, points: Array, reach: float, places: Array | None = None) -> tuple[Indices, Array]:
         """Return points and shifts [m] of all images other than the points, within ``reach`` of the smallest rectangle.
 
-        That is the rectangle along x and y which holds all ``points`` (n, 2) [m].
+        That is the rectangle along x and y which holds all ``places`` (k, 2) [m], by default the ``points`` (n, 2) [m].
         """
-        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
-        most = np.ceil((high - low) / self.lengths).astype(int)
+        places = points if places is None else places
+        low, high = places.min(axis=0) - reach, places.max(axis=0) + reach
+        fewest = np.floor((low - points.max(axis=0)) / self.lengths).astype(int)
+        most = np.ceil((high - points.min(axis=0)) / self.lengths).astype(int)
         owners, shifts = [], []
-        for m, n in product(*(range(-k, k + 1) for k in most)):
+        for m, n in product(*(range(a, b + 1) for a, b in zip(fewest, most, strict=True))):
             shift = self.lengths * (m, n)
             moved = points + shift
             inside = np.flatnonzero(np.all((moved >= low) & (moved <= high), axis=1))

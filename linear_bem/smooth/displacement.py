@@ -88,17 +88,19 @@ def displacement_about(
 class LatticeRest:
     """What a cell's lattice adds to the kernel's sum over all contacts and images listed: a smooth field.
 
-    ``nodes`` are the contacts and then their images within ``reach`` [m] of the rectangle that holds them all. Without
-    a mesh the kernel is negligible beyond the images, and there is nothing to add.
+    ``nodes`` are the contacts and then their images within ``reach`` [m] of the rectangle that holds ``places`` (k, 2)
+    [m], by default the contacts. Without a mesh the kernel is negligible beyond the images: there is nothing to add.
     """
 
-    def __init__(self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float) -> None:
+    def __init__(
+        self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float, places: Array | None = None
+    ) -> None:
         assert kernel.cell is not None
         zones = stacked([n.zone for n in nodes])
         margin = 1.5 * 1.1 * float(np.max(zones.reach))
         self.mesh, alpha, reach = cell_split(kernel, len(nodes), margin, precision)
         self.reach = reach + 2.0 * margin
-        owners, shifts = kernel.cell.images(zones.centre, self.reach)
+        owners, shifts = kernel.cell.images(zones.centre, self.reach, places)
         self.nodes = [*nodes, *(nodes[i].moved(shift) for i, shift in zip(owners, shifts, strict=True))]
         self.field = FarField(kernel, owners, owners, shifts, self.mesh, alpha, reach)  # its `far` alone is asked
         if self.mesh is not None:
@@ -135,7 +137,7 @@ def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
     assert kernel.cell is not None
     low = np.min([n.zone.centre for n in nodes], axis=0)
     points = low + np.mod(np.stack([x, y], axis=1) - low, kernel.cell.lengths)
-    rest = LatticeRest(kernel, nodes, IN_CELL_TO)
+    rest = LatticeRest(kernel, nodes, IN_CELL_TO, points)
     px, py = points.T
     return displacement_of_many(kernel, rest.nodes, px, py) + rest.displacement(px, py, rest.nodes)
 

@@ -22,11 +22,15 @@ RENEWED = 0.02
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ [over 1/``singular``] of every ball."""
+    """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ [over 1/``singular``] of every ball.
+
+    ``responses`` (balls, terms) are the derivatives of the coefficients by the ball's force.
+    """
 
     changes: Array
     approaches: Array
     compliances: Array
+    responses: Array
 
 
 class OwnEquations:
@@ -41,7 +45,7 @@ class OwnEquations:
         count, terms = nodes.zones.coefficients.shape
         if len(self._matrices) != count:
             self._matrices, changed = np.empty((count, terms, terms)), np.ones(count, dtype=bool)
-        found = np.empty((count, terms)), np.empty(count), np.empty(count)
+        found = np.empty((count, terms)), np.empty(count), np.empty(count), np.empty((count, terms))
         for renew in (True, False):
             chosen = np.flatnonzero(changed == renew)
             for part in np.array_split(chosen, chosen.size * nodes.x.shape[1] * terms // 500_000 + 1):
@@ -54,7 +58,7 @@ class OwnEquations:
 
     def _some(
         self, n: NodeStack, rise: Array, forces: Array, matrix: Array, renew: bool
-    ) -> tuple[tuple[Array, Array, Array], Array]:
+    ) -> tuple[tuple[Array, Array, Array, Array], Array]:
         test = 0.5 * basis(n.xi, n.eta, n.zones.degree).transpose(1, 0, 2) * (n.weights / n.pressure)[:, None, :]
         potential, derivative = n.zones.half_space(n.xi, n.eta, self.rule.directions, self.rule.along, renew)
         smooth, smooth_derivative = self._smooth(n, test if renew else test[:, :0])
@@ -67,7 +71,7 @@ class OwnEquations:
         # the change u + D v reaches the force where total.(u + D v) = force - present force
         reach = np.sum(total * v, axis=1)
         approach = (forces - n.forces - np.sum(total * u, axis=1)) / reach
-        return (u + approach[:, None] * v, approach, 1.0 / reach), matrix
+        return (u + approach[:, None] * v, approach, 1.0 / reach, v / reach[:, None]), matrix
 
     def _smooth(self, n: NodeStack, test: Array) -> tuple[Array, Array]:
         """Return the displacement by the kernel's smooth part s, and its derivative by the coefficients.

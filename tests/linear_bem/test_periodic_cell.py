@@ -126,6 +126,22 @@ def test_the_mean_displacement_is_that_of_the_mean_pressure(base, under_forces):
     assert float(np.mean(under_forces[base].pressure(x, y))) == pytest.approx(mean, rel=2e-3)
 
 
+@pytest.mark.parametrize("substrate", [None, Elastic(5.0, 0.3)])
+def test_the_displacement_far_from_all_balls_is_that_of_the_nearest_images(substrate):
+    # the cell is wide against the range of the near part: the image across the edge acts there
+    lengths, place = np.array((10.0, 8.0)), np.array((3.0, 1.0))
+    problem = Problem(
+        replace(LAYER, thickness=0.5), (Ball(tuple(place), 1.0),), Load("approach", (0.05,)), substrate,
+        periodic=Periodic(tuple(lengths)),
+    )  # fmt: skip
+    solution = solve_contact(problem, ACCURACY)
+    away = np.array([(-0.3, 0.0), (-0.9, -0.4), (-1.6, 0.7), (0.0, -0.8), (-4.0, -3.0)])
+    here, mirrored = (solution.displacement(*(place + sign * away).T) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(here, mirrored, atol=1e-6 * 0.05)
+    # one point alone and all together sum over other images
+    np.testing.assert_allclose(solution.displacement(*(place + away[1])), here[1], atol=1e-6 * 0.05)
+
+
 def test_a_cell_is_the_middle_of_a_large_free_lattice():
     shifts = [(0, 0), *((m, n) for m in range(-2, 3) for n in range(-2, 3) if m or n)]
     balls = tuple(
@@ -176,6 +192,15 @@ def test_every_load_gives_the_same_state(kind, under_forces):
     largest = np.max(np.abs(numbers(base)[0]))
     np.testing.assert_allclose(numbers(again)[0], numbers(base)[0], atol=2e-5 * largest)
     np.testing.assert_allclose(numbers(again)[1], numbers(base)[1], rtol=2e-5)
+
+
+def test_given_approaches_on_a_base_softer_than_the_layer_give_their_forces():
+    # one ball's force moves the others by more than itself: sweeps diverge where a ball feels forces of the last sweep
+    problem = replace(cell(Load("force", FORCES)), substrate=Elastic(0.3, 0.3))
+    force, state = numbers(solve_contact(problem, ACCURACY))
+    again = solve_contact(replace(problem, load=Load("approach", tuple(state[:, 0]))), ACCURACY)
+    np.testing.assert_allclose(numbers(again)[0], force, atol=2e-5 * np.max(np.abs(force)))
+    np.testing.assert_allclose(numbers(again)[1], state, rtol=2e-5)
 
 
 @pytest.mark.parametrize("base", ["rigid base", "soft base"])

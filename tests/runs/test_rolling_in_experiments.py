@@ -1,5 +1,6 @@
 """Resistance to rolling in the study of the experiments: the share that an end needs, and what a share changes."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from runs.studies.experiments import resistance
 from runs.studies.experiments.cases import CASES
-from runs.studies.experiments.points import NO, PAIR, POINTS, YES
+from runs.studies.experiments.points import NO, PAIR, POINTS, YES, Finding
 
 LEFT = next(point for point in POINTS if point.title == "they stay there")
 APART = next(point for point in POINTS if point.title == "16 mm balls separate to about 50 mm")
@@ -51,6 +52,19 @@ def test_the_page_says_which_share_explains_every_report(monkeypatch: pytest.Mon
     assert "one share explains all 2 reports that any share does: 0.0001 Q" in none
     assert f"| {NO} | {YES} |" in none
     assert resistance.lines(free, {1e-4: {}}) == []
+
+
+def test_the_page_tells_which_reports_the_share_is_fitted_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = dataclasses.replace(LEFT, title="another report", judge=lambda _: Finding(YES, ""))
+    monkeypatch.setattr(resistance, "POINTS", (APART, LEFT, other))
+    free, share = {PAIR: pair(0.065, at_rest=False)}, resistance.SHARES[0]
+    moving, resting = ("\n".join(resistance.lines(free, {share: {PAIR: pair(0.052, end)}})) for end in (False, True))
+    assert '"16 mm balls separate to about 50 mm" and "they stay there" are fitted and are no evidence' in moving
+    assert "The other 1 reports are the test" in moving
+    assert "1 of them hold without resistance." in moving
+    assert 'criterion of "they stay there" was changed after a first look' in moving
+    assert "34.0, 52.0, 52.0 mm apart after 50, 100 and 200 cycles, and then still moving, with |T|/Q = 3e-05" in moving
+    assert "and then at rest" in resting
 
 
 def test_a_case_with_a_share_is_a_run_of_its_own() -> None:

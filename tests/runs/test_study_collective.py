@@ -91,5 +91,7 @@ def test_rest_is_said_of_runs_with_resistance_alone() -> None:
     free = answer.Finished(Case(6.0, 0.3, 200, 1), {**row, "ended": "path spent"}, [])
     assert answer.rest([free]) == []
     text = " ".join(answer.rest([free, held]))
-    assert "None of 1 layers that gather without resistance was at rest" in text
+    assert "None of 1 layers that gather without resistance came to rest" in text
+    resting = answer.Finished(Case(6.0, 0.3, 200, 2), row, [])
+    assert "1 of 2 layers that gather without resistance came to rest" in " ".join(answer.rest([free, resting, held]))
     assert "200 balls on h = 6 R after a path of 53.6 with a mean cluster of 14" in text

@@ -157,7 +157,8 @@ def rest(found: Sequence[Finished]) -> list[str]:
     held = [done for done in found if done.case.rolling > 0.0 and done.row["ended"] == "at rest"]
     if not held:
         return []
-    free = [d for d in found if d.case.rolling == 0.0 and d.outcome == "gathers" and d.row["ended"] == "path spent"]
+    free = [d for d in found if d.case.rolling == 0.0 and d.outcome == "gathers" and d.row["ended"] != "interrupted"]
+    resting = sum(d.row["ended"] == "at rest" for d in free)
     ends = "; ".join(
         f"{d.case.count} balls on h = {d.case.thickness:g} R after a path of {d.row['path']:.3g} with a mean cluster "
         f"of {d.row['cluster_mean']:.3g} ({d.row['steps']} steps, {d.row['seconds']:.0f} s)"
@@ -165,9 +166,9 @@ def rest(found: Sequence[Finished]) -> list[str]:
     )
     return [
         "",
-        f"**Rest.** None of {len(free)} layers that gather without resistance was at rest at the end of its path: "
-        "their clusters go on to merge and to fold, ever more slowly. With a resistance to rolling of "
-        f"{held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
+        f"**Rest.** {resting or 'None'} of {len(free)} layers that gather without resistance came to rest by the end "
+        "of the path; clusters of the others go on to merge and to fold, ever more slowly. With a resistance to "
+        f"rolling of {held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
     ]
 
 
