@@ -45,7 +45,7 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
         target = sources / page
         target.parent.mkdir(exist_ok=True)
         target.write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
-        for picture in (*(ROOT / name).parent.glob("*.svg"), *(ROOT / name).parent.glob("*.png")):
+        for picture in (found for kind in ("svg", "png", "gif") for found in (ROOT / name).parent.glob(f"*.{kind}")):
             shutil.copy(picture, target.parent)
     validation = sources / "validation.md"
     text = validation.read_text(encoding="utf-8")

@@ -46,7 +46,10 @@ def written(folder: Path, text: str = SCENE + CELL) -> Path:
     return file
 
 
-def test_the_linear_model_solves_a_cell_from_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_linear_model_solves_a_cell_from_a_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "120")  # a narrower terminal breaks the headings
     scene = read_scene(written(tmp_path))
     model, problem, notes = choose(scene)
     assert (model.name, problem.periodic, notes) == ("linear_bem", Periodic((4.5, 2.4)), ())
