@@ -35,15 +35,20 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
 
 
 def on_all(comm: MPI.Comm, action: Callable[[], object]) -> None:
-    """Run ``action`` on every rank; if it fails on some, raise on all: its own error there, a note of it elsewhere."""
+    """Run ``action`` on every rank; if it fails on some, raise on all: its own error there, a note of it elsewhere.
+
+    The note is a `ThirdBodyError` only if all errors are: callers free collective objects after these alone.
+    """
     failure: Exception | None = None
     try:
         action()
     except Exception as error:
         failure = error
-    failed = [rank for rank, bad in enumerate(comm.allgather(failure is not None)) if bad]
+    ours = comm.allgather(None if failure is None else isinstance(failure, ThirdBodyError))
+    failed = {rank: kind for rank, kind in enumerate(ours) if kind is not None}
     if failed:
-        raise failure or ThirdBodyError(f"the user's function failed on rank(s) {', '.join(map(str, failed))}")
+        note = ThirdBodyError if all(failed.values()) else RuntimeError
+        raise failure or note(f"the user's function failed on rank(s) {', '.join(map(str, failed))}")
 
 
 @contextmanager

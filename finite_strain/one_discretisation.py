@@ -64,28 +64,28 @@ class ModelRun:
         self.solver.close()
         self.model.close()
 
-    def enforce(self, record: StepRecord, rounds: int | None = None) -> int:
+    def enforce(self, record: StepRecord) -> int:
         """Stiffen the contact of an equilibrium with multipliers; return how often (collective).
 
-        By default until no ball penetrates more than `LARGEST_PENETRATION`. If Newton's method fails, the state stays.
+        It ends when no ball penetrates more than `LARGEST_PENETRATION`. If Newton's method fails, the state stays.
         """
         contact, fields, taken = self.model.contact, self.model.fields, 0
         values, approaches, force = fields.copy(), contact.approaches, self.solver.tolerance / RESIDUAL
-        most = (ROUNDS if rounds is None else rounds) * record.augmented
+        tolerance, residual, most = self.solver.tolerance, record.residual, ROUNDS * record.augmented
         accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in contact.balls])
         try:
-            while taken < most and (rounds is not None or np.any(self.extremes()[:, 1] > accepted)):
+            while taken < most and np.any(self.extremes()[:, 1] > accepted):
                 contact.stiffen(STIFFER)
                 taken += 1
                 self._again(record, ROUGH, force)
             if taken:
                 self._again(record, 1.0, force)
-                if not math.isfinite(self.model.energy()):
-                    raise NotConverged("elements are turned inside out")
+                self.path.check_volumes()
         except NotConverged:
             contact.stiffen(STIFFER**-taken)
             fields.restore(values)
             contact.set_approaches(approaches)
+            self.solver.tolerance, record.residual = tolerance, residual
             return 0
         return taken
 

@@ -27,7 +27,8 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
 from meshes.box import TAGS
 
-CELLS = ("hexahedron", "tetrahedron")
+CELLS = {"hexahedron": (8, 27), "tetrahedron": (4, 10)}
+"""Nodes of the cells that are read: straight ones, and curved ones of order 2."""
 FLAT = 1e-6
 """Largest distance of nodes from the plane of their face, over the thickness of the layer."""
 SOLID = 1e-3
@@ -54,6 +55,9 @@ class OwnMesh:
         topology = self.mesh.topology
         cell = str(topology.cell_type).split(".")[-1]
         faults = [] if cell in CELLS else [f"mesh: cells must be {' or '.join(CELLS)}, got {cell}"]
+        nodes = compat.geometry_dofs(self.mesh).shape[1]
+        if not faults and nodes not in CELLS[cell]:
+            faults.append(f"mesh: a {cell} must have {' or '.join(map(str, CELLS[cell]))} nodes, got {nodes}")
         if None in (self.cell_tags, self.facet_tags):
             faults.append("mesh: cell tags and facet tags are needed, got None; tag layer, top and bottom")
         if self.mesh.comm.size != comm.size:
@@ -67,7 +71,7 @@ class OwnMesh:
         self.regions = np.zeros(owned, dtype=int)
         here = self.cell_tags.indices < owned
         self.regions[self.cell_tags.indices[here]] = self.cell_tags.values[here]
-        self.simplices = cell == CELLS[1]
+        self.simplices = cell == "tetrahedron"
 
     def fit(self, problem: Problem, expected: Sequence[Expected]) -> tuple[Reduction, GivenMesh]:
         """Return the part of the scene that the mesh holds, and its measures; raises `InvalidProblem` on all ranks."""

@@ -198,7 +198,7 @@ class Refinement:
     ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
         """Return the small-strain state at a load fraction; None once no equilibrium was found (collective).
 
-        ``rounds`` is how often the own contact was stiffened; the pair gets the same penalties when its multipliers are added.
+        ``rounds`` is how often the own contact was stiffened: the pair's is as stiff when its multipliers are added.
         """
         if run is None or (record.rows and record.rows[-1].small is None):
             return None, None

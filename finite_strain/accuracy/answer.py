@@ -64,7 +64,7 @@ class Answers:
         truth = None if isinstance(said, str) else said
         fine, now, before, older = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
-        share = enforcement(fine.own, fine.small, weight)
+        share = enforcement(fine.own, fine.small, weight, account.augmented)
         solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
         size = np.linalg.norm(now.tangential_force, axis=1)
         floor, squared = np.maximum(size, self._scale(now.normal_force)), now.normal_force**2

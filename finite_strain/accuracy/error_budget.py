@@ -84,11 +84,19 @@ def discretisation(
     return np.maximum(error, np.median(np.array([*path, relative]), axis=0) * size)
 
 
-def enforcement(own: ContactState, small: ContactState | None, weight: np.ndarray) -> np.ndarray:
+def enforcement(
+    own: ContactState, small: ContactState | None, weight: np.ndarray, augmented: bool = True
+) -> np.ndarray:
     """Return the relative uncertainty of the approach from penetration of the contact (balls,).
 
     A mean penetration (weighted with the pressure) is equivalent to an approach that is smaller by as much. The
     small-strain pair corrects for its effect at small strain.
+
+    Without multipliers (not ``augmented``) the penalty k stores int p^2 / 2k. Its derivative by the approach D,
+    int (p/k) dp/dD, is what the force lacks: the penetration is weighted with dp/dD. Over a thin film that is largest
+    at the pole, so the largest penetration is taken, without a correction by the pair.
     """
     left = own.mean_gap if small is None else own.mean_gap - weight * small.mean_gap
+    if not augmented:
+        left = np.maximum(np.abs(left), own.penetration)
     return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)

@@ -31,6 +31,8 @@ SPURIOUS = 0.3
 SURPLUS = 0.3
 """The increase of the potential is at most the work of the final forces, because forces grow with approaches; this
 fraction more is allowed. A crumpled surface, also an equilibrium, stores several times as much."""
+DOUBLINGS = 4
+"""How often the penalty is doubled where no equilibrium with multipliers was found."""
 BACK = 1e-12
 
 
@@ -53,7 +55,7 @@ class StepRecord:
     """The cost of one load step: Newton iterations, new tangents among them, cut-backs.
 
     ``augmentation_iterations`` counts the iterations with multipliers. ``augmented`` is False if none were requested,
-    or if no equilibrium was found with them: the contact is then as soft as its penalty.
+    or if no equilibrium was found with them: the contact is then as soft as its penalty, see `LoadPath.augment`.
     """
 
     fraction: float
@@ -123,6 +125,12 @@ class LoadPath:
                 predicted, step = None, GROWTH * step
                 yield record
 
+    def check_volumes(self) -> None:
+        """Raise `NotConverged` if elements are turned inside out, which the residual alone does not detect."""
+        turned = self.model.is_finite and self._distorted().volume_ratio <= 0.0
+        if turned or not math.isfinite(self.model.energy()):
+            raise NotConverged("the equilibrium found has elements turned inside out")
+
     def _distorted(self) -> Distortion:
         model = self.model
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
@@ -140,7 +148,8 @@ class LoadPath:
     def augment(self, record: StepRecord) -> bool:
         """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
 
-        If it has multipliers, nothing is done. If none was found, the model returns to the state without multipliers.
+        If it has multipliers, nothing is done. If none was found, the model returns to the state without multipliers,
+        with stiffer penalties as far as Newton's method follows.
         """
         if not record.augmented:
             with suppress(NotConverged):
@@ -148,7 +157,23 @@ class LoadPath:
         if not record.augmented:
             self._restore()
             self._newton(record)
+            self._stiffen(record)
         return record.augmented
+
+    def _stiffen(self, record: StepRecord) -> None:
+        """Double the penalties of a state without multipliers, while Newton's method follows."""
+        fields, contact = self.model.fields, self.model.contact
+        for _ in range(DOUBLINGS):
+            values, approaches, residual = fields.copy(), contact.approaches, record.residual
+            contact.stiffen(2.0)
+            try:
+                self._newton(record)
+            except NotConverged:
+                contact.stiffen(0.5)
+                fields.restore(values)
+                contact.set_approaches(approaches)
+                record.residual = residual
+                return
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
         contact = self.model.contact
@@ -212,9 +237,7 @@ class LoadPath:
         record.newton_iterations += done.iterations
         record.tangents += done.tangents
         record.residual = done.residual
-        turned = self.model.is_finite and self._distorted().volume_ratio <= 0.0
-        if turned or not math.isfinite(self.model.energy()):  # the residual alone does not detect it
-            raise NotConverged("the equilibrium found has elements turned inside out")
+        self.check_volumes()
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
         return done.iterations

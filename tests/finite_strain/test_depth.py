@@ -13,6 +13,9 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
+from finite_strain.accuracy.answer import MOST
+from finite_strain.accuracy.error_budget import enforcement
+from finite_strain.equilibrium.load_path import DOUBLINGS
 from finite_strain.force.distortion import distortion
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
@@ -75,6 +78,22 @@ def test_the_surface_under_a_deep_ball_stays_smooth(tmp_path: Path) -> None:
     assert bent.volume_ratio > 0.5
     assert bent.at[1] > 0.5
     assert max(record.cuts for record in records) == 0
+
+
+def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(tmp_path: Path) -> None:
+    rig = coarse_rig(coarse_plan(pair(0.8)), tmp_path)
+    *_, last = rig.path.steps(rig.plan.path)
+    soft, pull = rig.run.state(1.0), rig.meter.domain(rig.contact_radii())[0, 0]
+    penalties = rig.model.contact.penalties.copy()
+    assert not rig.path.augment(last)  # multipliers overshoot at 0.8 R
+    stiff = rig.run.state(1.0)
+    assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
+    assert stiff.mean_gap[0] == pytest.approx(soft.mean_gap[0] / 2.0**DOUBLINGS, rel=0.5)
+    assert last.residual <= rig.solver.tolerance
+    lacking = stiff.normal_force[0] / soft.normal_force[0] - 1.0
+    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
+    assert 0.5 * MOST * share < lacking < MOST * share
+    assert stiff.tangential_force[0, 0] / pull - 1.0 < 2.0 * MOST * share
 
 
 def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> None:
@@ -232,8 +251,9 @@ def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path
     before, stiff, iterations = rig.run.state(1.0), rig.model.contact.penalties.copy(), last.newton_iterations
     assert before.penetration[0] > LARGEST_PENETRATION
 
-    rig.solver.max_iterations = 0  # Newton's method fails
+    rig.solver.max_iterations, tolerance = 0, rig.solver.tolerance  # Newton's method fails
     assert rig.run.enforce(last) == 0
+    assert rig.solver.tolerance == tolerance  # the error of the answer that stays
     same = rig.run.state(1.0)
     for name, value in vars(before).items():
         assert np.array_equal(getattr(same, name), value), name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,10 @@ def test_penetration_acts_like_a_smaller_approach() -> None:
     assert enforcement(own, small, np.array([1.0])) == relatively([1e-3], ROUNDOFF)
     assert enforcement(own, small, np.array([0.5])) == relatively([2e-3], ROUNDOFF)
     assert enforcement(state(0.0, 0.0, (0.0, 0.0)), None, np.array([0.0])) == [0.0]
+    # without multipliers: the largest penetration
+    soft = replace(own, penetration=np.array([5e-4]))
+    assert enforcement(soft, small, np.array([1.0]), augmented=True) == relatively([1e-3], ROUNDOFF)
+    assert enforcement(soft, small, np.array([1.0]), augmented=False) == relatively([5e-3], ROUNDOFF)
 
 
 def test_an_imbalance_of_forces_increases_the_error() -> None:

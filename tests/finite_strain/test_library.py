@@ -76,14 +76,21 @@ def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
     code = (
         "from mpi4py import MPI\n"
         "from finite_strain.mpi import on_all\n"
+        "from linear_bem import InvalidProblem\n"
+        "def refuse():\n"
+        "    raise InvalidProblem('no')\n"
         "comm = MPI.COMM_WORLD\n"
-        "try:\n"
-        "    on_all(comm, lambda: 1 / (1 - comm.rank))\n"
-        "except Exception as error:\n"
-        "    print(f'{comm.rank}: {type(error).__name__} {error}', flush=True)\n"
+        "for fail in (lambda: 1 / 0, refuse):\n"
+        "    try:\n"
+        "        on_all(comm, fail if comm.rank else lambda: None)\n"
+        "    except Exception as error:\n"
+        "        print(f'{comm.rank}: {type(error).__name__} {error}', flush=True)\n"
     )
     done = mpirun(2, "-c", code, timeout=60.0)
     assert sorted(done.stdout.splitlines()) == [
+        # a run frees its solvers after a ThirdBodyError, which takes all ranks
+        "0: RuntimeError the user's function failed on rank(s) 1",
         "0: ThirdBodyError the user's function failed on rank(s) 1",
+        "1: InvalidProblem no",
         "1: ZeroDivisionError division by zero",
     ]

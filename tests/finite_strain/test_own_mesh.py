@@ -169,6 +169,20 @@ def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:
     assert fitted(problem, block(**lines))[1].digest != digests[0]  # type: ignore[arg-type]
 
 
+def test_cells_curved_by_more_than_order_2_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "own.msh"
+    with gmsh_session():
+        gmsh.model.occ.addBox(0.0, 0.0, -1.0, 2.0, 2.0, 1.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [1], TAGS["layer"])
+        gmsh.model.addPhysicalGroup(2, [tag for _, tag in gmsh.model.getEntities(2)], TAGS["top"])
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(3)
+        gmsh.write(str(path))
+    with pytest.raises(InvalidProblem, match="a tetrahedron must have 4 or 10 nodes, got 20"):
+        OwnMesh(path, COMM)
+
+
 def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
     path = tmp_path / "own.msh"
     with gmsh_session():
