@@ -141,9 +141,9 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             return answer
     if kernel.cell is not None:
         raise UnsupportedProblem(
-            "periodic: the contacts did not converge as smooth pressures, and contacts on grids, which merging contacts, "
-            "sharp tips, punches, and contacts wider than the layer is thick need, have no cell; press the balls less "
-            "deep, or drop the effect"
+            "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
+            "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
+            "or drop the effect"
         )
     return _on_grids(problem, kernel, wanted, guess)
 
