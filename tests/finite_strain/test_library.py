@@ -79,12 +79,14 @@ def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
         "from linear_bem import InvalidProblem\n"
         "def refuse():\n"
         "    raise InvalidProblem('no')\n"
-        "comm = MPI.COMM_WORLD\n"
+        "comm, said = MPI.COMM_WORLD, []\n"
         "for fail in (lambda: 1 / 0, refuse):\n"
         "    try:\n"
         "        on_all(comm, fail if comm.rank else lambda: None)\n"
         "    except Exception as error:\n"
-        "        print(f'{comm.rank}: {type(error).__name__} {error}', flush=True)\n"
+        "        said.append(f'{comm.rank}: {type(error).__name__} {error}')\n"
+        "for lines in comm.gather(said) or ():\n"
+        "    print(*lines, sep='\\n')\n"
     )
     done = mpirun(2, "-c", code, timeout=60.0)
     assert sorted(done.stdout.splitlines()) == [
