@@ -12,6 +12,7 @@ from runs.comparison.strengthening_factors import answer, compare_steps
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
 from runs.display.rows import LEGEND
+from runs.process import ranks
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
@@ -48,18 +49,22 @@ def _compute(session: Session) -> Document | None:
         return document
 
     result = session.solve(session.saved.get("finite", {}).get("steps", []), save)
-    if not session.root:
-        return None
-    document = save(result)
-    balls = document["finite"]["balls"]
-    between = interpolant.table(document["comparison"], leading_ball(balls))
-    if between:
-        write_csv(session.out / "strengthening.csv", between)
-    document["sensitivity"] = sensitivity.record(session.problem)
-    session.save(document, document["comparison"])
-    figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)
-    figures.draw_surface(session.out, session.problem, balls, session.scale)
-    session.finish(document["finite"]["solved"], document["answer"])
+    rank, size = ranks.rank_and_size()
+    document: Document | None = None
+    if session.root:
+        document = save(result)
+        balls = document["finite"]["balls"]
+        between = interpolant.table(document["comparison"], leading_ball(balls))
+        if between:
+            write_csv(session.out / "strengthening.csv", between)
+        figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)
+        figures.draw_surface(session.out, session.problem, balls, session.scale)
+    last = size - 1  # computes beside rank 0, which solves the linear states and draws
+    inputs = ranks.share(sensitivity.record(session.problem) if rank == last else None, root=last)
+    if document is not None:
+        document["sensitivity"] = inputs
+        session.save(document, document["comparison"])
+        session.finish(document["finite"]["solved"], document["answer"])
     return document
 
 

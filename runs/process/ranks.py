@@ -79,9 +79,9 @@ def world() -> Any:
     return MPI.COMM_WORLD
 
 
-def share(value: Any) -> Any:
-    """Return rank 0's ``value`` on every rank; without MPI, the value."""
-    return value if _farewell is None else _farewell.bcast(value, root=0)
+def share(value: Any, root: int = 0) -> Any:
+    """Return the ``value`` of one rank on every rank; without MPI, the value."""
+    return value if _farewell is None else _farewell.bcast(value, root=root)
 
 
 def end_together(code: int, last_words: str, patience: float = PATIENCE) -> None:
