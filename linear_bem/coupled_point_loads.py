@@ -115,7 +115,8 @@ def effective_approaches(
 ) -> Array:
     """Return the effective approaches [m] under given ones [m], by a damped semismooth Newton method.
 
-    ``start`` [m] is the first guess; ``tolerance`` bounds the residual over the largest approach. Raises `NotConverged`.
+    ``start`` [m] is the first guess; ``tolerance`` bounds the residual over the largest approach.
+    Raises `NotConverged`.
     """
     d, scale = start, float(np.max(np.abs(approaches)))
 
