@@ -152,6 +152,11 @@ def _forget_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 
 
+def peak_memory(comm: MPI.Comm) -> float:
+    """Return the largest memory of this process so far, summed over ranks [bytes] (collective)."""
+    return float(comm.allreduce(_status("VmHWM")))
+
+
 def _status(key: str) -> float:
     lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     found = [line.split() for line in lines if line.startswith(f"{key}:")]
