@@ -1,4 +1,4 @@
-"""A whole run by multigrid: the pair at finite strain with its small-strain companion, two load steps, on a fine mesh."""
+"""A whole run by multigrid on a fine mesh: a pair and its small-strain companion, two load steps."""
 
 from __future__ import annotations
 
