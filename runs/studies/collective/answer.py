@@ -16,7 +16,7 @@ from runs.process import signals
 from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
-from runs.studies.collective import cases, pictures
+from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
 from runs.studies.framework.tables import markdown
@@ -69,6 +69,11 @@ def compute(folder: Path, options: Options) -> None:
         begun = time.process_time()
         cases.evolve(case, place, fresh=options.fresh)
         tell(f"{case.name}: {time.process_time() - begun:.1f} s")
+    for thickness in () if options.quick else boundary.THICKNESSES:
+        signals.check()
+        file = boundary.file_of(place, thickness)
+        if options.fresh or not file.exists():
+            boundary.compute(thickness, file)
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -84,7 +89,17 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
         if SHOWN in [done.case for done in free]:
             pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
-    lines = [sentence(found, laws), *rest(found), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
+    lines = [
+        sentence(found, laws),
+        *rest(found),
+        *boundary.lines(boundary.read(folder / CASES)),
+        "",
+        *table(found),
+        "",
+        *pair_table(laws),
+        "",
+        *growth_table(found),
+    ]
     ended = [done.case for done in found if done.row["ended"] != "interrupted"]
     missing = [case.name for case in wanted if case not in ended]
     if missing:

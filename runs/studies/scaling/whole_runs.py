@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from linear_bem import Elements
@@ -12,12 +11,14 @@ from runs.models import Run
 from runs.session.progress import tell
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, peak_memory
+from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, memory_fault, peak_memory
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 STEPS = (0.5, 1.0)
+BYTES = 1.6e4
+"""Memory per unknown on all ranks: both models keep their matrices and levels."""
 ACCURACY = 0.02
 """Of the domain and of linear_bem; the mesh is given."""
 HEADINGS = {
@@ -37,7 +38,12 @@ HEADINGS = {
 }
 
 
-def run(target: int, comm: MPI.Comm, folder: Path) -> list[dict[str, Any]]:
+def too_large(target: int) -> str:
+    """Return why a run would not fit into the free memory; nothing if it would."""
+    return memory_fault(BYTES * target, f"a run of {target} unknowns")
+
+
+def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
     """Return a row per load step on a mesh of about ``target`` unknowns, order 3 (collective).
 
     Two coarse meshes come before: the path finder, whose states the next ones start from, and one for the error.
@@ -49,7 +55,7 @@ def run(target: int, comm: MPI.Comm, folder: Path) -> list[dict[str, Any]]:
     case = LevelCase("", problem, "finite_strain", ACCURACY, steps=STEPS, levels=_levels(problem, target))
     begun = time.process_time()
     seen: list[dict[str, Any]] = []
-    result = case.solve(Run(comm=comm, folder=folder, steps=STEPS))
+    result = case.solve(Run(comm=comm, steps=STEPS))
     spent = comm.allreduce(time.process_time() - begun)
     memory = peak_memory(comm)
     for step in result.steps[-len(STEPS) :]:
