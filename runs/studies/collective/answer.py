@@ -104,6 +104,10 @@ def page(folder: Path, quick: bool) -> str:
     missing = [case.name for case in wanted if case not in ended]
     if missing:
         lines += ["", f"**Not there or interrupted: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
+    begun = [d for d in found if d.row["ended"] == "interrupted"]
+    if begun:
+        at = (f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s" for d in begun)
+        lines += ["", f"Interrupted, so far: {'; '.join(at)}."]
     seconds = sum(done.row["seconds"] for done in found)
     lines += ["", f"Made by `{command('collective', quick)}` in {seconds / 60.0:.1f} minutes of processor time."]
     return "\n".join(lines)
