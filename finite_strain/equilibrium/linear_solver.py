@@ -20,7 +20,7 @@ from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.regions import nothing_where_idle
 from finite_strain.equilibrium.order_levels import set_levels
-from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, choose, factor_bytes
+from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, across, choose, factor_bytes
 from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.memory import SHARE, free_memory
@@ -126,7 +126,7 @@ class LinearSolver:
 
     def _set_levels(self, preconditioner: PETSc.PC, prefix: str = "") -> None:
         if self.choice.options[f"{prefix}pc_type"] == "mg":
-            set_levels(preconditioner, self.model)
+            set_levels(preconditioner, self.model, across(self.model.unknowns, self.model.order))
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""

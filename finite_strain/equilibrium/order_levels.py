@@ -1,16 +1,25 @@
-"""Multigrid over the order of the elements: the tangent's levels are orders p, 2 and 1 on one mesh (p-multigrid).
+"""Multigrid over the order of the elements, on one mesh (p-multigrid).
 
-The Lagrange spaces are nested, so a correction of low order is interpolated exactly, and the coarse operators are
-Galerkin's. Order 1 has 1/27 (1/64) of the unknowns of order 3 (4), and PETSc solves it by factors
-[Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.1007/s10915-010-9396-8].
-A component that is constrained at an order keeps a row of its own there, which no other row or column touches.
+Upright hexahedra of order p have two levels: order p, and order 1 along the layer with order p across it, which PETSc
+solves by factors: 1/p^2 of the unknowns. The mesh is as fine at depth as at the contact's edge, so that elements there
+are up to 25 times as tall as wide. Errors that vary with the depth alone then have little energy, and no smoother by
+nodes removes them; a level of order 1 in all directions does not hold them, one of order p across the layer does.
+
+Other meshes, and systems whose second level would be too large for factors, have levels of orders p, 2 and 1.
+
+The Lagrange spaces are nested, so a correction of a lower level is interpolated exactly, and the coarse operators are
+Galerkin's [Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.1007/s10915-010-9396-8].
+A component that is constrained at a level keeps a row of its own there, which no other row or column touches.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
+import dolfinx
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
@@ -20,42 +29,122 @@ from finite_strain.discretisation.nodal_values import element_of
 
 _ROUNDOFF = 1e-12
 """Shape functions, at most about 1, below which a value counts as zero."""
+_UPRIGHT = 1e-6
+"""Horizontal part of a cell's upright edges over their length, at most."""
 
 
-def set_levels(preconditioner: PETSc.PC, model: Model) -> None:
-    """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective)."""
-    spaces = [compat.function_space(model.mesh, order) for order in (2, 1) if order < model.order]
+@dataclass(frozen=True)
+class Coarse:
+    """A level below a finer one: shape functions (fine nodes, coarse nodes) of this rank's nodes, ghosts included.
+
+    The first ``owned`` coarse nodes are this rank's; ``numbers`` are those of all among all ranks' nodes.
+    """
+
+    shapes: sparse.csr_matrix
+    owned: int
+    numbers: np.ndarray
+
+
+def set_levels(preconditioner: PETSc.PC, model: Model, across: bool) -> None:
+    """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective).
+
+    ``across``: the lower level keeps its order across the layer, where the mesh has upright hexahedra.
+    """
+    coarse = upright(model.space) if across else None
+    levels = [coarse] if coarse is not None else orders(model)
     preconditioner.setType("mg")
-    preconditioner.setMGLevels(len(spaces) + 1)
-    fine, fixed = model.space, model.constrained
-    for number, coarse in enumerate(spaces):
-        matrix, fixed = _interpolation(fine, coarse, fixed)
-        preconditioner.setMGInterpolation(len(spaces) - number, matrix)
+    preconditioner.setMGLevels(len(levels) + 1)
+    fixed, owned = model.constrained, model.space.dofmap.index_map.size_local
+    for number, level in enumerate(levels):
+        matrix, fixed = interpolation(level, fixed, owned, model.comm)
+        preconditioner.setMGInterpolation(len(levels) - number, matrix)
         matrix.destroy()  # the preconditioner keeps it
-        fine = coarse
+        owned = level.owned
 
 
-def _interpolation(fine: Any, coarse: Any, fixed: np.ndarray) -> tuple[PETSc.Mat, np.ndarray]:
+def orders(model: Model) -> list[Coarse]:
+    """Return the levels of orders 2 and 1 below the model's, one after the other (collective)."""
+    levels, fine = [], model.space
+    for order in (2, 1):
+        if order < model.order:
+            space = compat.function_space(model.mesh, order)
+            levels.append(of_order(fine, space))
+            fine = space
+    return levels
+
+
+def of_order(fine: Any, space: Any) -> Coarse:
+    """Return a Lagrange space of lower order on the same mesh as level below another one."""
+    nodes = space.dofmap.index_map
+    numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
+    return Coarse(_shapes(fine, space), nodes.size_local, numbers)
+
+
+def upright(fine: Any) -> Coarse | None:
+    """Return the level of order 1 along the layer and the space's own order across it (collective).
+
+    Its nodes are the fine ones above and below the mesh's vertices. None if some cell is no upright hexahedron.
+    """
+    comm, dofs = fine.mesh.comm, compat.cell_dofs(fine)
+    element = element_of(dofs.shape[1])
+    places, axes = element.points, np.zeros(0, dtype=int)
+    is_upright = round(dofs.shape[1] ** (1.0 / 3.0)) ** 3 == dofs.shape[1] and element.cell_type.name == "hexahedron"
+    if is_upright and len(dofs):
+        corners = fine.tabulate_dof_coordinates()[dofs[:, :8]]  # vertices come first
+        edges = corners[:, [1, 2, 4]] - corners[:, :1]
+        tilt = np.hypot(edges[:, :, 0], edges[:, :, 1]) / np.linalg.norm(edges, axis=2)
+        axes = tilt.argmin(axis=1)
+        is_upright = bool(tilt.min(axis=1).max() < _UPRIGHT)
+    if not comm.allreduce(is_upright, op=MPI.LAND):
+        return None
+    index_map = fine.dofmap.index_map
+    size = index_map.size_local + index_map.num_ghosts
+    rows, columns, values = [], [], []
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        at_corner = np.all(np.minimum(places[:, others], 1.0 - places[:, others]) < _ROUNDOFF, axis=1)
+        kept = np.flatnonzero(at_corner)
+        weights = np.isclose(places[:, None, axis], places[None, kept, axis]).astype(float)
+        for k in others:  # bilinear along the layer
+            weights *= np.where(places[kept, k] > 0.5, places[:, None, k], 1.0 - places[:, None, k])
+        i, j = np.nonzero(weights > _ROUNDOFF)
+        cells = dofs[axes == axis]
+        rows.append(cells[:, i].ravel())
+        columns.append(cells[:, kept[j]].ravel())
+        values.append(np.tile(weights[i, j], len(cells)))
+    row, column, value = (np.concatenate(parts) for parts in (rows, columns, values))
+    nodes, place = np.unique(column, return_inverse=True)
+    _, first = np.unique(row.astype(np.int64) * size + column, return_index=True)  # cells share nodes
+    shapes = sparse.csr_matrix((value[first], (row[first], place[first])), shape=(size, len(nodes)))
+    owned = int(np.searchsorted(nodes, index_map.size_local))
+    before = comm.exscan(owned) or 0
+    number = dolfinx.fem.Function(fine)  # the owner tells the other ranks
+    entries = number.x.array.reshape(size, -1)
+    entries[nodes[:owned], 0] = before + np.arange(owned)
+    number.x.scatter_forward()
+    return Coarse(shapes, owned, np.rint(entries[nodes, 0].real).astype(np.int64))
+
+
+def interpolation(level: Coarse, fixed: np.ndarray, own_fine: int, comm: MPI.Comm) -> tuple[PETSc.Mat, np.ndarray]:
     """Return the matrix from coarse to fine displacements, and which coarse components (nodes, 3) are constrained.
 
-    ``fixed`` (nodes, 3) says so of this rank's fine nodes, ghosts included. A coarse component is constrained if its
-    shape function does not vanish at all constrained fine nodes.
+    ``fixed`` (nodes, 3) says so of this rank's fine nodes, ghosts included, of which the first ``own_fine`` are its
+    own. A coarse component is constrained if its shape function does not vanish at all constrained fine nodes.
     """
-    shapes = _shapes(fine, coarse)
+    shapes = level.shapes
     held = abs(shapes).T @ fixed.astype(float) > 0.0
     nodes, axes = np.nonzero(held)
     own_row = np.asarray(shapes.tocsc().argmax(axis=0)).ravel()[nodes]  # a node of the same vertex, edge, face or cell
     size = 3 * np.array(shapes.shape)
     free = sparse.diags((~fixed).ravel().astype(float)), sparse.diags((~held).ravel().astype(float))
     units = sparse.csr_matrix((np.ones(len(nodes)), (3 * own_row + axes, 3 * nodes + axes)), shape=size)
-    own_fine, own_coarse = (3 * space.dofmap.index_map.size_local for space in (fine, coarse))
-    local = (free[0] @ sparse.kron(shapes, sparse.eye(3)) @ free[1] + units).tocsr()[:own_fine]
+    rows = 3 * own_fine
+    local = (free[0] @ sparse.kron(shapes, sparse.eye(3)) @ free[1] + units).tocsr()[:rows]
     local.eliminate_zeros()
-    numbers = coarse.dofmap.index_map.local_to_global(np.arange(len(held), dtype=np.int32))
-    columns = (3 * numbers[:, None] + np.arange(3)).ravel()[local.indices]
-    order = np.lexsort((columns, np.repeat(np.arange(own_fine), np.diff(local.indptr))))
+    columns = (3 * level.numbers[:, None] + np.arange(3)).ravel()[local.indices]
+    order = np.lexsort((columns, np.repeat(np.arange(rows), np.diff(local.indptr))))
     csr = (local.indptr.astype(PETSc.IntType), columns[order].astype(PETSc.IntType), local.data[order])
-    matrix = PETSc.Mat().createAIJ(((own_fine, None), (own_coarse, None)), csr=csr, comm=fine.mesh.comm)
+    matrix = PETSc.Mat().createAIJ(((rows, None), (3 * level.owned, None)), csr=csr, comm=comm)
     matrix.setBlockSizes(3, 3)
     return matrix, held
 

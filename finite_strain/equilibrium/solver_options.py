@@ -35,7 +35,7 @@ MULTIGRID = {
     "mg_levels_ksp_max_it": "2",
     "mg_levels_pc_type": "sor",
 }
-"""Orders p, 2 and 1, see `order_levels.py`, for the displacement's rows.
+"""Levels of lower order, see `order_levels.py`, for the displacement's rows.
 
 Symmetric Gauss-Seidel by nodes: elements stretch where the mesh is graded, and Jacobi's method then takes 2.3 times the
 iterations. Other smoothers and levels: `thirdbody study scaling`.
@@ -115,6 +115,11 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str], order: int = 
         why = f"{'up to' if direct else 'more than'} {limit:.0f} unknowns"
     usual = FACTORS if direct else KRYLOV | _multigrid(mixed, unknowns / order**3)
     return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
+
+
+def across(unknowns: float, order: int) -> bool:
+    """Return whether factors solve multigrid's lower level if it keeps its order across the layer."""
+    return unknowns / order**2 <= DIRECT_UP_TO
 
 
 def _multigrid(mixed: bool, lowest: float) -> dict[str, str]:

@@ -22,8 +22,12 @@ BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
 """A process with its libraries; matrix, factors and elements' data of both models with order 3."""
 ALONE = 0.48
 """Memory of one model over that of two."""
-KRYLOV_SECONDS, KRYLOV_BYTES = 2.5, 7.5e7
-"""An answered step and its pair, and the memory, by multigrid, above the range of the factors; both as the unknowns."""
+KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.6e8
+"""An answered step and its pair, and the memory of both, by multigrid, above the range of the factors; as n.
+
+A step takes 3.5 tangents of 9 Krylov iterations each (a whole run of 38 thousand unknowns, which kept 17.5 kB per
+unknown); the pair is counted with 3. With the cost of tangents and iterations by `thirdbody study scaling` that makes
+5.3 s at 91 and 5.8 s at 462 thousand unknowns, where one model keeps 8 kB per unknown."""
 SPEEDUP = 1.6
 """Speed of two ranks over that of one: 1.3 to 2 by ``thirdbody study scaling``, on 51 thousand unknowns."""
 

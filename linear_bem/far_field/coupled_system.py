@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from inspect import signature
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
@@ -10,6 +11,15 @@ from scipy.sparse.linalg import LinearOperator, cg
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.kernel_split import PointInfluence
+
+
+class Influence(Protocol):
+    """K(L_ij) between balls, 0 on the diagonal, as an operator: a matrix, or near pairs and a mesh."""
+
+    def __matmul__(self, loads: Array, /) -> Array:
+        """Return the displacement at every ball from the loads on the others."""
+        ...
+
 
 DIRECT = 600
 """Number of balls up to which the matrix is formed and factored."""
@@ -19,21 +29,26 @@ _NAMED = "rtol" if "rtol" in signature(cg).parameters else "tol"
 """That residual's name: scipy 1.12 has the first, 1.14 no longer the second."""
 
 
-def solve_coupled(influence: PointInfluence, compliance: Array, right: Array, free: Mask) -> Array:
+def solve_coupled(
+    influence: Influence, compliance: Array, right: Array, free: Mask, residual: float = RESIDUAL
+) -> Array:
     """Return loads with (diag(``compliance``) + K) loads = ``right`` at ``free`` balls; the loads of others are 0.
 
-    The matrix is positive definite, as a small pressure on separate areas stores energy. Raises `NotConverged`.
+    ``residual`` is that of conjugate gradients, relative to ``right``, where the matrix is not factored. The matrix is
+    positive definite, as a small pressure on separate areas stores energy. Raises `NotConverged`.
     """
     count = len(right)
-    if count <= DIRECT and influence.mesh is None:
-        matrix = influence.near.toarray()[np.ix_(free, free)] + np.diag(compliance[free])
+    if isinstance(influence, PointInfluence) and count <= DIRECT and influence.mesh is None:
+        influence = influence.near.toarray()
+    if isinstance(influence, np.ndarray) and count <= DIRECT:
+        matrix = influence[np.ix_(free, free)] + np.diag(compliance[free])
         out = np.zeros(count)
         out[free] = np.linalg.solve(matrix, right[free])
         return out
     # symmetric scaling by the compliances makes the diagonal 1
     scale = np.where(free, 1.0 / np.sqrt(np.where(free, compliance, 1.0)), 0.0)
     operator = LinearOperator((count, count), lambda q: q + scale * (influence @ (scale * q)))
-    found, failed = cg(operator, scale * right, atol=0.0, maxiter=1000, **{_NAMED: RESIDUAL})
+    found, failed = cg(operator, scale * right, atol=0.0, maxiter=1000, **{_NAMED: residual})
     if failed:
-        raise NotConverged(f"point loads: conjugate gradients did not reach a residual of {RESIDUAL:g}")
+        raise NotConverged(f"point loads: conjugate gradients did not reach a residual of {residual:g}")
     return np.asarray(scale * found)

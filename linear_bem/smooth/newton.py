@@ -13,7 +13,7 @@ in the error of p.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,48 +58,18 @@ class Rule:
         return cls(degree // 2 + 6 + rough, 2 * degree + 6 + 2 * rough, directions, degree // 2 + 5)
 
 
-@dataclass(frozen=True)
-class Nodes:
-    """One zone with its quadrature: surface points x, y [m], weights [m^2], pressure, and d p/d P phi_k."""
+Arrays = tuple[Array, Array, Array, Array, Array, Array]
 
-    zone: Zone
-    xi: Array
-    eta: Array
-    x: Array
-    y: Array
-    weights: Array
-    pressure: Array
-    variations: Array
 
-    @classmethod
-    def of(cls, zone: Zone, rule: Rule) -> Nodes:
-        """Return the nodes of a zone."""
-        xi, eta, weights, pressure = zone.quadrature(rule.radial, rule.angular)
-        x, y = zone.points(xi, eta)
-        variations = 0.5 * basis(xi, eta, zone.degree).T / pressure[:, None]
-        return cls(zone, xi, eta, x, y, weights, pressure, variations)
-
-    def moved(self, shift: Array) -> Nodes:
-        """Return the nodes of an image, shifted by (2,) [m]."""
-        zone = replace(self.zone, centre=self.zone.centre + shift)
-        return replace(self, zone=zone, x=self.x + shift[0], y=self.y + shift[1])
-
-    @property
-    def loads(self) -> Array:
-        """Point loads at the nodes."""
-        return self.weights * self.pressure
-
-    @property
-    def force(self) -> float:
-        """Integral of the pressure."""
-        return float(self.weights @ self.pressure)
+def _six(arrays: Iterable[Array]) -> Arrays:
+    xi, eta, x, y, weights, pressure = arrays
+    return xi, eta, x, y, weights, pressure
 
 
 @dataclass(frozen=True)
-class NodeStack:
-    """Zones of one degree with their quadrature: arrays as in `Nodes`, the zones as first axis."""
+class Quadrature:
+    """Nodes in a zone (nodes,) or in many (zones, nodes): frame and surface coordinates [m], weights [m^2], p."""
 
-    zones: ZoneStack
     xi: Array
     eta: Array
     x: Array
@@ -107,30 +77,10 @@ class NodeStack:
     weights: Array
     pressure: Array
 
-    @classmethod
-    def of(cls, zones: ZoneStack, rule: Rule) -> NodeStack:
-        """Return the nodes of many zones."""
-        xi, eta, weights, pressure = zones.quadrature(rule.radial, rule.angular)
-        return cls(zones, xi, eta, *zones.points(xi, eta), weights, pressure)
-
-    @classmethod
-    def joined(cls, nodes: Sequence[Nodes]) -> NodeStack:
-        """Return zones of one degree and one rule together."""
-        names = ("xi", "eta", "x", "y", "weights", "pressure")
-        return cls(stacked([n.zone for n in nodes]), *(np.array([getattr(n, name) for n in nodes]) for name in names))
-
-    def followed_by(self, other: NodeStack) -> NodeStack:
-        """Return these zones and others of their degree and rule."""
-        a, b = self.zones, other.zones
-        zones = (np.concatenate([getattr(z, k) for z in (a, b)]) for k in ("centre", "axes", "coefficients"))
-        centre, axes, coefficients = zones
-        names = ("xi", "eta", "x", "y", "weights", "pressure")
-        arrays = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
-        return NodeStack(ZoneStack(centre, axes, a.degree, coefficients), *arrays)
-
-    def __getitem__(self, part: slice | Indices | Mask) -> NodeStack:
-        arrays = (self.xi, self.eta, self.x, self.y, self.weights, self.pressure)
-        return NodeStack(self.zones[part], *(v[part] for v in arrays))
+    @property
+    def arrays(self) -> Arrays:
+        """The six arrays in the order of the constructor."""
+        return self.xi, self.eta, self.x, self.y, self.weights, self.pressure
 
     @property
     def loads(self) -> Array:
@@ -139,16 +89,69 @@ class NodeStack:
 
     @property
     def forces(self) -> Array:
-        """Integrals of the pressures."""
-        return np.asarray(np.sum(self.loads, axis=1))
+        """Integrals of the pressure, one per zone."""
+        return np.asarray(np.sum(self.loads, axis=-1))
+
+
+@dataclass(frozen=True)
+class Nodes(Quadrature):
+    """One zone with its quadrature, and d p/d P phi_k (nodes, terms)."""
+
+    zone: Zone
+    variations: Array
+
+    @classmethod
+    def of(cls, zone: Zone, rule: Rule) -> Nodes:
+        """Return the nodes of a zone."""
+        return NodeStack.of(stacked([zone]), rule).single()[0]
+
+    def moved(self, shift: Array) -> Nodes:
+        """Return the nodes of an image, shifted by (2,) [m]."""
+        zone = replace(self.zone, centre=self.zone.centre + shift)
+        return replace(self, zone=zone, x=self.x + shift[0], y=self.y + shift[1])
+
+    @property
+    def force(self) -> float:
+        """Integral of the pressure."""
+        return float(self.forces)
+
+
+@dataclass(frozen=True)
+class NodeStack(Quadrature):
+    """Zones of one degree with their quadrature."""
+
+    zones: ZoneStack
+
+    @classmethod
+    def of(cls, zones: ZoneStack, rule: Rule) -> NodeStack:
+        """Return the nodes of many zones."""
+        xi, eta, weights, pressure = zones.quadrature(rule.radial, rule.angular)
+        return cls(xi, eta, *zones.points(xi, eta), weights, pressure, zones=zones)
+
+    @classmethod
+    def joined(cls, nodes: Sequence[Nodes]) -> NodeStack:
+        """Return zones of one degree and one rule together."""
+        return cls(
+            *_six(map(np.array, zip(*(n.arrays for n in nodes), strict=True))), zones=stacked([n.zone for n in nodes])
+        )
+
+    def followed_by(self, other: NodeStack) -> NodeStack:
+        """Return these zones and others of their degree and rule."""
+        a, b = self.zones, other.zones
+        zones = (np.concatenate([getattr(z, k) for z in (a, b)]) for k in ("centre", "axes", "coefficients"))
+        centre, axes, coefficients = zones
+        arrays = _six(map(np.concatenate, zip(self.arrays, other.arrays, strict=True)))
+        return NodeStack(*arrays, zones=ZoneStack(centre, axes, a.degree, coefficients))
+
+    def __getitem__(self, part: slice | Indices | Mask) -> NodeStack:
+        return NodeStack(*_six(values[part] for values in self.arrays), zones=self.zones[part])
 
     def single(self) -> tuple[Nodes, ...]:
         """Return the zones one by one."""
         out = []
-        for i, zone in enumerate(unstacked(self.zones)):
-            variations = 0.5 * basis(self.xi[i], self.eta[i], zone.degree).T / self.pressure[i, :, None]
-            points = self.xi[i], self.eta[i], self.x[i], self.y[i]
-            out.append(Nodes(zone, *points, self.weights[i], self.pressure[i], variations))
+        for zone, *arrays in zip(unstacked(self.zones), *self.arrays, strict=True):
+            variations = 0.5 * basis(arrays[0], arrays[1], zone.degree).T / arrays[-1][:, None]
+            out.append(Nodes(*_six(arrays), zone=zone, variations=variations))
         return tuple(out)
 
 

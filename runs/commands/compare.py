@@ -21,6 +21,11 @@ from runs.session.session import Options, Session, conduct
 
 def compare_scene(scene: Scene, options: Options) -> None:
     """Compare both models on ``scene``, save the run and print the answer."""
+    if "periodic" in scene.effects:
+        raise UnsupportedProblem(
+            f"{scene.path}: compare needs both models, and finite strain has no cell that repeats; drop [periodic], "
+            "or use solve"
+        )
     if "finite_strain" not in scene.effects and "reciprocation" not in scene.effects:
         raise UnsupportedProblem(
             f"{scene.path}: compare sets finite against small strain and needs [finite_strain]; "

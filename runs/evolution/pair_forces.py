@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
+from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
-from runs.evolution.loads import effective_approaches
 from runs.evolution.pair_list import CORRECTED, CUT, CutLaw, PairList
 
 Array = NDArray[np.float64]
@@ -152,7 +152,8 @@ class PairForces:
         distance = np.sqrt(between[:, 0] ** 2 + between[:, 1] ** 2)
         influence, pull = self._table(distance)
         around = 0.0 if self.cell is None else self._table.beyond / float(np.prod(self.cell))
-        effective = effective_approaches(pairs.symmetric(influence), self._force_and_slope, self._approaches, around)
+        mutual = pairs.matrix(influence, around)
+        effective = effective_approaches(mutual, self._force_and_slope, self._approaches, self._approaches)
         normal = self._force_and_slope(effective)[0]
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")

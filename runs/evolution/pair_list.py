@@ -43,6 +43,8 @@ TAPER = 0.9
 """Share of the reach from which the law is taken to zero."""
 SKIN = 0.1
 """Additional reach of a list over the reach."""
+DENSE = 100
+"""Balls up to which elimination is quicker than conjugate gradients."""
 MOST = 40_000_000
 """Pairs that a list may have: 5 GB at about 130 bytes each."""
 
@@ -91,6 +93,17 @@ class CutLaw:
 
 
 @dataclass(frozen=True)
+class SparseAndUniform:
+    """A sparse matrix plus the same number on all entries, as an operator."""
+
+    sparse: csr_matrix
+    uniform: float
+
+    def __matmul__(self, values: Array) -> Array:
+        return np.asarray(self.sparse @ values + self.uniform * np.sum(values))
+
+
+@dataclass(frozen=True)
 class Listed:
     """Pairs of balls, each once: first and second ball, and the shift [m] of the second to its image.
 
@@ -117,9 +130,11 @@ class Listed:
         """Return the vectors [m] from the first to the second balls."""
         return np.asarray(x[self.second] - x[self.first] + self.shift)
 
-    def symmetric(self, values: Array) -> csr_matrix:
-        """Return the symmetric matrix of one value per pair, shape (balls, balls)."""
-        return csr_matrix((values[self._order], self._columns, self._ends), shape=(self.count, self.count))
+    def matrix(self, values: Array, around: float) -> Array | SparseAndUniform:
+        """Return the symmetric matrix of one value per pair and ``around`` on all entries, shape (balls, balls)."""
+        shape = self.count, self.count
+        matrix = SparseAndUniform(csr_matrix((values[self._order], self._columns, self._ends), shape=shape), around)
+        return np.asarray(matrix.sparse.toarray() + around) if self.count <= DENSE else matrix
 
     def summed(self, values: Array) -> Array:
         """Return for each ball the sum of the values of the pairs it is first in, less those it is second in."""

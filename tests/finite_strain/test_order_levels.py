@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.equilibrium import linear_solver
-from finite_strain.equilibrium.order_levels import _interpolation
+from finite_strain.equilibrium.order_levels import interpolation, of_order, upright
 from finite_strain.equilibrium.solver_options import choose, factor_bytes
 from finite_strain.geometry.estimates import penalties
 from finite_strain.planning.records import Discretisation
@@ -77,7 +77,8 @@ def test_a_displacement_of_low_order_is_interpolated_exactly_where_it_is_free(
 ) -> None:
     rig = coarse_rig(coarse_plan(pair(0.05, poisson=0.3)), tmp_path, Discretisation(order, 1.0))
     model, coarse = rig.model, compat.function_space(rig.model.mesh, low, (3,))
-    matrix, held = _interpolation(model.space, compat.function_space(model.mesh, low), model.constrained)
+    level = of_order(model.space, compat.function_space(model.mesh, low))
+    matrix, held = interpolation(level, model.constrained, len(model.constrained), model.comm)
     x, y = matrix.createVecs()
     x.array[:] = np.random.default_rng(1).standard_normal(x.getLocalSize())
     matrix.mult(x, y)
@@ -90,12 +91,25 @@ def test_a_displacement_of_low_order_is_interpolated_exactly_where_it_is_free(
     assert 0 < held.sum() < model.constrained.sum()
 
 
+def test_the_level_across_the_layer_holds_order_one_and_every_cubic_of_the_depth(tmp_path: Path) -> None:
+    space = coarse_rig(coarse_plan(pair(0.05, poisson=0.3)), tmp_path, Discretisation(3, 1.0)).model.space
+    level = upright(space)
+    assert level is not None
+    linear = of_order(space, compat.function_space(space.mesh, 1)).shapes
+    z = space.tabulate_dof_coordinates()[:, 2:]
+    held = np.hstack([z**0, z, z**2, z**3, linear @ np.random.default_rng(1).standard_normal((linear.shape[1], 2))])
+    nodes = np.asarray(level.shapes.argmax(axis=0)).ravel()
+    assert np.abs(level.shapes @ held[nodes] - held).max() < 10 * ROUNDOFF
+    assert level.shapes.shape[1] < len(z) / 6
+    assert level.numbers.tolist() == list(range(level.owned))
+
+
 def test_constrained_components_keep_rows_of_their_own_at_every_order(tmp_path: Path) -> None:
     rig = touched_rig("displacement", 3, 1.0, tmp_path)
     operator, fine, fixed = rig.model.matrix, rig.model.space, rig.model.constrained
     for low in (2, 1):
         coarse = compat.function_space(rig.model.mesh, low)
-        matrix, held = _interpolation(fine, coarse, fixed)
+        matrix, held = interpolation(of_order(fine, coarse), fixed, len(fixed), rig.model.comm)
         operator = operator.ptap(matrix)
         rows = np.flatnonzero(held.ravel()).astype(PETSc.IntType)
         values = operator[rows, :].copy()
@@ -123,7 +137,10 @@ def test_iterations_are_few_and_grow_little_with_the_mesh(form: str, most: int, 
     assert fine <= 1.3 * coarse
 
 
-def test_algebraic_multigrid_on_the_lowest_order_hardly_takes_more_iterations_than_factors(tmp_path: Path) -> None:
+def test_algebraic_multigrid_on_the_lowest_order_hardly_takes_more_iterations_than_factors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(linear_solver, "across", lambda unknowns, order: False)
     taken = []
     for kind in ("cholesky", "gamg"):
         PETSc.Options("thirdbody_")["mg_coarse_pc_type"] = kind

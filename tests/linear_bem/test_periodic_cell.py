@@ -1,5 +1,6 @@
 """A cell that repeats: its images, the wave k = 0, and contacts in it against balls alone in the plane."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.layer.cell import Cell
 from linear_bem.layer.response import LayerResponse
 from linear_bem.lifted_balls import smooth_state
+from linear_bem.smooth.displacement import AT_ONCE, LatticeRest
 from linear_bem.smooth.initial_guess import first_guess
 
 BASES = {"rigid base": None, "soft base": Elastic(5.0, 0.3), "stiff base": Elastic(1e9, 0.3)}
@@ -140,6 +142,22 @@ def test_the_displacement_far_from_all_balls_is_that_of_the_nearest_images(subst
     np.testing.assert_allclose(here, mirrored, atol=1e-6 * 0.05)
     # one point alone and all together sum over other images
     np.testing.assert_allclose(solution.displacement(*(place + away[1])), here[1], atol=1e-6 * 0.05)
+
+
+def test_the_lattices_share_of_a_field_takes_memory_for_a_part_of_its_points(under_forces):
+    contacts = under_forces["soft base"].contacts
+    nodes = contacts.smooth.nodes
+    rest = LatticeRest(contacts.kernel, nodes, 1e-4)
+    assert rest.mesh is not None
+    taken, values = [], []
+    for count in (AT_ONCE, 4 * AT_ONCE):
+        x = np.linspace(-1.0, 1.0, count)
+        tracemalloc.start()
+        values.append(rest.displacement(x, 0.0 * x, nodes)[[0, -1]])
+        taken.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert taken[1] < 2.0 * taken[0]
+    assert values[0] == pytest.approx(values[1], rel=1e-12)
 
 
 def test_a_cell_is_the_middle_of_a_large_free_lattice():

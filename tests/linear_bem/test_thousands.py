@@ -35,6 +35,7 @@ from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls
+from tests.linear_bem.random_balls import direct
 
 BASES = {"half-space": (np.inf, None), "rigid base": (6.0, None), "elastic base": (2.0, Elastic(10.0, 0.3))}
 
@@ -191,6 +192,15 @@ def meshed():
     solution = solve_contact(problem, 1e-3)
     assert FarField.of(solution.contacts.kernel, problem.positions, 0.6, 1e-5).mesh is not None
     return problem, solution
+
+
+@pytest.mark.slow
+def test_three_hundred_random_balls_agree_with_the_sum_over_all_pairs():
+    # other loads, more balls: `python -m tests.linear_bem.random_balls direct 1000 force rigid`
+    found = direct(300, "total_force", "elastic")
+    assert found["over the bar"] <= 1.0
+    assert found["T"] < 1e-4
+    assert found["Q"] < 1e-5
 
 
 def test_direct_sums_over_all_others_give_the_same_forces_on_every_ball(meshed):

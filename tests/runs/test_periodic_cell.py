@@ -7,8 +7,8 @@ import pytest
 
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.loads import DENSE, effective_approaches
 from runs.evolution.pair_forces import PairForces
+from runs.evolution.pair_list import DENSE
 from tests.runs.lattices import in_cell, lattice
 
 ROUNDOFF = 1e-9
@@ -122,9 +122,5 @@ def test_loads_of_many_balls_are_those_of_elimination(monkeypatch: pytest.Monkey
     forces = PairForces(in_cell(thin, len(x), np.ones(2)).problem, [thin.singles[0]] * len(x), thin.law)
     by_elimination = forces(x)
     assert len(x) <= DENSE
-    monkeypatch.setattr("runs.evolution.loads.DENSE", 0)
+    monkeypatch.setattr("runs.evolution.pair_list.DENSE", 0)
     assert forces(x).normal == pytest.approx(by_elimination.normal, rel=1e-11)
-    from scipy.sparse import csr_matrix  # noqa: PLC0415
-
-    none = effective_approaches(csr_matrix((2, 2)), lambda d: (d, np.ones(2)), np.array([1.0, 2.0]))
-    assert none == pytest.approx([1.0, 2.0])

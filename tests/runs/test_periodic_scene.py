@@ -9,6 +9,7 @@ import pytest
 import finite_strain
 from linear_bem import UnsupportedProblem, solve
 from linear_bem.problem import Periodic
+from runs.commands.compare import compare_scene
 from runs.commands.solve import solve_scene
 from runs.comparison import sensitivity
 from runs.models import MODELS, choose
@@ -89,3 +90,10 @@ def test_a_scene_without_a_cell_never_loads_its_code(tmp_path: Path) -> None:
         done = python("-c", LOADED, "solve", written(tmp_path, text), "--out", tmp_path / f"out_{there}")
         assert done.returncode == 0, done.stderr
         assert ("linear_bem.layer.cell" in done.stderr.split("LOADED")[1].split()) == there
+
+
+def test_a_comparison_in_a_cell_is_refused_before_any_work(tmp_path: Path) -> None:
+    scene = read_scene(written(tmp_path))
+    with pytest.raises(UnsupportedProblem, match=r"compare needs both models.*no cell that repeats; drop \[periodic\]"):
+        compare_scene(scene, Options(False, tmp_path / "out", False))
+    assert not (tmp_path / "out").exists()

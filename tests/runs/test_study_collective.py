@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from runs import studies
 from runs.evolution.hard_balls import HardBalls
-from runs.studies.collective import answer, cases
+from runs.studies.collective import answer, boundary, cases
 from runs.studies.collective.cases import Case
 
 CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]
@@ -95,3 +96,22 @@ def test_rest_is_said_of_runs_with_resistance_alone() -> None:
     resting = answer.Finished(Case(6.0, 0.3, 200, 2), row, [])
     assert "1 of 2 layers that gather without resistance came to rest" in " ".join(answer.rest([free, resting, held]))
     assert "200 balls on h = 6 R after a path of 53.6 with a mean cluster of 14" in text
+
+
+def test_the_boundary_of_gathering_is_where_the_force_of_touching_balls_vanishes() -> None:
+    def row(h: float) -> dict[str, float]:
+        ratios = {name: 1e-3 * ((h - at) - 0.2 * (h - at) ** 2) for name, at in (("small", 1.65), ("finite", 1.7))}
+        return {"h/R": h} | {
+            key: value
+            for name, ratio in ratios.items()
+            for key, value in ((f"{name} strain", ratio), (f"error, {name} strain", 1e-5))
+        }
+
+    rows = [row(h) for h in boundary.THICKNESSES]
+    assert boundary.lines(rows[:2]) == []
+    text = "\n".join(boundary.lines(rows))
+    # the parabola in T/Q is off by 2e-4; its bar holds the error of T, 0.01 R, and more
+    found = [float(number) for number in re.findall(r"(\d\.\d+)(?= \+-| to| R)", text)]
+    assert found[0] == pytest.approx(1.65, abs=2e-3)
+    assert "to 1.70" in text
+    assert 0.01 <= float(re.findall(r"\+- (\d\.\d+)", text)[0]) < 0.02

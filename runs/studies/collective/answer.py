@@ -16,7 +16,7 @@ from runs.process import signals
 from runs.process.files import write_csv
 from runs.session.progress import tell
 from runs.studies import Options
-from runs.studies.collective import cases, pictures
+from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
 from runs.studies.framework.tables import markdown
@@ -69,6 +69,11 @@ def compute(folder: Path, options: Options) -> None:
         begun = time.process_time()
         cases.evolve(case, place, fresh=options.fresh)
         tell(f"{case.name}: {time.process_time() - begun:.1f} s")
+    for thickness in () if options.quick else boundary.THICKNESSES:
+        signals.check()
+        file = boundary.file_of(place, thickness)
+        if options.fresh or not file.exists():
+            boundary.compute(thickness, file)
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -84,11 +89,25 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
         if SHOWN in [done.case for done in free]:
             pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
-    lines = [sentence(found, laws), *rest(found), "", *table(found), "", *pair_table(laws), "", *growth_table(found)]
+    lines = [
+        sentence(found, laws),
+        *rest(found),
+        *boundary.lines(boundary.read(folder / CASES)),
+        "",
+        *table(found),
+        "",
+        *pair_table(laws),
+        "",
+        *growth_table(found),
+    ]
     ended = [done.case for done in found if done.row["ended"] != "interrupted"]
     missing = [case.name for case in wanted if case not in ended]
     if missing:
         lines += ["", f"**Not there or interrupted: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
+    begun = [d for d in found if d.row["ended"] == "interrupted"]
+    if begun:
+        at = (f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s" for d in begun)
+        lines += ["", f"Interrupted, so far: {'; '.join(at)}."]
     seconds = sum(done.row["seconds"] for done in found)
     lines += ["", f"Made by `{command('collective', quick)}` in {seconds / 60.0:.1f} minutes of processor time."]
     return "\n".join(lines)

@@ -15,12 +15,13 @@ from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown, written
+from runs.studies.scaling import whole_runs
 from runs.studies.scaling.measuring import FORMS, measure, pressed, too_large
 
 SIZES = (12_000, 60_000, 120_000)
-"""Target numbers of unknowns, which meshes meet within about 20 %."""
-LARGE = (500_000, 1_000_000)
-"""The same on more than one rank, by multigrid alone."""
+"""Target numbers of unknowns; meshes have up to a quarter less."""
+LARGE = (600_000, 1_250_000)
+"""The same on more than one rank, by multigrid alone: about 500 thousand and a million unknowns."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
 AHEAD = (1e7, 1e8)
@@ -53,10 +54,7 @@ def compute(folder: Path, options: Options) -> None:
         state = pressed(form, comm)
         for target in left:
             signals.check()
-            fault = ranks.share(too_large(form, target))
-            if fault:
-                if comm.rank == 0:
-                    tell(f"left out: {fault}")
+            if not _fits(too_large(form, target), comm):
                 continue
             for row in measure(form, target, state, comm):
                 rows.append(row)
@@ -64,6 +62,22 @@ def compute(folder: Path, options: Options) -> None:
                     tell(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
                 write_csv(file, rows)
+    for target in () if options.quick or comm.size == 1 else LARGE:
+        signals.check()
+        saved = folder / f"whole_{target}.csv"
+        known = ranks.share(saved.exists() and not options.fresh)
+        if not known and _fits(whole_runs.too_large(target), comm):
+            found = whole_runs.run(target, comm)
+            if comm.rank == 0:
+                write_csv(saved, found)
+
+
+def _fits(fault: str, comm: Any) -> bool:
+    """Return whether the first rank found no fault; print it otherwise (collective)."""
+    fault = ranks.share(fault)
+    if fault and comm.rank == 0:
+        tell(f"left out: {fault}")
+    return not fault
 
 
 def read(files: Sequence[Path]) -> list[dict[str, Any]]:
@@ -83,7 +97,15 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 def page(folder: Path, quick: bool) -> str:
     """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
-    return "\n".join([*markdown(rows, HEADINGS), *powers(rows)])
+    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in _numbers(file)]
+    whole.sort(key=lambda row: (row["unknowns"], row["fraction"]))
+    said = ["", "Whole runs, two load steps:", "", *markdown(whole, whole_runs.HEADINGS)] if whole else []
+    return "\n".join([*markdown(rows, HEADINGS), *powers(rows), *said])
+
+
+def _numbers(file: Path) -> list[dict[str, float]]:
+    with open(file, encoding="utf-8", newline="") as text:
+        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(text)]
 
 
 def powers(rows: Sequence[dict[str, Any]]) -> list[str]:

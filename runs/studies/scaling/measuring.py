@@ -53,8 +53,13 @@ def pressed(form: str, comm: MPI.Comm) -> Snapshot:
 
 def too_large(form: str, target: int) -> str:
     """Return why a measurement would not fit into the free memory; nothing if it would."""
+    return memory_fault(BYTES[form] * target, f"a system of {target} unknowns ({form} form)")
+
+
+def memory_fault(needed: float, what: str) -> str:
+    """Return why something that needs so many bytes would not fit into the free memory; nothing if it would."""
     try:
-        require(BYTES[form] * target, f"a system of {target} unknowns ({form} form)", "take a larger machine")
+        require(needed, what, "take a larger machine")
     except TooLarge as error:
         return str(error)
     return ""
@@ -150,6 +155,11 @@ def _forget_peak() -> None:
     """Return freed memory to the system and reset this process's peak memory (Linux)."""
     ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def peak_memory(comm: MPI.Comm) -> float:
+    """Return the largest memory of this process so far, summed over ranks [bytes] (collective)."""
+    return float(comm.allreduce(_status("VmHWM")))
 
 
 def _status(key: str) -> float:

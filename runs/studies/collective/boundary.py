@@ -1,0 +1,74 @@
+"""Whether finite strain moves the boundary of gathering: the thickness where T of two touching balls vanishes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linear_bem import Elastic, solve
+from runs.process.files import write_text
+from runs.process.json_values import to_json
+from runs.studies.collective.cases import APPROACH, POISSON
+from runs.studies.framework.pair import pair
+from runs.studies.framework.study import read_json
+from runs.studies.framework.tables import markdown
+
+THICKNESSES = (1.6, 1.8, 2.0)
+ACCURACY = 0.05
+"""Of T at finite strain, over its size or a tenth of a half-space's force."""
+SUBSTRATE: Elastic | None = None
+
+
+def compute(thickness: float, file: Path) -> None:
+    """Save T/Q of two touching balls by both models, with errors."""
+    import finite_strain  # noqa: PLC0415  (imports DOLFINx)
+
+    problem = pair(APPROACH, thickness, poisson=POISSON, substrate=SUBSTRATE)
+    row: dict[str, Any] = {"h/R": thickness}
+    linear = dataclasses.replace(problem, finite_strain=None)
+    for name, result in (("small", solve(linear)), ("finite", finite_strain.solve(problem, tangential_force=ACCURACY))):
+        left = result.balls[0]
+        row[f"{name} strain"] = left.tangential_force[0] / left.normal_force
+        row[f"error, {name} strain"] = left.tangential_force_error / left.normal_force
+    write_text(file, to_json(row))
+
+
+def read(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows that are there."""
+    found = (read_json(file_of(folder, thickness)) for thickness in THICKNESSES)
+    return [row for row in found if row is not None]
+
+
+def file_of(folder: Path, thickness: float) -> Path:
+    """Return the file of a thickness."""
+    return folder / f"touching-h{thickness:g}.json"
+
+
+def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the table, and the thickness where T vanishes in both models; nothing until all rows are there.
+
+    The thickness is a parabola of T/Q through three points; its error is that of T and its difference from a line.
+    """
+    if len(rows) < len(THICKNESSES):
+        return []
+    h = np.array([row["h/R"] for row in rows])
+    ends = []
+    for name in ("small strain", "finite strain"):
+        ratio, error = (np.array([row[key] for row in rows]) for key in (name, f"error, {name}"))
+        order = np.argsort(ratio)
+        place = float(np.polyval(np.polyfit(ratio, h, 2), 0.0))
+        known = abs(place - float(np.interp(0.0, ratio[order], h[order]))) + float(
+            np.max(error / np.gradient(ratio, h))
+        )
+        ends.append(f"{place:.3f} +- {known:.3f} R")
+    return [
+        "",
+        f"**Finite strain** moves the boundary of gathering from h = {ends[0]} to {ends[1]} at D = {APPROACH:g} R: "
+        "there two touching balls neither attract nor separate each other. T/Q of two touching balls:",
+        "",
+        *markdown(rows, digits=3),
+    ]

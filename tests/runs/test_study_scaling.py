@@ -1,0 +1,45 @@
+"""The study of the finite elements' cost: its page from the tables that are there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from runs import studies
+from runs.process.files import write_csv
+from runs.studies.scaling import answer, whole_runs
+
+
+def row(unknowns: int, iterations: int, seconds: float) -> dict[str, object]:
+    return {
+        "form": "displacement", "solver": "multigrid", "target": unknowns, "unknowns": unknowns, "ranks": 2,
+        "assembly_seconds": 1.0, "first_seconds": seconds, "solve_seconds": seconds, "krylov_iterations": iterations,
+        "fallbacks": 0, "kilobytes_per_unknown": 8.0, "load": 1.0,
+    }  # fmt: skip
+
+
+def test_the_page_fits_powers_and_has_whole_runs_where_they_are(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    write_csv(out / "ranks_2.csv", [row(10_000, 10, 1.0), row(1_000_000, 20, 100.0)])
+    options = studies.Options(quick=False, out=out, tables=True)
+    studies.run_study("scaling", options)
+    text = (out / "answer.md").read_text(encoding="utf-8")
+    # doubled over a factor of 100: n^0.15, and 28 iterations at ten million
+    assert "iterations grow as n^0.15, the time of a first solve as n^1.00" in text
+    assert "1e+07 unknowns: 28 iterations" in text
+    assert "Whole runs" not in text
+    names = [*whole_runs.HEADINGS, "target"]
+    write_csv(out / "whole_600000.csv", [dict.fromkeys(names, 7.0)])
+    studies.run_study("scaling", options)
+    assert "Whole runs, two load steps" in (out / "answer.md").read_text(encoding="utf-8")
+
+
+def test_what_does_not_fit_the_memory_is_left_out_with_its_size(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("linear_bem.memory.free_memory", lambda: 1e9)
+    assert "a run of 600000 unknowns" in whole_runs.too_large(600_000)
+    assert whole_runs.too_large(1_000) == ""
+    assert "a system of 600000 unknowns (mixed form)" in answer.too_large("mixed", 600_000)
