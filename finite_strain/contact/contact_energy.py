@@ -182,6 +182,11 @@ class Contact:
         """Change the equilibrium condition so that a share of the source state's penetration vanishes."""
         self.augmented.value += share
 
+    @property
+    def is_augmented(self) -> bool:
+        """Whether there are multipliers."""
+        return bool(self.augmented.value)
+
     def stiffen(self, factor: float) -> None:
         """Multiply the penalties by a factor; the multipliers stay as they are."""
         self.set_penalties(factor * self.penalties)

@@ -259,7 +259,7 @@ class LoadPath:
         scale = max(forces, default=0.0)
         done = self.solver.solve(rough * RESIDUAL, scale, record.fraction, keeps)
         record.newton_iterations += done.iterations
-        record.augmentation_iterations += done.iterations * (self.model.contact.augmented.value != 0.0)
+        record.augmentation_iterations += done.iterations * self.model.contact.is_augmented
         record.tangents += done.tangents
         record.residual = done.residual
         self.check_volumes()
