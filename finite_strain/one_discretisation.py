@@ -15,7 +15,7 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
-from finite_strain.equilibrium.load_path import RESIDUAL, ROUGH, LoadPath, State, StepRecord
+from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.distortion import distortion
@@ -25,7 +25,6 @@ from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
 from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
-from linear_bem.errors import NotConverged
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
 
@@ -56,7 +55,7 @@ class ModelRun:
         self.extremes = Extremes(self.model)
         self.path = LoadPath(
             problem, self.model, control, self.solver, partial(observer.attempt, name), level.penalty,
-            plan.numerics.shortest_step,
+            plan.numerics.shortest_step, plan.path[0],
         )  # fmt: skip
 
     def close(self) -> None:
@@ -67,34 +66,11 @@ class ModelRun:
     def enforce(self, record: StepRecord) -> int:
         """Stiffen the contact of an equilibrium with multipliers; return how often (collective).
 
-        It ends when no ball penetrates more than `LARGEST_PENETRATION`. If Newton's method fails, the state stays.
+        It ends when no ball penetrates more than `LARGEST_PENETRATION`.
         """
-        contact, fields, taken = self.model.contact, self.model.fields, 0
-        values, approaches, force = fields.copy(), contact.approaches, self.solver.tolerance / RESIDUAL
-        tolerance, residual, most = self.solver.tolerance, record.residual, ROUNDS * record.augmented
-        accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in contact.balls])
-        try:
-            while taken < most and np.any(self.extremes()[:, 1] > accepted):
-                contact.stiffen(STIFFER)
-                taken += 1
-                self._again(record, ROUGH, force)
-            if taken:
-                self._again(record, 1.0, force)
-                self.path.check_volumes()
-        except NotConverged:
-            contact.stiffen(STIFFER**-taken)
-            fields.restore(values)
-            contact.set_approaches(approaches)
-            self.solver.tolerance, record.residual = tolerance, residual
-            return 0
-        return taken
-
-    def _again(self, record: StepRecord, rough: float, force: float) -> None:
-        done = self.solver.solve(rough * RESIDUAL, force, record.fraction, keeps=True)
-        record.newton_iterations += done.iterations
-        record.augmentation_iterations += done.iterations
-        record.tangents += done.tangents
-        record.residual = done.residual
+        accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in self.model.contact.balls])
+        rounds = ROUNDS * record.augmented
+        return self.path.stiffen(record, STIFFER, rounds, lambda: bool(np.any(self.extremes()[:, 1] > accepted)))
 
     def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""

@@ -49,12 +49,14 @@ def positive(value: Any) -> Any:
 class Penalised:
     """A state whose penetration is the contact pressure over the penalty: the source of the multipliers.
 
-    Nodal displacement (nodes, 3) [m], and of each ball (balls,) the approach [m] and the penalty [Pa/m].
+    Nodal displacement (nodes, 3) [m], and of each ball (balls,) the approach [m] and the penalty [Pa/m]. ``turning`` is
+    that of `Contact`: a pressure is per deformed area if the potential is.
     """
 
     displacement: np.ndarray
     approaches: np.ndarray
     penalties: np.ndarray
+    turning: float
 
 
 class _Slot:
@@ -161,7 +163,8 @@ class Contact:
     @property
     def penalised(self) -> Penalised:
         """The present penalised state, for `augment`."""
-        return Penalised(self.displacement.x.array.reshape(-1, 3).copy(), self.approaches.copy(), self.penalties.copy())
+        nodal = self.displacement.x.array.reshape(-1, 3).copy()
+        return Penalised(nodal, self.approaches.copy(), self.penalties.copy(), float(self.turning.value))
 
     def augment(self, source: Penalised, stiffer: float) -> None:
         """Take the multipliers from a state without multipliers; multiply its penalties by the factor ``stiffer``.
@@ -170,13 +173,19 @@ class Contact:
         """
         self.earlier.x.array[:] = source.displacement.ravel()
         self.set_penalties(stiffer * source.penalties)
+        self.turning.value = float(source.turning)
         for slot in self.slots:
             slot.set("earlier", source.approaches)
         self.augmented.value = 1.0 / stiffer - 1.0
 
-    def close_gaps(self) -> None:
-        """Change the equilibrium condition so that the penetration of the multipliers' source state vanishes."""
-        self.augmented.value += 1.0
+    def close_gaps(self, share: float = 1.0) -> None:
+        """Change the equilibrium condition so that a share of the source state's penetration vanishes."""
+        self.augmented.value += share
+
+    @property
+    def is_augmented(self) -> bool:
+        """Whether there are multipliers."""
+        return bool(self.augmented.value)
 
     def stiffen(self, factor: float) -> None:
         """Multiply the penalties by a factor; the multipliers stay as they are."""

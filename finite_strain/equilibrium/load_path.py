@@ -31,8 +31,10 @@ SPURIOUS = 0.3
 SURPLUS = 0.3
 """The increase of the potential is at most the work of the final forces, because forces grow with approaches; this
 fraction more is allowed. A crumpled surface, also an equilibrium, stores several times as much."""
+PARTS = 4
+"""Equal parts in which multipliers are added gradually."""
 DOUBLINGS = 4
-"""How often the penalty is doubled where no equilibrium with multipliers was found."""
+"""How often the penalty is doubled where multipliers were added gradually, or not at all."""
 BACK = 1e-12
 
 
@@ -75,25 +77,27 @@ class LoadPath:
     """Loads a model step by step; iterate over `steps` to bring it into equilibrium at each load fraction.
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
-    penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends.
+    penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends, and
+    ``longest`` the first one over full load where a predictor's state was of no use.
     """
 
     def __init__(
         self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
         observe: Callable[[float, int], None] = lambda _fraction, _cuts: None, stiffer: float = 1.0,
-        shortest: float = DEFAULT.shortest_step,
+        shortest: float = DEFAULT.shortest_step, longest: float = math.inf,
     ) -> None:  # fmt: skip
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
-        self._observe, self.stiffer, self._shortest = observe, stiffer, shortest
+        self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self.history: list[State] = []
         self.source = model.contact.penalised
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
 
-        Fractions may also decrease (unloading). A step starts from the predictor's state; if there is none, or Newton's
-        method fails from it, earlier states of the path are extrapolated. A step from a near state ends with
-        multipliers; others end in an approximate equilibrium without them; `augment` adds them and makes it exact.
+        Fractions may also decrease (unloading). A step starts from the predictor's state with its multipliers; if
+        Newton's method fails, from their source without them; if there is none, or that fails too, earlier states of
+        the path are extrapolated. A step from a near state ends with multipliers; others end in an approximate
+        equilibrium without them; `augment` adds them and makes it exact.
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
@@ -108,8 +112,10 @@ class LoadPath:
                 except NotConverged as error:
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
+                    elif predicted.source is not None:
+                        predicted = _penalised(predicted, predicted.source)
                     else:
-                        predicted = None if predicted.source is None else replace(predicted, source=None)
+                        predicted, step = None, math.copysign(min(abs(step), self._longest), step)
                     if abs(step) < self._shortest * abs(goal):
                         self._restore()
                         raise NotConverged(
@@ -148,32 +154,52 @@ class LoadPath:
     def augment(self, record: StepRecord) -> bool:
         """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
 
-        If it has multipliers, nothing is done. If none was found, the model returns to the state without multipliers,
-        with stiffer penalties as far as Newton's method follows.
+        If it has multipliers, nothing is done. They are added at once, with stiffer penalties, or gradually. If neither
+        is followed, the model returns to the state without multipliers, with penalties as stiff as is followed.
         """
-        if not record.augmented:
-            with suppress(NotConverged):
-                self._multiply(self.source, record)
+        for gradually in (False, True):
+            if not record.augmented:
+                with suppress(NotConverged):
+                    self._multiply(self.source, record, gradually)
+                    if gradually:
+                        self.stiffen(record, 2.0, DOUBLINGS)
         if not record.augmented:
             self._restore()
             self._newton(record)
-            self._stiffen(record)
+            self.stiffen(record, 2.0, DOUBLINGS)
         return record.augmented
 
-    def _stiffen(self, record: StepRecord) -> None:
-        """Double the penalties of a state without multipliers, while Newton's method follows."""
-        fields, contact = self.model.fields, self.model.contact
-        for _ in range(DOUBLINGS):
-            values, approaches, residual = fields.copy(), contact.approaches, record.residual
-            contact.stiffen(2.0)
-            try:
-                self._newton(record)
-            except NotConverged:
-                contact.stiffen(0.5)
-                fields.restore(values)
-                contact.set_approaches(approaches)
-                record.residual = residual
-                return
+    def stiffen(self, record: StepRecord, factor: float, times: int, wanted: Callable[[], bool] = lambda: True) -> int:
+        """Multiply the penalties of an equilibrium by a factor, while ``wanted``; return how often (collective).
+
+        If Newton's method fails, the state before stays. The multipliers do not change.
+        """
+        first, taken = self._kept(record), 0
+        try:
+            while taken < times and wanted():
+                kept = self._kept(record)
+                self.model.contact.stiffen(factor)
+                try:
+                    self._newton(record, ROUGH, keeps=True)
+                except NotConverged:
+                    self._return_to(kept, record, factor)
+                    break
+                taken += 1
+            if taken:
+                self._newton(record, keeps=True)
+        except NotConverged:
+            self._return_to(first, record, factor**taken)
+            return 0
+        return taken
+
+    def _kept(self, record: StepRecord) -> tuple[Values, np.ndarray, float, float]:
+        return self.model.fields.copy(), self.model.contact.approaches, record.residual, self.solver.tolerance
+
+    def _return_to(self, kept: tuple[Values, np.ndarray, float, float], record: StepRecord, stiffened: float) -> None:
+        values, approaches, record.residual, self.solver.tolerance = kept
+        self.model.contact.stiffen(1.0 / stiffened)
+        self.model.fields.restore(values)
+        self.model.contact.set_approaches(approaches)
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
         contact = self.model.contact
@@ -196,21 +222,23 @@ class LoadPath:
                 raise NotConverged("the equilibrium found holds more energy than was put in: its surface is crumpled")
             self.source = contact.penalised
 
-    def _multiply(self, source: Penalised, record: StepRecord) -> None:
+    def _multiply(self, source: Penalised, record: StepRecord, gradually: bool = False) -> None:
         """Find the equilibrium near the present state with the multipliers of another one, or of this one."""
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
-        contact.augment(source, self.stiffer * STIFFENING)
-        self._set_area(source.approaches)
+        contact.augment(source, 1.0 if gradually else self.stiffer * STIFFENING)
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]
-        if source is self.source:  # the solve starts there, with 1 + STIFFENING times the contact pressure
+        if source is self.source and not gradually:  # it starts there, with 1 + STIFFENING times the contact pressure
             self.solver.prepare()
         model.fields.restore(start)
         contact.set_approaches(approaches)
-        contact.close_gaps()
-        record.augmentation_iterations = self._newton(record)
+        for _ in range(PARTS - 1 if gradually else 0):
+            contact.close_gaps(1.0 / PARTS)
+            self._newton(record, ROUGH)
+        contact.close_gaps(1.0 / PARTS if gradually else 1.0)
+        self._newton(record)
         moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
         if moved.max() > SPURIOUS:
             raise NotConverged("the equilibrium found has other normal forces than the state that it started from")
@@ -219,28 +247,24 @@ class LoadPath:
     def _set_penalties(self) -> None:
         contact = self.model.contact
         contact.set_penalties(penalties(self.problem, contact.balls, contact.approaches))
-        self._set_area(contact.approaches)
+        contact.turning.value = float(not is_stable(self.problem, contact.balls, contact.approaches))
 
-    def _set_area(self, approaches: np.ndarray) -> None:
-        contact = self.model.contact
-        contact.turning.value = float(not is_stable(self.problem, contact.balls, approaches))
-
-    def _newton(self, record: StepRecord, rough: float = 1.0) -> int:
-        """Find equilibrium; return the iterations. Raises `NotConverged`."""
+    def _newton(self, record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
+        """Find equilibrium; ``keeps``: the last tangent is near enough to begin with. Raises `NotConverged`."""
         layer, substrate = self.problem.layer, self.problem.substrate
         pressed = [
             (a, b) for a, b in zip(self.model.contact.approaches, self.model.contact.balls, strict=True) if a > 0.0
         ]
         forces = [alone(layer, substrate, b.shape, b.radius, approach=a).normal_force for a, b in pressed]
         scale = max(forces, default=0.0)
-        done = self.solver.solve(rough * RESIDUAL, scale, record.fraction)
+        done = self.solver.solve(rough * RESIDUAL, scale, record.fraction, keeps)
         record.newton_iterations += done.iterations
+        record.augmentation_iterations += done.iterations * self.model.contact.is_augmented
         record.tangents += done.tangents
         record.residual = done.residual
         self.check_volumes()
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
-        return done.iterations
 
     def _extrapolated(self, fraction: float, cuts: int) -> State | None:
         """Return the initial state: extrapolated from the last two; at every second cut-back, the last state."""
@@ -264,3 +288,9 @@ class LoadPath:
             self.model.fields.restore(self.history[-1].values)
             self.model.contact.set_approaches(np.array(self.history[-1].approaches))
             self._set_penalties()
+
+
+def _penalised(state: State, source: Penalised) -> State:
+    """Return the state before its multipliers were added: its penetration holds the contact pressure."""
+    values = (source.displacement, *state.values[1:])
+    return State(state.fraction, values, tuple(source.approaches))

@@ -15,7 +15,7 @@ import finite_strain
 import linear_bem
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
-from finite_strain.equilibrium.load_path import DOUBLINGS
+from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
 from finite_strain.force.distortion import distortion
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
@@ -80,12 +80,24 @@ def test_the_surface_under_a_deep_ball_stays_smooth(tmp_path: Path) -> None:
     assert max(record.cuts for record in records) == 0
 
 
-def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(tmp_path: Path) -> None:
-    rig = coarse_rig(coarse_plan(pair(0.8)), tmp_path)
+@pytest.fixture(scope="module")
+def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    rig = coarse_rig(coarse_plan(pair(0.8)), tmp_path_factory.mktemp("deep"))
     *_, last = rig.path.steps(rig.plan.path)
-    soft, pull = rig.run.state(1.0), rig.meter.domain(rig.contact_radii())[0, 0]
-    penalties = rig.model.contact.penalties.copy()
-    assert not rig.path.augment(last)  # multipliers overshoot at 0.8 R
+    pull = rig.meter.domain(rig.contact_radii())[0, 0]
+    return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
+
+
+def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(
+    deep_without_multipliers: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, last, soft, pull, penalties = deep_without_multipliers
+
+    def overshoots(*_: float) -> None:
+        raise NotConverged("no equilibrium with multipliers")
+
+    monkeypatch.setattr(rig.model.contact, "close_gaps", overshoots)
+    assert not rig.path.augment(last)
     stiff = rig.run.state(1.0)
     assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
     assert stiff.mean_gap[0] == pytest.approx(soft.mean_gap[0] / 2.0**DOUBLINGS, rel=0.5)
@@ -94,6 +106,20 @@ def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(tmp_
     (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
     assert 0.5 * MOST * share < lacking < MOST * share
     assert stiff.tangential_force[0, 0] / pull - 1.0 < 2.0 * MOST * share
+
+
+def test_multipliers_are_added_gradually_where_they_overshoot(deep_without_multipliers: Any) -> None:
+    rig, last, soft, _, penalties = deep_without_multipliers
+    rig.path.resume(rig.path.history)
+    record = StepRecord(last.fraction)
+    assert rig.path.augment(record)  # at once, with stiffer penalties, Newton's method fails
+    added = rig.run.state(1.0)
+    assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
+    assert record.residual <= rig.solver.tolerance
+    assert abs(added.mean_gap[0]) < 0.04 * abs(soft.mean_gap[0])  # stiffer penalties alone leave a sixteenth
+    # the whole pressure's share of the force that penetration withholds, as the error of a soft contact bounds it
+    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
+    assert 0.5 * MOST * share < added.normal_force[0] / soft.normal_force[0] - 1.0 < MOST * share
 
 
 def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> None:
@@ -214,6 +240,21 @@ def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
         found.append(rig.normal_forces()[0])
     assert iterations[1] == 0 < iterations[0]
     assert found == relatively([found[0]] * 3, 1e-7)
+
+
+def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_came_from(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"))
+    known.press()
+    good, source = known.path.history[-1], known.path.source
+    useless = tuple(-values for values in good.values)
+    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"))
+    (record,) = rig.path.steps([1.0], lambda _: State(1.0, useless, good.approaches, source))
+    assert not record.augmented
+    assert record.cuts == 0
+    assert record.newton_iterations == 0
+    assert np.array_equal(rig.model.nodal, good.values[0])
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.48])

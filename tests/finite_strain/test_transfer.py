@@ -62,7 +62,7 @@ def fill(fields: Fields, order: int) -> None:
 
 def taken(fraction: float, fields: Fields) -> Snapshot:
     """Return a snapshot of the fields whose multipliers come from twice their displacement (collective)."""
-    source = Penalised(2.0 * fields.copy()[0], 0.9 * APPROACHES, PENALTIES)
+    source = Penalised(2.0 * fields.copy()[0], 0.9 * APPROACHES, PENALTIES, 1.0)
     return Snapshot.take(fraction, fields, APPROACHES, source)
 
 
