@@ -53,7 +53,8 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
     if _OLD:
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
         scalar = ufl.FiniteElement(family, cell, degree)
-        element = ufl.VectorElement(scalar, dim=shape[0]) if shape else scalar
+        kinds = {1: lambda: ufl.VectorElement(scalar, dim=shape[0]), 2: lambda: ufl.TensorElement(scalar, shape=shape)}
+        element = kinds[len(shape)]() if shape else scalar
         with _compiler_cache(mesh.comm) as options:  # the old version compiles spaces too
             return dolfinx.fem.FunctionSpace(mesh, element, **options)
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
@@ -148,6 +149,11 @@ def lagrange_element(cell: str, degree: int, variant: str = "gll_warped") -> Any
     return basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, cell), degree, getattr(basix.LagrangeVariant, variant)
     )
+
+
+def vtx_writer() -> Any:
+    """Return DOLFINx's writer of VTX; None where it was built without ADIOS2, as Debian 12's."""
+    return getattr(import_module("dolfinx.io"), "VTXWriter", None)
 
 
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
