@@ -189,7 +189,8 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     Corners come first, those of a hexahedron with x running first, then y, then z.
     """
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(len(mesh.geometry.dofmap), -1)
+        table = mesh.geometry.dofmap
+        return table.array.reshape(len(table), mesh.geometry.cmap.create_dof_layout().num_dofs)  # a rank may have no cell
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 

@@ -112,6 +112,13 @@ def test_the_tutorials_at_finite_strain_share_one_run(tmp_path: Path) -> None:
         assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
 
 
+@pytest.mark.slow
+def test_the_tutorial_of_own_meshes_runs_as_printed(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    page = Tutorial(PAGES / "tutorials" / "own_mesh.md", tmp_path).run()
+    assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
+
+
 def test_the_tutorial_of_nine_balls_gathers_them(tmp_path: Path) -> None:
     page = Tutorial(PAGES / "tutorials" / "nine_balls.md", tmp_path).run()
     assert "```output" not in page
