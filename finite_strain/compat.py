@@ -189,8 +189,8 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     Corners come first, those of a hexahedron with x running first, then y, then z.
     """
     if _OLD:
-        table = mesh.geometry.dofmap
-        return table.array.reshape(len(table), mesh.geometry.cmap.create_dof_layout().num_dofs)  # a rank may have no cell
+        nodes = mesh.geometry.cmap.create_dof_layout().num_dofs  # a rank may have no cell
+        return mesh.geometry.dofmap.array.reshape(-1, nodes)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 

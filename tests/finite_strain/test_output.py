@@ -220,7 +220,7 @@ def test_fields_not_requested_are_neither_compiled_nor_written(tmp_path: Path, m
 
 
 class Vtx:
-    """Stands for DOLFINx's writer, which Debian 12's lacks: keeps what its functions are at the places of their nodes."""
+    """Stands for DOLFINx's writer, which Debian 12's lacks: keeps the values of its functions."""
 
     def __init__(self, comm: Any, name: str, functions: list[Any]) -> None:
         self.folder, self.functions = Path(name), functions
