@@ -62,6 +62,7 @@ def block(
     return tagged(mesh, {name: heights[name] for name in facets}, skip)
 
 
+@pytest.mark.mpi
 def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks() -> None:
     done = mpirun(2, "-m", "tests.finite_strain.own_mesh", timeout=600.0)  # on one rank: the tutorial
     assert done.returncode == 0, done.stderr
@@ -98,6 +99,7 @@ def test_a_mesh_without_blocks_meets_the_boundary_element_model(kind: Any, z: An
     assert np.ptp(step.points[:, 0]) == relatively(2.0 * X[-1], 1e-9)
 
 
+@pytest.mark.mpi
 def test_a_rank_without_cells_does_no_harm() -> None:
     problem = at_small_strain(pair(0.1, poisson=0.3, shape=SHAPES["small_strain"]))
     alone = finite_strain.solve(problem, model="small_strain", tangential_force=0.5, mesh=block(), comm=COMM).balls[0]
