@@ -53,7 +53,8 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
     if _OLD:
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
         scalar = ufl.FiniteElement(family, cell, degree)
-        element = ufl.VectorElement(scalar, dim=shape[0]) if shape else scalar
+        kinds = {1: lambda: ufl.VectorElement(scalar, dim=shape[0]), 2: lambda: ufl.TensorElement(scalar, shape=shape)}
+        element = kinds[len(shape)]() if shape else scalar
         with _compiler_cache(mesh.comm) as options:  # the old version compiles spaces too
             return dolfinx.fem.FunctionSpace(mesh, element, **options)
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
@@ -102,9 +103,10 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
                 with suppress(BlockingIOError):
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     oldest = math.inf
-                for source in cache.glob("*.c"):
+                there = set(os.listdir(cache))  # once: a status call for each of a thousand forms took seconds a run
+                for source in (cache / name for name in there if name.endswith(".c") and f"{name}.cached" not in there):
                     with suppress(FileNotFoundError):  # another run may remove it, too
-                        if not source.with_suffix(".c.cached").exists() and source.stat().st_mtime < oldest:
+                        if source.stat().st_mtime < oldest:
                             source.unlink()
                 fcntl.flock(lock, fcntl.LOCK_SH)
             except OSError as error:
@@ -149,6 +151,11 @@ def lagrange_element(cell: str, degree: int, variant: str = "gll_warped") -> Any
     )
 
 
+def vtx_writer() -> Any:
+    """Return DOLFINx's writer of VTX; None where it was built without ADIOS2, as Debian 12's."""
+    return getattr(import_module("dolfinx.io"), "VTXWriter", None)
+
+
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     """Return mesh, cell tags and facet tags of a .msh file, whose groups are known by name or number (`TAGS`)."""
     reader = import_module("dolfinx.io.gmshio" if VERSION < (0, 10) else "dolfinx.io.gmsh")
@@ -182,7 +189,8 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     Corners come first, those of a hexahedron with x running first, then y, then z.
     """
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(len(mesh.geometry.dofmap), -1)
+        nodes = mesh.geometry.cmap.create_dof_layout().num_dofs  # a rank may have no cell
+        return mesh.geometry.dofmap.array.reshape(-1, nodes)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 

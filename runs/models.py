@@ -48,6 +48,8 @@ class Run:
     report: Callable[[str], None] = lambda text: None
 
 
+COMMAND_SECONDS, COMMAND_BYTES = 1.7, 7e7
+"""Processor time [s] and memory of a command beside its models: imports, figures, files; measured on small scenes."""
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
 """Problem, accuracy, budget, load fractions."""
 

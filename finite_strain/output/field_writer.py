@@ -5,10 +5,12 @@ nodal displacements are those of the solution. Points, vectors and tensors are i
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
 complete the scene).
 Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
+Where DOLFINx was built with ADIOS2, each step has a VTX folder, too.
 """
 
 from __future__ import annotations
 
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from finite_strain.mpi import on_root
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice, outline
 from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
+from finite_strain.output.vtx import write_vtx
 
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
 _OUTLINES = "points of bodies that are no balls, from the apex, by direction and outwards; nan of balls"
@@ -56,17 +59,20 @@ class FieldWriter:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
         last = stem(number)
         beyond = (path for path in self.folder.glob("step_*.*") if path.stem > last)
-        on_root(self.model.comm, lambda: list(map(Path.unlink, beyond)))
+        on_root(self.model.comm, lambda: list(map(_remove, beyond)))
 
     def write(self, number: int, fraction: float) -> float:
         """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index; return the seconds taken."""
         began = time.monotonic()
         if self.choice.wants(number, fraction):
-            arrays = self._mesh_arrays()
-            arrays |= {f"node_fields/{name}": values for name, values in self._node_fields().items()}
+            arrays, fields = self._mesh_arrays(), self._node_fields()
+            owned = self.model.space.dofmap.index_map.size_local
+            arrays |= {f"node_fields/{name}": values[:owned] for name, values in fields.items()}
             path = self.folder / f"{stem(number)}.h5"
             write_gathered(self.model.comm, path, arrays, lambda file: self._describe(file, number, fraction))
             on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
+            if compat.vtx_writer() is not None:
+                write_vtx(self.model, path.with_suffix(".bp"), number, fields)
         return time.monotonic() - began
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
@@ -81,13 +87,12 @@ class FieldWriter:
         return {"points": points, "cells": numbers, "cell_fields/region": region.ravel()}
 
     def _node_fields(self) -> dict[str, np.ndarray]:
-        """Return the chosen fields at this rank's own nodes, in the scene's frame."""
+        """Return the chosen fields at this rank's nodes, ghosts included, in the scene's frame."""
         answer = {"displacement": self.model.reduction.scene_vectors(self.model.nodal)}
         if self._top is not None:
             answer["contact_pressure"] = self._top.pressure()
         answer |= self._gap() | self._strain_fields() | self._stress_fields()
-        owned = self.model.space.dofmap.index_map.size_local
-        return {name: np.ascontiguousarray(answer[name][:owned]) for name in self.choice.names}
+        return {name: np.ascontiguousarray(answer[name]) for name in self.choice.names}
 
     def _gap(self) -> dict[str, np.ndarray]:
         if "gap" not in self.choice.names:
@@ -156,6 +161,13 @@ class FieldWriter:
             mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():  # of VTX
+        shutil.rmtree(path)
+    else:
+        path.unlink()
 
 
 def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ STEP_SECONDS, STEP_POWER = 0.88, 1.5
 """An answered load step with order 3, which the coarser mesh's state predicts, without its pair."""
 SEARCH_SECONDS = 2.3
 """A load step of the path finder, order 2, which finds the contact's edge by more iterations."""
-START_SECONDS, MESH_SECONDS = 0.8, 0.25
+START_SECONDS, MESH_SECONDS = 1.4, 0.25
 """Start of a run; mesh, spaces and output of each mesh, as the unknowns."""
 BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
 """A process with its libraries; matrix, factors and elements' data of both models with order 3."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 
 import numpy as np
@@ -34,8 +34,8 @@ class HeightFieldContact:
     ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed.
     """
 
-    pressure: Array
-    displacement: Array
+    pressure: Array = field(repr=False)
+    displacement: Array = field(repr=False)
     approach: float
     normal_force: float
     mean_gap: float

@@ -16,7 +16,7 @@ from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.models import MODELS, Model, Run, choose, load_path, planned_seconds, standing, without
+from runs.models import COMMAND_BYTES, COMMAND_SECONDS, MODELS, Model, Run, choose, load_path, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -65,7 +65,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
         if scene.steps is None and scene.reciprocation is None:
-            path = model.plan(problem, scene.tangential_force, scene.budget, None)
+            path = _as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
             plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
     scale = Scale.of(problem, scene.data)
     close, near = _closest(problem, ahead)
@@ -117,7 +117,7 @@ def _closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
-        details = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
+        details = _as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
         details = {
             "symmetries": [],
@@ -129,6 +129,12 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
     return {"model": model.name, "summary": model.summary, **plain(details)}
 
 
+def _as_command(plan: dict[str, Any]) -> dict[str, Any]:
+    """Return the plan of a model with time and memory of the command around it."""
+    more = {"seconds": COMMAND_SECONDS, "processor_seconds": COMMAND_SECONDS, "memory_bytes": COMMAND_BYTES}
+    return plan | {key: plan[key] + value for key, value in more.items()}
+
+
 def _doubts(problem: Problem) -> list[str]:
     """Return where the energy of the layer's law is not known to be convex."""
     law = None if problem.finite_strain is None else problem.finite_strain.chosen
@@ -136,7 +142,7 @@ def _doubts(problem: Problem) -> list[str]:
 
 
 def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:
-    """Return how many runs ``evolve`` needs for its table of pairs and their time; None where it takes no table."""
+    """Return how many runs ``evolve`` needs for its table of pairs, their time and the largest memory; None without."""
     from runs.evolution.evolving import TABLES  # noqa: PLC0415  (only for a scene whose balls drift)
     from runs.evolution.providers import table_of  # noqa: PLC0415
 
@@ -144,9 +150,13 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
         missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
     except UnsupportedProblem:
         return None
+    if model.plan is None or not missing:
+        return {"runs": len(missing), "seconds": None, "memory_bytes": None}
+    plans = [model.plan(pair, scene.tangential_force, scene.budget, (1.0,)) for pair in missing]
     return {
         "runs": len(missing),
-        "seconds": planned_seconds(model, missing, scene.tangential_force, scene.budget),
+        "seconds": sum(plan["seconds"] for plan in plans) + COMMAND_SECONDS,
+        "memory_bytes": max(plan["memory_bytes"] for plan in plans) + COMMAND_BYTES,
     }
 
 
@@ -182,8 +192,10 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     table = document["evolution"]
     if table is not None:
-        time = "" if table["seconds"] is None else f", about {duration(table['seconds'])} on two idle cores"
-        say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{time}")
+        cost = ""
+        if table["seconds"] is not None:
+            cost = f", about {duration(table['seconds'])} on two idle cores, {_memory(table['memory_bytes'])}"
+        say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{cost}")
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]

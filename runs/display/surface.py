@@ -50,7 +50,8 @@ def along_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[fl
 def across_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
     """Return the distance [m] of a position from the section line, with a sign."""
     origin, direction = _line(positions)
-    return lambda position: float(np.cross(direction, np.asarray(position) - origin))
+    across = np.array([-direction[1], direction[0]])
+    return lambda position: float(across @ (np.asarray(position) - origin))
 
 
 def _line(positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

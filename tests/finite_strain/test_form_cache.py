@@ -53,3 +53,20 @@ def test_runs_use_the_cache_side_by_side_and_remove_what_a_killed_run_left(
     finally:
         other.terminate()
         other.join()
+
+
+def test_a_form_costs_no_status_call_for_each_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain import compat  # noqa: PLC0415
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    forms = tmp_path / "thirdbody" / "forms"
+    forms.mkdir(parents=True)
+    for number in range(200):
+        (forms / f"{number}.c").touch()
+        (forms / f"{number}.c.cached").touch()
+    asked, status = list[object](), os.stat
+    monkeypatch.setattr(os, "stat", lambda path, **options: asked.append(path) or status(path, **options))
+    with compat._compiler_cache(MPI.COMM_SELF):
+        assert len(asked) < 20

@@ -31,7 +31,7 @@ def with_law(law: Any) -> Any:
     return replace(PROBLEM, finite_strain=FiniteStrain(law))
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.mpi)])
 def test_forty_lines_reproduce_a_scenes_answer(ranks: int) -> None:
     done = mpirun(ranks, "-m", "tests.finite_strain.library", timeout=600.0)
     assert done.returncode == 0, done.stderr
@@ -72,6 +72,7 @@ def test_no_law_is_refused(law: Any) -> None:
         with_law(law)
 
 
+@pytest.mark.mpi
 def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
     code = (
         "from mpi4py import MPI\n"

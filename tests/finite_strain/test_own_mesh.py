@@ -51,20 +51,20 @@ def tagged(mesh: Any, facets: dict[str, float], skip: int = 0) -> tuple[Any, Any
 
 def block(
     kind: Any = CellType.hexahedron, x: Any = X, y: Any = Y, z: Any = Z, facets: tuple[str, ...] = ("top", "bottom"),
-    skip: int = 0,
+    skip: int = 0, comm: Any = COMM, **options: Any,
 ) -> tuple[Any, Any, Any]:  # fmt: skip
     """Return a box between lines, whose top and bottom are tagged."""
     counts = [len(lines) - 1 for lines in (x, y, z)]
-    mesh = create_box(COMM, [np.zeros(3), np.array(counts, dtype=float)], counts, kind)
+    mesh = create_box(comm, [np.zeros(3), np.array(counts, dtype=float)], counts, kind, **options)
     for axis, lines in enumerate((x, y, z)):
         mesh.geometry.x[:, axis] = np.interp(mesh.geometry.x[:, axis], np.arange(len(lines)), lines)
     heights = {"top": z[-1], "bottom": z[0]}
     return tagged(mesh, {name: heights[name] for name in facets}, skip)
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer(ranks: int) -> None:
-    done = mpirun(ranks, "-m", "tests.finite_strain.own_mesh", timeout=600.0)
+@pytest.mark.mpi
+def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks() -> None:
+    done = mpirun(2, "-m", "tests.finite_strain.own_mesh", timeout=600.0)  # on one rank: the tutorial
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     scene, *own = (said[name]["balls"][0] for name in ("scene", "file", "dolfinx"))
@@ -97,6 +97,18 @@ def test_a_mesh_without_blocks_meets_the_boundary_element_model(kind: Any, z: An
         assert volumes.min() > 0.0  # of the mirror images, too
         assert volumes.sum() == relatively(4.0 * X[-1] * Y[-1] * 1.16, 1e-9)
     assert np.ptp(step.points[:, 0]) == relatively(2.0 * X[-1], 1e-9)
+
+
+@pytest.mark.mpi
+def test_a_rank_without_cells_does_no_harm() -> None:
+    problem = at_small_strain(pair(0.1, poisson=0.3, shape=SHAPES["small_strain"]))
+    alone = finite_strain.solve(problem, model="small_strain", tangential_force=0.5, mesh=block(), comm=COMM).balls[0]
+    done = mpirun(2, "-m", "tests.finite_strain.rank_without_cells")
+    assert done.returncode == 0, done.stderr
+    cells, force, tangential = json.loads(done.stdout)
+    assert cells == [len(X[1:]) * len(Y[1:]) * len(Z[1:]), 0]
+    assert force == relatively(alone.normal_force, 1e-8)
+    assert tangential == relatively(alone.tangential_force[0], 1e-5)
 
 
 def bulging() -> tuple[Any, Any, Any]:

@@ -48,6 +48,13 @@ def test_prescribed_force_and_approach_are_inverse_on_a_layer():
     assert pressed.normal_force == pytest.approx(solve(ball).balls[0].normal_force, rel=2e-3)
 
 
+def test_a_contact_prints_its_numbers_and_not_its_fields():
+    heights, cell = paraboloid(64)
+    said = repr(solve_height_field(Layer(2.0, 0.45, 0.2), None, heights, cell, approach=0.03))
+    assert "contact_area=" in said
+    assert "array" not in said
+
+
 def test_separate_summits_are_all_found():
     heights, cell = paraboloid(64, 2.0)
     x = 2.0 * ((np.arange(64) + 0.5) / 64 - 0.5)

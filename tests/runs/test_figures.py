@@ -94,6 +94,18 @@ def test_a_contact_has_its_own_edge_and_not_that_of_the_elements() -> None:
     assert contact_patch(points[:3], np.ones(3)) is None
 
 
+def test_a_contact_on_a_coarse_mesh_has_a_smooth_edge_too() -> None:
+    radius, angle = (c.ravel() for c in np.meshgrid(np.linspace(0.05, 1.5, 30), np.linspace(-np.pi, np.pi, 24)[:-1]))
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
+    pressure = 3.0 * np.sqrt(np.maximum(1.0 - radius**2, 0.0))
+    pressure *= 1.0 - 0.5 * radius**3 * (np.cos(8.0 * angle) > 0.0)  # as averages over eight elements around have it
+    patch = contact_patch(points, pressure)
+    assert patch is not None
+    edge = np.hypot(patch.x[-1], patch.y[-1])
+    assert np.ptp(edge) < 0.1
+    assert np.mean(edge) == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])
 def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: Path) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415

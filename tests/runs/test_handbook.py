@@ -29,7 +29,7 @@ from runs.studies import STUDIES
 from tests.launch import ROOT, headless_browser, python
 
 PAGES = ROOT / "runs" / "handbook" / "pages"
-TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "own_law_or_body", "rough_or_layered")
+TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "rough_or_layered")
 """Those without finite elements."""
 
 
@@ -89,6 +89,11 @@ def test_every_command_and_path_that_the_pages_name_exists() -> None:
                 assert (page.parent / link).exists(), f"{page.name}: {link}"
 
 
+def test_no_value_of_a_page_is_broken_over_two_lines() -> None:
+    for page in PAGES.rglob("*.md"):  # where it is, the built page shows the braces
+        assert not re.search(r"{{[^}]*\n", page.read_text(encoding="utf-8")), page.name
+
+
 @pytest.mark.parametrize("name", TUTORIALS_OF_SECONDS)
 def test_a_tutorial_runs_as_printed(name: str, tmp_path: Path) -> None:
     page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
@@ -110,6 +115,14 @@ def test_the_tutorials_at_finite_strain_share_one_run(tmp_path: Path) -> None:
     for name in ("how_deep", "post_processing"):
         page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
         assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["own_law_or_body", "own_mesh"])
+def test_a_tutorial_with_finite_elements_runs_as_printed(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
+    assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
 
 
 def test_the_tutorial_of_nine_balls_gathers_them(tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
         )
         axis.plot(x, [row["T_linear"] / row["Q"] ** 2 for row in path], color=color, ls=":", lw=1.2)
     axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
-    axis.set(xlabel=r"$\sqrt{D/R}$", ylabel="$T E_1 R^2 / Q^2$")
+    axis.set(xlabel="√(D/R)", ylabel="$T E_1 R^2 / Q^2$")
     axis.set_title("sign of T (dotted: small strain)")
     if axis.get_legend_handles_labels()[0]:
         axis.legend()
@@ -110,7 +110,7 @@ def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, s
 
 def _finish(axis: Any, path: Rows, title: str) -> None:
     axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
-    axis.set_xlabel(r"$\sqrt{D/R}$")
+    axis.set_xlabel("√(D/R)")
     axis.set_xlim(left=0.0)
     axis.set_title(title)
     values = [row["S_Q"] for row in path if row["S_Q"] is not None]

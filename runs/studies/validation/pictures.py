@@ -43,7 +43,7 @@ def _bonded(axis: Any, groups: Groups) -> None:
             axis.plot(chi, [formulas.series(terms, c) for c in chi], ls="--", lw=1.3, color=color, label=name)
         axis.plot([p.x for p in points], [p.ours for p in points], "ko", ms=4, mfc="none", label="linear_bem")
         axis.set(xscale="log", yscale="log")
-    axis.set(xlabel=r"$\chi = \sqrt{R D} / h$", ylabel="Q / Q Hertz")
+    axis.set(xlabel="χ = √(R D) / h", ylabel="Q / Q Hertz")
     axis.set_title("paraboloid on a bonded layer, nu = 0.5")
 
 
