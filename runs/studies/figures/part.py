@@ -30,13 +30,12 @@ class Findings:
 
 @dataclass(frozen=True)
 class Part:
-    """A figure: ``compute(quick)``, ``draw(findings)`` and ``sentences(numbers)``; ``stem`` names its files."""
+    """A figure: ``compute(quick)`` and ``draw(findings)``; ``stem`` names its files, and its text STEM.md.jinja."""
 
     stem: str
     title: str
     compute: Callable[[bool], Findings]
     draw: Callable[[Findings], Any]
-    sentences: Callable[[Mapping[str, Any]], list[str]]
 
 
 def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
