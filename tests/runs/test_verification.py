@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,8 @@ import pytest
 
 from runs.studies.framework.case import varied
 from runs.studies.framework.records import Found, StudyFolder
-from runs.studies.stability.matrix import cases as stability_cases
 from runs.studies.validation.answer import cases as validation_cases
-from runs.studies.verification import bars, convergence, experiments, hard, one_ball, part, routes, small_load, timing
+from runs.studies.verification import bars, convergence, experiments, one_ball, part, routes, small_load, timing
 from runs.studies.verification.answer import PARTS, present
 from tests.launch import python
 
@@ -49,7 +47,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, 
     folder = tmp_path_factory.mktemp("verification") / "out"
     done = python("-m", "runs.cli", "study", "verification", "--quick", "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert "Not there" not in done.stdout.replace("Not there: 1 of", "")  # the refusal alone has no answer
+    assert "Not there" not in done.stdout
     assert (folder / "verification.png").stat().st_size > 20_000
     tables = {}
     for one in PARTS:
@@ -108,13 +106,6 @@ def test_one_ball_at_finite_strain_is_compared_where_the_other_code_has_an_answe
     assert [(row["D"], row["verdict"]) for row in rows] == [(0.05, "right"), (0.5, "WRONG")]
 
 
-def test_too_deep_a_ball_is_refused_by_name(quick: Any) -> None:
-    (row,) = quick["hard"]
-    assert row["ended"] == "named refusal"
-    assert "load.approach" in row["why"]
-    assert row["verdict"] == "refused by name"
-
-
 def test_every_constant_that_is_varied_exists() -> None:
     pytest.importorskip("dolfinx")
     names = []
@@ -138,11 +129,6 @@ def test_the_parts_hold_what_the_question_asks() -> None:
     deep = [p for name, p in scenes.items() if "thick" in name]
     assert [(p.load.values[0], p.layer.thickness, p.layer.poisson) for p in deep] == [(1.2, 8.0, 0.3), (1.2, 8.0, 0.48)]
     assert case_of(routes.PART).problem.load.values[0] == 0.5
-    words = {case.labels["case"]: case.problem for case in hard.cases(quick=False)}
-    assert {p.layer.poisson for p in words.values()} >= {0.48, 0.4999, 0.5}
-    assert words["resting"].load.values == (0.2, 0.0)
-    others = {c.labels["check"]["other"] for c in hard.cases(quick=False) if c.labels["check"]}
-    assert others <= {c.name for c in hard.cases(quick=False)}
     asked = {(c.labels["depth"], c.labels["asked"], c.alone) for c in timing.cases(quick=False)}
     assert asked == {(d, a, alone) for d in (0.1, 0.3) for a in (0.05, 0.02, 0.01) for alone in (True, False)}
 
@@ -199,45 +185,28 @@ def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_told(strength: float
     assert row["verdict"] == verdict
 
 
-def test_a_resting_ball_may_have_no_tangential_force_but_a_pressed_one_must_know_its_own() -> None:
-    record = {"force_balance": 1e-9, "strain_energy": math.nan}
-    steps = [{"balls": pair(0.2, 0.1, 1e-9, 1e-8), "record": record}]
-    resting = case_of(hard.PART, case="resting")
-    resting = dataclasses.replace(resting, labels={**resting.labels, "check": None})
-    assert hard.judged(found((resting, {"steps": steps})), resting)[0] == "right"
-    pressed = case_of(hard.PART, case="touching-deep")
-    (row,) = hard.rows(found((pressed, {"steps": steps})))
-    assert row["ended"] == "WRONG"
-    assert row["verdict"] == "WRONG"
-
-
 def test_a_stop_that_says_why_is_no_claim_and_neither_is_what_has_not_run(tmp_path: Path) -> None:
-    stopped, waiting = case_of(hard.PART, case="touching-deep"), case_of(hard.PART, case="resting")
+    stopped, waiting = experiments.cases(quick=False)[:2]
     both = Found(
         (stopped, waiting), {stopped.name: {"state": "not converged", "reason": "load step to 0.9", "steps": []}}
     )
-    assert [row["verdict"] for row in hard.rows(both)] == ["not converged", None]
+    assert [row["verdict"] for row in experiments.rows(both)] == ["not converged", None]
     silent = Found((stopped,), {stopped.name: {"state": "not converged", "reason": "", "steps": []}})
-    assert [row["verdict"] for row in hard.rows(silent)] == ["WRONG"]
+    assert [row["verdict"] for row in experiments.rows(silent)] == ["WRONG"]
     text = present(both, tmp_path)
     assert "0 right, 0 WRONG, 0 refused by name, 1 not converged, 1 without a claim" in text
     assert "load step to 0.9" in text
-    assert (tmp_path / "hard.csv").exists()
+    assert (tmp_path / "experiments.csv").exists()
 
 
-def test_a_hard_case_that_stability_has_is_computed_there_alone(tmp_path: Path) -> None:
-    others = {case.name: case for case in stability_cases(quick=False)}
-    taken = [case for case in hard.cases(quick=False) if case.same_as is not None]
-    assert len(taken) > 10
-    for case in taken:
-        assert case.same_as is not None
-        assert others[case.same_as[1]].key() == case.key()
-    for name in ("stability", "verification"):
+def test_a_case_that_another_study_has_is_computed_there_alone(tmp_path: Path) -> None:
+    case = case_of(one_ball.PART, kind="finite")
+    assert case.same_as is not None
+    for name in ("validation", "verification"):
         (tmp_path / f"study-{name}").mkdir()
-    theirs = StudyFolder(tmp_path / "study-stability", "stability")
+    theirs = StudyFolder(tmp_path / "study-validation", "validation")
     mine = StudyFolder(tmp_path / "study-verification", "verification")
-    case = taken[0]
-    twin = others["usual-finite-strain"]
+    twin = next(other for other in validation_cases(quick=False) if other.name == case.same_as[1])
     for state, known in (("running", False), ("done", True)):
         theirs.save(twin, {"state": state})
         assert (mine.record(case) is not None) == known

@@ -15,7 +15,6 @@ from runs.studies.verification import (
     bars,
     convergence,
     experiments,
-    hard,
     one_ball,
     pictures,
     routes,
@@ -25,7 +24,7 @@ from runs.studies.verification import (
 from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row
 
 PARTS = (
-    one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, hard.PART, timing.PART,
+    one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, timing.PART,
 )  # fmt: skip
 """In the order of the page."""
 COUNTED = (
