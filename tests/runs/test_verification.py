@@ -14,7 +14,7 @@ import pytest
 from runs.studies.framework.case import varied
 from runs.studies.framework.records import Found, StudyFolder
 from runs.studies.validation.answer import cases as validation_cases
-from runs.studies.verification import bars, convergence, experiments, one_ball, part, routes, small_load, timing
+from runs.studies.verification import convergence, experiments, one_ball, part, routes, small_load
 from runs.studies.verification.answer import PARTS, present
 from tests.launch import python
 
@@ -77,8 +77,6 @@ def test_real_elements_converge_to_the_linear_model(quick: Any) -> None:
     assert float(force["fine"]) < 0.002
     # this T is a quarter of what T is measured against where it is near its zero
     assert float(pull["fine"]) < 0.02
-    for row in quick["bars"]:
-        assert row["verdict"] == "right", row
 
 
 def test_real_force_of_one_ball_is_the_linear_model_s(quick: Any) -> None:
@@ -129,8 +127,6 @@ def test_the_parts_hold_what_the_question_asks() -> None:
     deep = [p for name, p in scenes.items() if "thick" in name]
     assert [(p.load.values[0], p.layer.thickness, p.layer.poisson) for p in deep] == [(1.2, 8.0, 0.3), (1.2, 8.0, 0.48)]
     assert case_of(routes.PART).problem.load.values[0] == 0.5
-    asked = {(c.labels["depth"], c.labels["asked"], c.alone) for c in timing.cases(quick=False)}
-    assert asked == {(d, a, alone) for d in (0.1, 0.3) for a in (0.05, 0.02, 0.01) for alone in (True, False)}
 
 
 @pytest.mark.parametrize(("order", "verdict"), [(3.0, "right"), (6.0, "right"), (1.0, "WRONG"), (8.0, "WRONG")])
@@ -140,23 +136,6 @@ def test_an_observed_order_is_that_of_the_values(order: float, verdict: str) -> 
     assert row["order"] == pytest.approx(order, abs=1e-6)
     assert row["verdict"] == verdict
     assert convergence.judged(sizes, [1e-3, -1e-3, 2e-3, 1e-3])["verdict"] == "right"  # small, if without an order
-
-
-@pytest.mark.parametrize(
-    ("off", "bar", "known", "verdict"),
-    [(0.01, 0.02, 0.001, "right"), (0.03, 0.02, 0.001, "WRONG"), (0.05, 0.2, 0.001, None), (0.01, 0.02, 0.015, None)],
-)
-def test_a_bar_is_judged_by_an_answer_that_is_known_better(
-    off: float, bar: float, known: float, verdict: str | None
-) -> None:
-    (case,) = [case for case in bars.cases(quick=False) if case.problem.load.values[0] == 0.1]
-    steps = [
-        {"balls": pair(0.1, 0.1, pull, error), "record": {"order": 3, "fineness": float(number)}}
-        for number, (pull, error) in enumerate([(1.0, 0.0), (1.0 + off, bar * (1.0 + off)), (1.0, known)], start=1)
-    ]
-    (row,) = bars.rows(found((case, {"steps": steps})))
-    assert row["verdict"] == verdict
-    assert row["off"] == pytest.approx(100.0 * off)
 
 
 def test_two_loads_extrapolate_a_straight_line_to_no_load() -> None:
@@ -211,30 +190,3 @@ def test_a_case_that_another_study_has_is_computed_there_alone(tmp_path: Path) -
         theirs.save(twin, {"state": state})
         assert (mine.record(case) is not None) == known
     assert mine.record(dataclasses.replace(case, accuracy=0.5)) is None
-
-
-def test_a_time_counts_only_with_its_accuracy_met_and_the_best_answer_in_its_bar() -> None:
-    def record(pull: float, reached: float, met: bool) -> dict[str, Any]:
-        accuracy = {"reached": reached, "met": met, "meshes": [{}, {}], "stopped": "it is"}
-        return {
-            "steps": [{"balls": pair(0.1, 0.1, pull, reached * abs(pull)), "record": {}}], "ranks": 2,
-            "wall_seconds": 9.0, "cpu_seconds": 17.0, "solved": {"accuracy": accuracy, "unknowns": 1000},
-        }  # fmt: skip
-
-    best, good, bad, missed = (
-        case_of(timing.PART, depth=0.1, asked=asked)
-        if not alone
-        else dataclasses.replace(case_of(timing.PART, depth=0.1, asked=asked), name="alone", alone=True)
-        for asked, alone in ((0.01, False), (0.02, False), (0.05, False), (0.05, True))
-    )
-    rows = timing.rows(
-        found(
-            (best, record(-1e-4, 0.01, True)),
-            (good, record(-1.02e-4, 0.02, True)),
-            (bad, record(-1.2e-4, 0.05, True)),
-            (missed, record(-1e-4, 0.06, False)),
-        )
-    )
-    assert [row["verdict"] for row in rows] == ["right", "right", "WRONG", "WRONG"]
-    assert rows[1]["off"] == pytest.approx(2.0)
-    assert rows[0]["off"] is None

@@ -12,19 +12,17 @@ from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown
 from runs.studies.verification import (
-    bars,
     convergence,
     experiments,
     one_ball,
     pictures,
     routes,
     small_load,
-    timing,
 )
 from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row
 
 PARTS = (
-    one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, timing.PART,
+    one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART,
 )  # fmt: skip
 """In the order of the page."""
 COUNTED = (
