@@ -31,7 +31,7 @@ def rows() -> dict[str, dict[str, Any]]:
 def test_a_scene_without_an_effect_pays_nothing_for_it(rows: dict[str, dict[str, Any]]) -> None:
     for row in rows.values():
         assert row["pays nothing without"], "\n".join(f"{key}: {value}" for key, value in row.items())
-    text = "\n".join(report(list(rows.values()), quick=True))
+    text = report(list(rows.values()), quick=True)
     assert "its code did not exist: 3 of 3 effects" in text
 
 
