@@ -1,7 +1,5 @@
 """Figures of results and solutions in plan; matplotlib is imported where something is drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

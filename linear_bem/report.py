@@ -1,7 +1,5 @@
 """Lines of text about the progress of a solver, for whoever wants them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Report = Callable[[str], None]

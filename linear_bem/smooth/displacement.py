@@ -1,7 +1,5 @@
 """Surface displacement anywhere, from smooth contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

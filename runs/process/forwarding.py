@@ -5,8 +5,6 @@ lost (seen with 5.0.7: of a document of 20 kB some 20 bytes did not arrive, in o
 a line and is read before the next block is written cannot be cut.
 """
 
-from __future__ import annotations
-
 import fcntl
 import io
 import os

@@ -1,7 +1,5 @@
 """A scene file: TOML tables of layer, balls, load and the effects to be simulated, checked as a whole."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import tomllib

@@ -1,7 +1,5 @@
 """Time passed and time left of a run along its meshes, from the plan and from the pace so far."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 

@@ -46,10 +46,9 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.mark.mpi
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_several_ranks_give_the_same_answer_as_one(ranks: int, result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(ranks, tmp_path)
-    assert found["solved"]["ranks"] == ranks
+def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, tmp_path: Path) -> None:
+    found = press(2, tmp_path)
+    assert found["solved"]["ranks"] == 2
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert "main" in found["meshes_run"]
     for number in (0, 1):
@@ -62,16 +61,16 @@ def test_several_ranks_give_the_same_answer_as_one(ranks: int, result: Any, fold
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_a_run_stopped_in_the_middle_of_a_discretisation_resumes_there(
+def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
     result: Any, folder: Path, tmp_path: Path
 ) -> None:
-    press(2, tmp_path, "1", code=STOPPED)
-    assert (tmp_path / "step_0001.h5").exists()
+    press(4, tmp_path, "1", code=STOPPED)
+    same_fields(folder / "step_0001.h5", tmp_path / "step_0001.h5", PARALLEL)
     assert not (tmp_path / "step_0002.h5").exists()
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh are kept
+    # the path finder's answers and the first step on this mesh, by four ranks, are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
@@ -137,11 +136,9 @@ def test_an_unreadable_file_stops_every_rank(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_run_that_does_not_converge_says_so_on_every_rank(ranks: int, tmp_path: Path) -> None:
-    said = press(ranks, tmp_path, "fail", code=1)
-    lines = [line for line in said.splitlines() if line.startswith("rank ")]
-    assert [line.split(":")[0] for line in lines] == [f"rank {rank}" for rank in range(ranks)]
+def test_a_run_that_does_not_converge_says_so_on_every_rank(tmp_path: Path) -> None:
+    lines = [line for line in press(2, tmp_path, "fail", code=1).splitlines() if line.startswith("rank ")]
+    assert [line.split(":")[0] for line in lines] == ["rank 0", "rank 1"]
     for line in lines:
         assert "NotConverged" in line
         assert "DIVERGED_MAX_IT" in line

@@ -1,7 +1,5 @@
 """Errors and costs of all cases, the Pareto front, and the cheapest settings for a given error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

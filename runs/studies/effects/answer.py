@@ -1,7 +1,5 @@
 """The study's tables: the cost of every effect, and the proof that a scene without it pays nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import json

@@ -1,7 +1,5 @@
 """All runs in both models, and the resulting text, tables and figures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ their reported end gives the share, by their free run. Whether that one share ex
 running them with it, and with larger ones, at small strain.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small strain against finite strain: the forces on two balls, and the outcome of each run."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

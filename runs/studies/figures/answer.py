@@ -1,7 +1,5 @@
 """Every figure with its sentences and numbers: parts are computed once, and drawn from what is saved of them."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import platform
 import time

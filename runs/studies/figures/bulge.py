@@ -1,7 +1,5 @@
 """Figure 8: where, and how far, the surface bulges out beside a uniformly loaded square."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figure 12: T over the distance between the balls, on a thin and on a thick layer."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

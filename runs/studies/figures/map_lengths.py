@@ -1,7 +1,5 @@
 """Map of the sign of T over thickness and distance, by the point-load law, checked by the full solver."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

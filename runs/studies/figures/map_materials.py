@@ -1,7 +1,5 @@
 """Map of the sign of T over Poisson's ratio and modulus of the layer, by the point-load law, checked."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

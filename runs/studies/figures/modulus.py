@@ -1,7 +1,5 @@
 """Figure 11: T over the layer's modulus under a force that stays the same, on a substrate that stays the same."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One part of the study: numbers found once, kept in the output folder, drawn and put into sentences from there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figure 9: contact pressure under both balls, and how far each is from symmetric."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figure 10: T over the layer's thickness, at a fixed force and at a fixed approach."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pair in CalculiX (http://www.calculix.de): quadratic hexahedra, and face-to-face contact with a meshed sphere."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import tempfile

@@ -1,7 +1,5 @@
 """The pair by `thirdbody solve`, with a requested relative accuracy of T."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The study's page: one verdict per published result, then its numbers beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The study's page: verdicts counted per part, then the tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

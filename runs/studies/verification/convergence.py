@@ -1,7 +1,5 @@
 """Convergence of Q and T / Q^2 of the elements at small strain to the linear model, with resolution."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The scenes of the paper's two experiments at full approach, solved as shipped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 What others published about one ball is in the study ``validation``; its finite-strain cases are taken from there.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any

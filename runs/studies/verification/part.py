@@ -1,7 +1,5 @@
 """A part of the study: its cases and its table, with a verdict in each row."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

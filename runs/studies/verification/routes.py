@@ -3,8 +3,6 @@
 The energies use one mesh, moved with the balls, so that the mesh error is the same at both distances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

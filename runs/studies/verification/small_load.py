@@ -1,7 +1,5 @@
 """T of the elements against the linear model: small strain at the paper's load, finite strain as the load goes to 0."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
