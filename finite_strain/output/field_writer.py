@@ -7,6 +7,8 @@ complete the scene).
 Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
 """
 
+from __future__ import annotations
+
 import time
 from pathlib import Path
 from typing import Any
