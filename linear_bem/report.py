@@ -1,4 +1,4 @@
-"""Lines of text about the progress of a solver, for whoever wants them."""
+"""Progress messages of a solver."""
 
 from collections.abc import Callable
 

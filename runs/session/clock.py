@@ -23,7 +23,7 @@ class Clock:
         return self._now() - self._began
 
     def begin(self) -> None:
-        """Note that the work begins: time before, such as that of compiling, counts for no pace."""
+        """Note that the work begins: time before, such as that of compiling, does not count towards the pace."""
         self._worked = self._now()
 
     def next_mesh(self, unknowns: float, saved: float = 0.0) -> None:

@@ -56,7 +56,7 @@ def page(folder: Path, quick: bool) -> str:
         for model, scene in runs:
             document = cases.evolve(case, scene, model, folder, compute=False)
             if document is None:
-                tell(f"{case.name}, {model}: not there")
+                tell(f"{case.name}, {model}: no saved run")
             else:
                 found[model][case.name] = document
     write_csv(folder / "experiments.csv", _members(found))

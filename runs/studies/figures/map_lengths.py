@@ -17,7 +17,7 @@ CHECKED = (
     (0.15, 2.0), (0.2, 2.0), (1.16, 2.0), (1.65, 2.0), (1.75, 2.0), (6.0, 2.0), (2.0, 3.0), (6.0, 6.5), (6.0, 7.5),
     (1.16, 12.0), (1.16, 14.0), (20.0, 15.0), (20.0, 30.0), (0.6, 6.0), (0.6, 8.0),
 )  # fmt: skip
-"""h', L' of points at which the full solver is asked; five pairs of them embrace a boundary."""
+"""h', L' of points at which the full solver checks the law; five pairs of them lie on either side of a boundary."""
 
 
 def compute(quick: bool) -> Findings:

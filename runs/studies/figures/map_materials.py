@@ -15,7 +15,7 @@ CHECKED = (
     (0.0, 1e-3), (0.2, 1e-3), (0.23, 1e-3), (0.26, 1e-3), (0.3, 1e-3), (0.48, 1e-3), (0.5, 1e-5), (0.3, 0.1),
     (0.4, 0.05), (0.48, 0.1), (0.48, 0.2), (0.48, 0.25), (0.48, 1.0), (0.1, 5.0),
 )  # fmt: skip
-"""nu1, E1/E2 of points at which the full solver is asked; some embrace the boundary."""
+"""nu1, E1/E2 of points at which the full solver checks the law; some lie on either side of the boundary."""
 
 
 def compute(quick: bool) -> Findings:

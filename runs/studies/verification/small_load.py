@@ -16,7 +16,7 @@ from runs.studies.verification.part import COARSE, Part, claimed
 NAME = "small-load"
 THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
 ACCURACY = 0.02
-"""Accuracy requested at finite strain, where the pair's small-strain answer takes off most of the error."""
+"""Accuracy requested at finite strain, where the pair's small-strain answer removes most of the error."""
 UNKNOWNS = 400_000
 """Budget of small strain, which must be fine enough for `WANTED` by itself."""
 LIGHT = 0.004
@@ -27,7 +27,7 @@ WANTED = 0.01
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return both kinematics for every thickness and distance; the quick version has one case at small strain."""
+    """Return both kinematics for every thickness and distance; the quick version has a coarse one."""
     if quick:
         return [dataclasses.replace(_case(SMALL, THIN, 2.0), accuracy=COARSE)]
     return [_case(model, h, distance) for h in THICKNESSES for distance in DISTANCES for model in (SMALL, FINITE)]
