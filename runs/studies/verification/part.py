@@ -30,7 +30,6 @@ class Part:
 
     name: str
     title: str
-    text: str
     cases: Callable[[bool], list[Case]]
     rows: Callable[[Found], list[dict[str, Any]]]
     columns: Mapping[str, str]

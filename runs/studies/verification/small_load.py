@@ -85,10 +85,6 @@ def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, f
 PART = Part(
     NAME,
     "T against the linear model as the load goes to 0",
-    "Pair on nu = 0.48, substrate 1000 times as stiff. Small strain: paraboloid at the paper's load Q' = "
-    f"{PAPER_LOAD:g}. Finite strain: sphere at two small loads, its ratio to the linear T at the same forces "
-    "extrapolated to no load with sqrt(D/R). 1 % is wanted, over |T| or over a tenth of the half-space's mutual "
-    "force, whichever is larger (T has a zero in h).",
     cases,
     rows,
     {
