@@ -3,8 +3,6 @@
 Importing this package is light and needs no DOLFINx; `solve` does.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence

@@ -3,8 +3,6 @@
 Call positional arguments only where keyword names changed between versions.
 """
 
-from __future__ import annotations
-
 import fcntl
 import logging
 import math

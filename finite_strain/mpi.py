@@ -1,7 +1,5 @@
 """Collective helpers: work on rank 0 with errors raised on all ranks, and a folder that all ranks share."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

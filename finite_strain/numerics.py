@@ -1,7 +1,5 @@
 """Numerical parameters that studies and tests vary, besides the discretisation and the required accuracy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """One discretisation of a run: the run's own model and its small-strain pair, each with its load path."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

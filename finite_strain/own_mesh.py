@@ -4,8 +4,6 @@ It has the scene's frame and metres: the top is z = 0. It holds the whole scene 
 x = 0 or y = 0 of the scene, the part beyond it. Flat sides slide in their plane, other sides are free.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """One run: discretisations from coarse to fine; every load step is paired, evaluated, written and reported."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import time

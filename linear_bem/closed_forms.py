@@ -4,8 +4,6 @@ Forces [N] and approaches [m] are positive when the ball is pressed in; E* = E/(
 `Elastic.contact_modulus` of a body under a rigid ball.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 

@@ -1,7 +1,5 @@
 """Error estimates of T and of all other results, and the notes on accuracy that a user must see."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Error classes; each is also a subclass of the nearest built-in exception."""
 
-from __future__ import annotations
-
 
 class ThirdBodyError(Exception):
     """Base of all errors of this project; the message states the rule, the value and a remedy."""

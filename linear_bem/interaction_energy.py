@@ -5,8 +5,6 @@ in-plane displacement of ball i changes U by -T_i. Each component takes four mor
 (fourth-order difference). It is independent of the mutual formula and the slope integral.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The approaches that a load leaves unknown, and the forces that it prescribes instead."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

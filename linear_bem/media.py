@@ -1,7 +1,5 @@
 """What is pressed into: elastic solids, the layer, and media known by the response of their surface."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

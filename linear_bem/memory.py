@@ -1,7 +1,5 @@
 """The memory that is free, and the refusal of problems that need more, before anything is allocated."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,9 +1,7 @@
 """Figures of results and solutions in plan; matplotlib is imported where something is drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,23 +11,10 @@ CELLS = 200
 """Points across the map of the pressure."""
 
 
-class Pressed(Protocol):
-    """What is drawn of a ball; see `linear_bem.result.BallResult`."""
-
-    @property
-    def position(self) -> tuple[float, float]: ...  # noqa: D102
-
-    @property
-    def tangential_force(self) -> tuple[float, float]: ...  # noqa: D102
-
-    @property
-    def contact_area(self) -> float: ...  # noqa: D102
-
-
-def plan_of_balls(balls: Sequence[Pressed], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
+def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
     """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size), lengths in m.
 
-    With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
+    ``balls`` are `BallResult`s. With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.patches import Circle  # noqa: PLC0415

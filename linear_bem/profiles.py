@@ -1,7 +1,5 @@
 """Height, slope and curvature of the indenter of one ball at points of the surface plane."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

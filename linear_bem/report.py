@@ -1,6 +1,4 @@
-"""Lines of text about the progress of a solver, for whoever wants them."""
-
-from __future__ import annotations
+"""Progress messages of a solver."""
 
 from collections.abc import Callable
 

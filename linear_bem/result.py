@@ -104,27 +104,17 @@ class Solved:
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     certificate: Mapping[str, float] = field(default_factory=dict)
-    tolerances: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, Any] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     linear_solver: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object; entries that a model leaves empty are left out."""
-        present = {
-            "accuracy": dict(self.accuracy),
-            "tolerances": dict(self.tolerances),
-            "linear_solver": self.linear_solver,
-        }
+        """Return the JSON object; what only some models have is left out where it is empty."""
+        optional = ("accuracy", "tolerances", "linear_solver")
         return {
-            "converged": self.converged,
-            "iterations": self.iterations,
-            "unknowns": self.unknowns,
-            "seconds": self.seconds,
-            "ranks": self.ranks,
-            "versions": dict(self.versions),
-            "notes": list(self.notes),
-            "certificate": dict(self.certificate),
-            **{name: value for name, value in present.items() if value},
+            name: dict(value) if isinstance(value, Mapping) else list(value) if isinstance(value, tuple) else value
+            for name, value in vars(self).items()
+            if value or name not in optional
         }
 
     @classmethod

@@ -1,7 +1,5 @@
 """A certified solution: fields, numbers, and how well they are known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Small-strain solution of a contact problem: the discretisation is refined until T has the requested accuracy."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from math import tan

@@ -10,8 +10,6 @@ M and N sum and difference of the stresses along and across the wave. In the lay
 whole field in the substrate. Point loads that resolve the pressure on the scale of the depth are summed.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Hexahedral meshes of a `Box`: quadrilaterals in the plane, swept through layer and substrate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

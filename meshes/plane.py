@@ -5,8 +5,6 @@ outlines gives a coarse outline; gmsh fills it with triangles and quadrilaterals
 into quadrilaterals that conform to the blocks. `plane_mesh` expects a running gmsh.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import gmsh

@@ -4,8 +4,6 @@ Every change refers to the largest tangential force on a ball. The linear model 
 only the change by finite strain comes from a fit (`runs.comparison.strengthening_fit`), as computing it takes minutes.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Iterator

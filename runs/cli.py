@@ -1,7 +1,5 @@
 """The command ``thirdbody``: solve, compare, evolve, plan, study, report, doctor. Each loads only what it needs."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 import sys

@@ -1,7 +1,5 @@
 """The console script: starts the command line, or names the packages that it lacks."""
 
-from __future__ import annotations
-
 import sys
 
 

@@ -6,8 +6,6 @@ Its distribution is called ``thirdbody-linear``. Version, licence and requiremen
 install it beside ``thirdbody``, which holds the same package.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

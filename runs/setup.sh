@@ -264,7 +264,7 @@ if faults:
     sys.exit("\n".join(faults))
 from mpi4py import MPI
 from petsc4py import PETSc
-import dolfinx, gmsh, h5py, matplotlib, numpy, pint, pydantic, rich, scipy, typer
+import dolfinx, gmsh, h5py, jinja2, matplotlib, numpy, pint, pydantic, rich, scipy, typer
 if MPI.COMM_WORLD.size != 2:
     sys.exit(f"mpirun started {MPI.COMM_WORLD.size} ranks that see each other, not 2: it does not belong to the MPI of mpi4py")
 if PETSc.ScalarType != numpy.float64:

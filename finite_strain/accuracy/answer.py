@@ -1,7 +1,5 @@
 """The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -8,8 +8,6 @@ solver           residual of Newton's method, and the error of linear_bem
 The terms are independent in origin; the error of T is the root of the sum of their squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

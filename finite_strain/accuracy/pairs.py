@@ -10,8 +10,6 @@ f, s: finite and small strain on the discretisation, l: linear_bem. Differences 
 weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

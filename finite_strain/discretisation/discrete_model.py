@@ -5,8 +5,6 @@ are residual and tangent. A nearly incompressible region adds a pressure of orde
 also stationary. Loading is not part of this module.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any

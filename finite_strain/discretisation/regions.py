@@ -1,7 +1,5 @@
 """The elastic regions of a mesh: layer and substrate, each with its constants and the form of its elements."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

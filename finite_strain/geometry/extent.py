@@ -5,8 +5,6 @@ small-strain problem on the same mesh corrects the first-order effect (`finite_s
 only has to make this effect small.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

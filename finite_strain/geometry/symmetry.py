@@ -1,7 +1,5 @@
 """The simulated part of a scene: frame with the most mirror planes, balls of the cut scene, map back to the scene."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative 
 gradient du_i/dX_J, never written out by hand.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

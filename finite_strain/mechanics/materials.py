@@ -5,8 +5,6 @@ substrate, which strains by 1e-5 and less, the roundoff of I1 - 3 and ln J would
 law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

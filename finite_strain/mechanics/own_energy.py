@@ -4,8 +4,6 @@ The linear model, the pairs and S_Q compare with Hooke's law of the layer: anoth
 finite strain. The form language evaluates psi at a few numbers by itself; nothing is compiled.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -7,8 +7,6 @@ where 1/lambda = 0. Displacements of order p with continuous pressures of order 
 every lambda [Boffi Brezzi Fortin 2013, section 8.8, doi 10.1007/978-3-642-36519-5]. No DOLFINx here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The fields that a run can write: names, units, meanings, and the choice among them. No DOLFINx here."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

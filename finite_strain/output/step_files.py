@@ -5,8 +5,6 @@ steps for ParaView and meshio. The text is written here because the library's ow
 separate grid, which meshio cannot read and ParaView shows as separate blocks.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path

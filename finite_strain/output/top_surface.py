@@ -1,7 +1,5 @@
 """The whole scene's top surface on rank 0: small data, for pictures and sections."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import dolfinx

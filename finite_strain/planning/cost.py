@@ -6,8 +6,6 @@ costs about n^1.5 there and keeps about n^1.28: assembly and the elements' data 
 as n^2 and n^(4/3).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 UNIT = 1e4

@@ -1,7 +1,5 @@
 """Which discretisation to run next, and when to stop: required accuracy against the budget."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

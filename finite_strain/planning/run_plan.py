@@ -1,7 +1,5 @@
 """The plan of a run: symmetry, discretisations, load steps, and their cost."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Contacts on grids: refinement by doubling, forces and fields."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property

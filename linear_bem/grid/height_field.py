@@ -1,7 +1,5 @@
 """Contact of one rigid height field with the layer on one grid, alone or periodic: rough and own surfaces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

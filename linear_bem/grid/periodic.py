@@ -6,8 +6,6 @@ infinity. There displacements are measured from their mean [Stanley and Kato 199
 10.1115/1.2833523].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -8,8 +8,6 @@ cells of different size (one holder for unequal balls), in the preconditioner's 
 to the largest approach, the gap in contact and the penetration outside are both below the tolerance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar

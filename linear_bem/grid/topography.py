@@ -1,7 +1,5 @@
 """Measured surfaces: files that the library SurfaceTopography reads."""
 
-from __future__ import annotations
-
 import math
 from os import PathLike
 

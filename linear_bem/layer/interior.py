@@ -12,8 +12,6 @@ from the surface by exp(A x), which keeps its accuracy for long waves; for large
 superposed, each scaled where it is largest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from linear_bem.arrays import Array

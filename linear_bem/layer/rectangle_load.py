@@ -1,7 +1,5 @@
 """Displacement under a uniformly loaded rectangle or square (the paper's figure 8)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar

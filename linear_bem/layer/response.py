@@ -15,8 +15,6 @@ is mu = 0, and t -> 0 gives the substrate's compliance. Sources: [Burmister 1945
 doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics, section 5.8].
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

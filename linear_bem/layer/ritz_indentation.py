@@ -11,8 +11,6 @@ pressure of Hertz's contact, 1 of a compressible and 2 of an incompressible thin
 between them the alpha of least energy is used.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

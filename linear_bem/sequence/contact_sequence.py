@@ -1,7 +1,5 @@
 """Sequences of similar scenes: each is solved from the previous solution, in milliseconds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

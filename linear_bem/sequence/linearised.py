@@ -9,8 +9,6 @@ nodes) and t_i (force) do not change when the ball moves; only G does. A scene w
 kernel evaluation per pair of interpolation nodes and one small linear system; neglected terms are quadratic in d.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Solved smooth contacts: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Surface displacement anywhere, from smooth contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -105,7 +103,7 @@ class LatticeRest:
         self.reach = reach + 2.0 * margin
         owners, shifts = kernel.cell.images(zones.centre, self.reach, places)
         self.nodes = [*nodes, *(nodes[i].moved(shift) for i, shift in zip(owners, shifts, strict=True))]
-        self.field = FarField(kernel, owners, owners, shifts, self.mesh, alpha, reach)  # its `far` alone is asked
+        self.field = FarField(kernel, owners, owners, shifts, self.mesh, alpha, reach)  # only its `far` is used
         if self.mesh is not None:
             x, y, loads = (np.concatenate([getattr(n, name) for n in nodes]) for name in ("x", "y", "loads"))
             self._grid = self.mesh.field(self.mesh.at(x, y), loads)

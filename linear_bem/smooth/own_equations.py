@@ -4,8 +4,6 @@ The matrix of a ball's equations changes with its pressure only a little: it is 
 large, and kept else (a modified Newton method), because the right side alone is several times cheaper.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

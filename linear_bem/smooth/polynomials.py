@@ -1,7 +1,5 @@
 """Polynomials of two variables on the unit disc: basis, values, and points to fit them."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -10,8 +10,6 @@ even in the exchange of x and x'. The remainder is the mutual formula,
 which has no cancelling large terms and makes action equal reaction exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

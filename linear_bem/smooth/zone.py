@@ -67,10 +67,7 @@ class Zone:
         return np.sqrt(np.maximum(inside, 0.0))
 
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
-        """Return the distance (frame units) from interior points along unit directions to the edge.
-
-        For P of degree 2 this is a root of the quadratic along the chord; else Newton's method starts from there.
-        """
+        """Return the distance (frame units) from interior points along unit directions to the edge."""
         return np.asarray(self._stack.edge(np.asarray(xi)[None], np.asarray(eta)[None], cos, sin)[0])
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
@@ -81,20 +78,12 @@ class Zone:
         return self.points(radius * cos, radius * sin)
 
     def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
-        """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.
-
-        Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr is proportional to sin(phi).
-        """
+        """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally."""
         xi, eta, weights, p = self._stack.quadrature(radial, angular)
         return xi[0], eta[0], weights[0], p[0]
 
     def half_space(self, xi: Array, eta: Array, directions: int, along: int) -> tuple[Array, Array]:
-        """Return int p/|x - x'| dA' at frame points inside, and its derivative by the coefficients of P.
-
-        Polar coordinates about each target remove the singularity. Along each chord the rule is Gauss-Chebyshev, exact
-        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (targets,)
-        and (targets, terms).
-        """
+        """Return int p/|x - x'| dA' at frame points inside (targets,), and its derivative by the coefficients of P."""
         potential, derivative = self._stack.half_space(xi[None], eta[None], directions, along)
         return potential[0], derivative[0]
 

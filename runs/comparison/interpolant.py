@@ -6,8 +6,6 @@ two neighbouring steps; and the greatest change when one of the four nearest ste
 of the spline through all steps), times a factor that falls to 0 at the steps.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

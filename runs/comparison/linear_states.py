@@ -1,7 +1,5 @@
 """The linear model at the states of another model's load path: same normal forces, same approaches."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -10,8 +10,6 @@ so the exponents of moduli and force add up to 1, those of lengths plus twice th
 computed from these two sums: they check all exponents.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping

@@ -6,8 +6,6 @@ At equal force e_finite excludes the contribution to the error of T at given app
 of Q; at equal approach it includes the contribution from its error of D at given force.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ S_Q, T at finite strain over T at small strain and equal normal force, of two ex
 times as stiff) next to each other. Source: the study ``strengthening``, cases headline-thin and headline-thick.
 """
 
-from __future__ import annotations
-
 CURVES = {1.16: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
 """Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
 ERROR, ERROR_GROWTH = 0.005, 0.06

@@ -1,7 +1,5 @@
 """How a command ends: exit code and one clear message, on one rank or on many."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

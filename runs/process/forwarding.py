@@ -5,8 +5,6 @@ lost (seen with 5.0.7: of a document of 20 kB some 20 bytes did not arrive, in o
 a line and is read before the next block is written cannot be cut.
 """
 
-from __future__ import annotations
-
 import fcntl
 import io
 import os
@@ -22,7 +20,7 @@ PATIENCE = 2.0
 
 
 class WholeLines(io.TextIOBase):
-    """A text stream onto a pipe's file descriptor that hands over whole lines, at most `BLOCK` bytes at once."""
+    """A text stream onto a pipe's file descriptor that writes whole lines, at most `BLOCK` bytes at once."""
 
     encoding = "utf-8"
 
@@ -79,7 +77,7 @@ def _unread(descriptor: int) -> int:
 
 
 def forward_whole_lines() -> None:
-    """Have this process's standard output handed over line by line, where a launcher reads it through a pipe."""
+    """Write this process's standard output line by line if a launcher reads it through a pipe."""
     try:
         descriptor = sys.stdout.fileno()
         pipe = stat.S_ISFIFO(os.fstat(descriptor).st_mode)

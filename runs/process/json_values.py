@@ -1,7 +1,5 @@
 """Plain JSON of results: numpy values become Python values, and non-finite numbers become null."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

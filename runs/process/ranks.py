@@ -1,7 +1,5 @@
 """Which rank this process is, before MPI is loaded, and how a run ends on all ranks together."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

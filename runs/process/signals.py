@@ -1,7 +1,5 @@
 """SIGINT (Ctrl-C) and SIGTERM: recorded, so that no solver mistakes them for a failed iteration."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from types import FrameType

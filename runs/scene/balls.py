@@ -1,7 +1,5 @@
 """The scene's table [balls]: the keys that each shape takes, and the balls that they describe."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from linear_bem.errors import InvalidProblem

@@ -1,7 +1,5 @@
 """The scene's table [load]: one key of the load, and the intermediate load steps."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import model_validator

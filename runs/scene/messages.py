@@ -1,7 +1,5 @@
 """Messages about faults of a scene: table, key, rule, value received and remedy."""
 
-from __future__ import annotations
-
 import copy
 import difflib
 import re

@@ -1,7 +1,5 @@
 """A scene file: TOML tables of layer, balls, load and the effects to be simulated, checked as a whole."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import tomllib
@@ -80,9 +78,9 @@ class AccuracyTable(Table):
     """
 
     tangential_force: Number | None = None
-    """Relative error of T that is asked for."""
+    """Requested relative error of T."""
     seconds: Number | None = None
-    """Wall time of the whole run, from which the next finer mesh is refused."""
+    """Limit of the whole run's wall time: no finer mesh is begun beyond it."""
     unknowns: Number | None = None
     """Largest number of unknowns of a mesh."""
 
@@ -109,7 +107,7 @@ class PlainTables(Table):
         return [(effect, table) for effect, table in found if table is not None]
 
     def drift(self) -> dict[str, Any]:
-        """Return the tables of the effects that concern how balls move, by name; empty where balls stay."""
+        """Return the tables of the effects that concern how balls move, keyed by name; empty if balls do not move."""
         found = {effect.name: table for effect, table in self.effects() if effect.of_drift}
         return found if "reciprocation" in found else {}
 
@@ -166,7 +164,7 @@ Tables = create_model("Tables", __base__=PlainTables, **_optional)
 class Scene:
     """A scene that can be solved as written: the file, its text and data as given, and its meaning.
 
-    ``drift`` holds the tables of the effects that concern how balls move, by name.
+    ``drift`` holds the tables of the effects that concern how balls move, keyed by name.
     """
 
     path: Path

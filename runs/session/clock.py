@@ -1,7 +1,5 @@
 """Time passed and time left of a run along its meshes, from the plan and from the pace so far."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 
@@ -25,7 +23,7 @@ class Clock:
         return self._now() - self._began
 
     def begin(self) -> None:
-        """Note that the work begins: time before, such as that of compiling, counts for no pace."""
+        """Note that the work begins: time before, such as that of compiling, does not count towards the pace."""
         self._worked = self._now()
 
     def next_mesh(self, unknowns: float, saved: float = 0.0) -> None:

@@ -1,7 +1,5 @@
 """The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import shutil

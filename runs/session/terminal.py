@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
 FIRST, GROWTH = 5.0, 2.0
-"""Seconds after which a long computation first says that it goes on, and the factor to the next time."""
+"""Seconds until the first progress message of a long computation, and the growth factor of the pauses after it."""
 
 
 def tell(text: str) -> None:
@@ -65,7 +65,7 @@ class Bar:
 
 @contextlib.contextmanager
 def waiting(words: str, first: float = FIRST) -> Iterator[None]:
-    """Say that a computation of unknown length goes on: on a terminal a spinner with the time, else lines."""
+    """Show the elapsed time of a computation of unknown length: by a spinner on a terminal, else by lines."""
     began, done = time.monotonic(), threading.Event()
 
     def passed() -> str:

@@ -1,7 +1,5 @@
 """Studies: each answers one question, recomputed by ``thirdbody study NAME``. To register one, list it below."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,3 +14,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if HERE in item.path.parents:
             item.add_marker(left_open)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("light")
+
+
+@pytest.fixture(scope="session")
+def heard() -> Any:
+    from tests.finite_strain.scenes import Recorder  # noqa: PLC0415  (needs DOLFINx)
+
+    return Recorder()
+
+
+@pytest.fixture(scope="session")
+def result(folder: Path, heard: Any) -> Any:
+    """The light pair, solved by this process."""
+    from tests.finite_strain.light import solve  # noqa: PLC0415  (needs DOLFINx)
+
+    return solve(folder, heard)

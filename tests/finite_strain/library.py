@@ -40,8 +40,9 @@ def inspect(step: Any, functions: dict[str, Any]) -> None:
     deepest.append(MPI.COMM_WORLD.allreduce(float(functions["displacement"].x.array.min()), MPI.MIN))
 
 
-own = finite_strain.solve(problem, tangential_force=0.3, solver_options={"pc_type": "lu"}, inspect=inspect)
+coarse: dict[str, Any] = {"tangential_force": 0.3, "numerics": finite_strain.Numerics(growth=4.0)}
+own = finite_strain.solve(problem, solver_options={"pc_type": "lu"}, inspect=inspect, **coarse)
 paraboloids = tuple(Ball(ball.position, 1.0, "paraboloid") for ball in balls)
-named = finite_strain.solve(replace(problem, balls=paraboloids, finite_strain=FiniteStrain()), tangential_force=0.3)
+named = finite_strain.solve(replace(problem, balls=paraboloids, finite_strain=FiniteStrain()), **coarse)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"own": own.to_dict(), "named": named.to_dict(), "deepest": deepest}))

@@ -1,8 +1,7 @@
-"""One light run: on one and two ranks, stopped and resumed, and the files that it writes."""
+"""One light run: its answer, what the observer hears, and the files that it writes."""
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -12,51 +11,15 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-import h5py
-from scipy.spatial import cKDTree
-
-import finite_strain
 import linear_bem
 from finite_strain.output.field_catalogue import CATALOGUE
-from finite_strain.planning.records import NAME, Discretisation
+from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import plan_run
-from linear_bem.errors import OutputUnusable
-from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
+from tests.finite_strain.press import ACCURACY, STEPS
 from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
-from tests.launch import mpirun
 
-PARALLEL = 1e-6
-"""Relative: equilibria are converged to 1e-9 of the normal force, and T is a thousandth of that force or less."""
 WRITTEN_PRESSURE = 0.2
 """Discretisation: pressure is written linear on triangles, two of which span a contact radius, and never negative."""
-
-
-def press(ranks: int, folder: Path, *args: str, code: int = 0, options: str = "") -> Any:
-    env = {"PETSC_OPTIONS": options}
-    done = mpirun(ranks, "-m", "tests.finite_strain.press", folder, *args, timeout=300.0, env=env)
-    assert done.returncode == code, done.stderr
-    return json.loads(done.stdout) if code == 0 else done.stdout
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("light")
-
-
-@pytest.fixture(scope="module")
-def heard() -> Recorder:
-    return Recorder()
-
-
-@pytest.fixture(scope="module")
-def result(folder: Path, heard: Recorder) -> Any:
-    """The light pair, solved by this process."""
-    return solve(folder, heard)
-
-
-def solve(folder: Path, observer: Any) -> Any:
-    options = {"tangential_force": ACCURACY, "steps": STEPS, "numerics": COARSER}
-    return finite_strain.solve(light_pair(), folder=folder, observer=observer, **options)
 
 
 def test_two_mirrored_balls_feel_opposite_forces_to_the_last_bit(result: Any) -> None:
@@ -226,126 +189,3 @@ def test_the_index_holds_every_step(result: Any, folder: Path) -> None:
             assert "region" in cell_data
             dents.append(point_data["displacement"][:, 2].min())
     assert dents == sorted(dents, reverse=True)
-
-
-def assert_same_answer(found: Any, expected: Any, tolerance: float) -> None:
-    assert len(found["steps"]) == len(expected["steps"])
-    for a, b in zip(found["steps"], expected["steps"], strict=True):
-        for ball, other in zip(a["balls"], b["balls"], strict=True):
-            assert ball["normal_force"] == relatively(other["normal_force"], tolerance)
-            assert ball["tangential_force"][0] == relatively(other["tangential_force"][0], tolerance)
-            assert ball["contact_area"] == relatively(other["contact_area"], tolerance)
-
-
-def same_fields(one: Path, other: Path, tolerance: float) -> None:
-    with h5py.File(one) as a, h5py.File(other) as b:
-        distance, row = cKDTree(b["points"][:]).query(a["points"][:])
-        assert distance.max() < 1e-12
-        assert len(np.unique(row)) == len(b["points"])
-        for name in CATALOGUE:
-            x, y = a[f"node_fields/{name}"][:], b[f"node_fields/{name}"][:][row]
-            assert np.abs(x - y).max() <= tolerance * np.abs(x).max(), name
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_several_ranks_give_the_same_answer_as_one(ranks: int, result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(ranks, tmp_path)
-    assert found["solved"]["ranks"] == ranks
-    assert found["solved"]["linear_solver"] == "cholesky (mumps)"
-    assert "main" in found["meshes_run"]
-    for number in (0, 1):
-        name = f"mesh_{number}.msh"
-        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
-    assert_same_answer(found, result.to_dict(), PARALLEL)
-    for number in range(1, len(STEPS) + 1):
-        same_fields(folder / f"step_{number:04d}.h5", tmp_path / f"step_{number:04d}.h5", PARALLEL)
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-def test_a_run_stopped_in_the_middle_of_a_discretisation_resumes_there(
-    result: Any, folder: Path, tmp_path: Path
-) -> None:
-    press(2, tmp_path, "1", code=STOPPED)
-    assert (tmp_path / "step_0001.h5").exists()
-    assert not (tmp_path / "step_0002.h5").exists()
-    again = Recorder()
-    found = solve(tmp_path, again)
-    assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh are kept
-    assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
-    assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
-    assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
-    same_fields(folder / "step_0002.h5", tmp_path / "step_0002.h5", PARALLEL)
-    assert all(step.record["seconds_output"] > 0.0 for step in found.steps)
-
-
-def test_a_finished_run_is_read_from_its_folder(result: Any, folder: Path) -> None:
-    again = Recorder()
-    found = solve(folder, again)
-    assert not again.attempts
-    assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in result.steps]
-    assert found.solved.accuracy == result.solved.accuracy
-
-
-def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes((folder / NAME).read_bytes())
-    hasty = StopAfter(1)
-    with pytest.raises(Stopped):
-        finite_strain.solve(
-            light_pair(), tangential_force=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS,
-            numerics=COARSER,
-        )  # fmt: skip
-    assert {attempt["mesh"] for attempt in hasty.attempts} >= {"coarse", "main"}
-
-
-def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes(b"{ torn")
-    with pytest.raises(OutputUnusable, match=rf"{NAME} cannot be read"):
-        solve(tmp_path, None)
-
-
-@pytest.mark.parametrize("damaged", [NAME, "state_1_own_001.npz"])
-def test_a_damaged_file_costs_a_load_step_and_not_the_run(
-    damaged: str, result: Any, folder: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(Stopped):
-        solve(tmp_path, StopAfter(1))
-    whole = (tmp_path / damaged).read_bytes()
-    (tmp_path / damaged).write_bytes(whole[: len(whole) // 2])
-    again = Recorder()
-    found = solve(tmp_path, again)
-    assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}  # not the path finder's
-    assert again.info["resumed_steps"] == 0
-    assert any(damaged in note for note in found.solved.notes)
-    assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
-
-
-def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    heard = Recorder()
-    with pytest.raises(OutputUnusable, match="cannot be written"):
-        solve(tmp_path / "file" / "out", heard)
-    assert not heard.attempts
-
-
-@pytest.mark.mpi
-def test_an_unreadable_file_stops_every_rank(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes(b"")
-    said = press(2, tmp_path, code=1)
-    assert said.count("OutputUnusable") == 2
-    assert said.count(NAME) == 2
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_run_that_does_not_converge_says_so_on_every_rank(ranks: int, tmp_path: Path) -> None:
-    said = press(ranks, tmp_path, "fail", code=1)
-    lines = [line for line in said.splitlines() if line.startswith("rank ")]
-    assert [line.split(":")[0] for line in lines] == [f"rank {rank}" for rank in range(ranks)]
-    for line in lines:
-        assert "NotConverged" in line
-        assert "DIVERGED_MAX_IT" in line
-        assert "last good state is at 0 of the full load" in line

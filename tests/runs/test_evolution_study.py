@@ -143,8 +143,8 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
     assert compared.load == pytest.approx((1.0,) * len(side_by_side.PLACES), rel=1e-3)
     assert compared.finite[0] == pytest.approx(state.tangential[0, 0] / state.normal[0], rel=1e-6)
     assert compared.rests == [[], []]
-    assert "(1.25) |" in "\n".join(side_by_side.force_table([compared]))
-    assert "(+25 %), Q +0 %" in side_by_side.sentence([compared], [])
+    assert "(1.25)" in side_by_side.forces([compared])[0]["L = 1 L0"]
+    assert "(+25 %), Q +0 %" in side_by_side.sentence(compared)
     # beyond the table it follows the linear decay
     far = np.array([[0.0, 0.0], [0.07, 0.0]])
     weak = spread(problem, far)

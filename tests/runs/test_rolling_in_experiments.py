@@ -46,19 +46,19 @@ def test_balls_stay_where_they_were_seen_only_if_they_are_there_later(end: float
 def test_the_page_says_which_share_explains_every_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resistance, "POINTS", (LEFT, APART))
     free, by_share = {PAIR: pair(0.065, at_rest=False)}, {1e-4: {PAIR: pair(0.05, at_rest=True)}}
-    one = "\n".join(resistance.lines(free, by_share))
+    one = resistance.section(free, by_share)
     assert "one share explains all 2 reports that any share does: 0.0001 Q" in one
-    none = "\n".join(resistance.lines(free, {1e-2: {PAIR: pair(0.02, at_rest=True)}, **by_share}))
+    none = resistance.section(free, {1e-2: {PAIR: pair(0.02, at_rest=True)}, **by_share})
     assert "one share explains all 2 reports that any share does: 0.0001 Q" in none
     assert f"| {NO} | {YES} |" in none
-    assert resistance.lines(free, {1e-4: {}}) == []
+    assert resistance.section(free, {1e-4: {}}) == ""
 
 
 def test_the_page_tells_which_reports_the_share_is_fitted_to(monkeypatch: pytest.MonkeyPatch) -> None:
     other = dataclasses.replace(LEFT, title="another report", judge=lambda _: Finding(YES, ""))
     monkeypatch.setattr(resistance, "POINTS", (APART, LEFT, other))
     free, share = {PAIR: pair(0.065, at_rest=False)}, resistance.SHARES[0]
-    moving, resting = ("\n".join(resistance.lines(free, {share: {PAIR: pair(0.052, end)}})) for end in (False, True))
+    moving, resting = (resistance.section(free, {share: {PAIR: pair(0.052, end)}}) for end in (False, True))
     assert '"16 mm balls separate to about 50 mm" and "they stay there" are fitted and are no evidence' in moving
     assert "The other 1 reports are the test" in moving
     assert "1 of them hold without resistance." in moving

@@ -131,10 +131,11 @@ def test_finished_parts_are_not_computed_again(out: Path) -> None:
     assert done.stderr.count("taken from") == len(PARTS)
     assert (out / "figure_9_pressure.svg").exists()
     assert before == {part: (out / f"{part}.json").stat().st_mtime_ns for part in PARTS}
-    (out / "figure_9_pressure.json").unlink()
+    for part in PARTS[1:]:
+        (out / f"{part}.json").unlink()
     shown = thirdbody("study", "figures", "--quick", "--tables", "--out", out)
     assert shown.returncode == 0, shown.stderr
-    assert shown.stdout.count("\n## ") == len(PARTS) - 1
+    assert shown.stdout.count("\n## ") == 1
     full = thirdbody("study", "figures", "--out", out)
     assert full.returncode == 2
     assert "quick is True there and False here" in full.stderr

@@ -4,8 +4,6 @@ A new effect is a file here and its entry in the list. One that changes what mod
 `linear_bem.problem.Problem`, and each model in `runs.models` lists the effects that it supports.
 """
 
-from __future__ import annotations
-
 from runs.scene.effects.effect import Effect
 from runs.scene.effects.finite_strain import FINITE_STRAIN
 from runs.scene.effects.periodic import PERIODIC

@@ -1,7 +1,5 @@
 """An effect as a scene file has it: an optional table with its description."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

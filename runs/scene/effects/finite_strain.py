@@ -1,7 +1,5 @@
 """The effect `[finite_strain]`: a hyperelastic layer with contact in the deformed configuration."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

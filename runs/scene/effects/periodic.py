@@ -1,7 +1,5 @@
 """The effect `[periodic]`: a cell with its balls that repeats along x and y."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The effect `[reciprocation]`: sliding cycles that move the balls."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Literal
 

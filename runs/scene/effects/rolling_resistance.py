@@ -1,7 +1,5 @@
 """The effect `[rolling_resistance]`: a force that a ball's drift has to overcome."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

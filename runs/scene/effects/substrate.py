@@ -1,7 +1,5 @@
 """The effect `[substrate]`: an elastic half-space below the layer."""
 
-from __future__ import annotations
-
 from linear_bem.problem import Elastic
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Number, Pressure, Table

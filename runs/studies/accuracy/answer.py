@@ -1,7 +1,5 @@
 """Errors and costs of all cases, the Pareto front, and the cheapest settings for a given error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +10,7 @@ from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.framework.records import DONE, Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25
@@ -31,25 +29,26 @@ def present(found: Found, folder: Path) -> str:
         from runs.studies.accuracy.picture import draw  # noqa: PLC0415  (loads Matplotlib)
 
         draw(rows, folder)
-    lines = ["# What accuracy costs", ""]
-    lines += [
-        "The paper's thin pair with exact spheres (h = 1.16 R, L = 2 R, nu = 0.48), approach "
-        f"{found.cases[0].problem.load.values[0]:g} R. Seconds are processor time of all ranks. Errors below "
-        "that of their reference are not resolved.",
-        "",
-    ]
-    references = [_reference(found, model) for model in ("finite_strain", "linear_bem")]
-    lines += ["## References", "", *markdown([r for r in references if r is not None]), ""]
-    lines += ["![Error of T against processor time](pareto.svg)", ""]
-    for column, words in ((TRUE, "T at finite strain"), (OWN, "T of a given model")):
-        lines += [f"## Cheapest settings for {words}", "", *markdown(advice(rows, column)), ""]
-    lines += [*_defaults(rows), *_parameters(rows), *_honesty(rows)]
+    by_case = {row["case"]: row for row in rows}
+    usual, one = by_case.get(USUAL_CASE), by_case.get(ON_ONE)
+    ranks = next((row for row in rows if row["parameter"] == ALL_RANKS), None)
+    judged = _judged(rows)
     columns = {
         "model": "model", "parameter": "parameter", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
         "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
         "seconds": "CPU seconds", "wall": "wall seconds",
     }  # fmt: skip
-    return "\n".join([*lines, "## Every case", "", *markdown(rows, columns)])
+    return render(
+        Path(__file__).parent, "page.md.jinja", rows=rows, columns=columns,
+        approach=found.cases[0].problem.load.values[0],
+        references=[r for model in ("finite_strain", "linear_bem") if (r := _reference(found, model)) is not None],
+        cheapest=[("T at finite strain", advice(rows, TRUE)), ("T of a given model", advice(rows, OWN))],
+        asked=_asked(rows),
+        asked_columns={"asked of": "asked of", "error": OWN, "estimate": "own estimate", "seconds": "CPU seconds"},
+        usual=usual, usual_error=usual and usual[OWN], changed=_changed(rows, usual) if usual else [], all_ranks=ranks,
+        one_rank=one, change_by_ranks=_relative(ranks["force"], one["force"]) if ranks and one else None,
+        judged=judged, beyond=sum(share > 1.0 for share, _ in judged),
+    )  # fmt: skip
 
 
 def measured(found: Found) -> list[dict[str, Any]]:
@@ -85,24 +84,19 @@ def measured(found: Found) -> list[dict[str, Any]]:
     return rows
 
 
-def _defaults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the section on the default accuracies, compared with lower and higher ones."""
+def _asked(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return error and cost by requested accuracy, with the defaults marked."""
     asked: list[dict[str, Any]] = []
     for row in rows:
         if row["parameter"] == "accuracy asked":
-            default = row["case"] in DEFAULTS
-            name = f"{row['model']}, {row['value']:g}" + (" (default)" if default else "")
+            name = f"{row['model']}, {row['value']:g}" + (" (default)" if row["case"] in DEFAULTS else "")
             asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
-    columns = {"asked of": "asked of", "error": OWN, "estimate": "own estimate", "seconds": "CPU seconds"}
-    return ["## Choice of the default [accuracy]", "", *markdown(asked, columns), ""]
+    return asked
 
 
-def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the section on the numerical parameters: effect of each on T on one mesh, and its cost."""
-    usual = next((row for row in rows if row["case"] == USUAL_CASE), None)
-    if usual is None:
-        return []
-    turned = [
+def _changed(rows: Sequence[Mapping[str, Any]], usual: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the effect of each numerical parameter on T on one mesh, and its cost."""
+    return [
         {
             "parameter": row["parameter"],
             "value": row["value"],
@@ -113,37 +107,14 @@ def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         for row in rows
         if row["parameter"] in PARAMETERS
     ]
-    known = "unknown" if usual[OWN] is None else f"{100.0 * usual[OWN]:.2g} %"
-    text = (
-        f"Changed one at a time on one discretisation (order 3, fineness 1), whose own error is {known}; "
-        f"defaults in brackets. With all defaults: {usual['iterations']} Newton iterations."
-    )
-    ranks = next((row for row in rows if row["parameter"] == ALL_RANKS), None)
-    one = next((row for row in rows if row["case"] == ON_ONE), None)
-    lines = ["## Effect of the numerical parameters", "", text, "", *markdown(turned), ""]
-    if ranks is not None and one is not None:
-        lines += [
-            f"On {ranks['ranks']} ranks T changes by {_relative(ranks['force'], one['force']):.1g}, in "
-            f"{ranks['seconds']:.0f} s of processor time instead of {one['seconds']:.0f} s; wall time "
-            f"{ranks['wall']:.0f} s instead of {one['wall']:.0f} s, on a shared machine.",
-            "",
-        ]
-    return lines
 
 
-def _honesty(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence on errors against their own estimates, where the reference is accurate enough."""
-    shares = [
+def _judged(rows: Sequence[Mapping[str, Any]]) -> list[tuple[float, str]]:
+    """Return errors over their own estimates, with the model, where the reference is accurate enough."""
+    return [
         (row[OWN] / row["estimate"], row["model"])
         for row in rows
         if row[OWN] is not None and row["estimate"] and (row[f"{OWN}, known to"] or math.inf) < 0.1 * row["estimate"]
-    ]
-    if not shares:
-        return []
-    return [
-        f"Of {len(shares)} answers with a reference ten times as accurate, {sum(s > 1.0 for s, _ in shares)} have an "
-        f"error above their own estimate; the largest ratio is {max(shares)[0]:.2g} ({max(shares)[1]}).",
-        "",
     ]
 
 

@@ -1,7 +1,5 @@
 """The ladder of models and the parameters of each, on one problem: the paper's thin pair at D = 0.1 R."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

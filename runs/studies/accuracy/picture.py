@@ -1,7 +1,5 @@
 """The study's figure: error against processor time of every case, and the Pareto fronts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The measurements, one table each, and the page that shows them."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import os

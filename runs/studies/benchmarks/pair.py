@@ -1,7 +1,5 @@
 """Time to T of given accuracy for the paper's pair, without the kernel table; scaling with the number of balls."""
 
-from __future__ import annotations
-
 import resource
 import sys
 import time

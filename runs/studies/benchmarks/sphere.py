@@ -4,8 +4,6 @@ Every code gets the same heights, load and tolerance; the error is measured in t
 that each returns against Hertz's. tamaas without periodic images and ASPHER solve the same problem as this project.
 """
 
-from __future__ import annotations
-
 import importlib
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Error against processor time of every discretisation, with and without the small-strain pair."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

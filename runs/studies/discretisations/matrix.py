@@ -1,7 +1,5 @@
 """Five scenes at full load, each on the same discretisations; the last is the reference for the others."""
 
-from __future__ import annotations
-
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase

@@ -1,7 +1,5 @@
 """The study's tables: the cost of every effect, and the proof that a scene without it pays nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import json
@@ -16,7 +14,7 @@ from runs.studies.effects import measuring
 from runs.studies.effects.measuring import ROUNDOFF, Account, largest_difference, own_functions, own_modules
 from runs.studies.effects.scenes import Effect, effects, toml
 from runs.studies.framework.study import Study, command
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
 REPEATS = 3
 """Runs of each scene in the full version; the shortest gives its cost."""
@@ -36,7 +34,7 @@ def page(folder: Path, quick: bool) -> str:
     except FileNotFoundError:
         rows = []
     write_csv(folder / "effects.csv", rows)
-    return "\n".join(report(rows, quick=quick))
+    return report(rows, quick=quick)
 
 
 def measure(chosen: Sequence[Effect], *, quick: bool) -> list[dict[str, Any]]:
@@ -111,11 +109,8 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
     }
 
 
-def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
+def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
     """Return the answer as Markdown."""
-    free = [row["effect"] for row in rows if row["pays nothing without"]]
-    paying = [row["effect"] for row in rows if not row["pays nothing without"]]
-    bare = [r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]]
     price = {
         "effect": "effect", "called for by": "requested by", "unknowns without": "unknowns without",
         "unknowns with": "with", "forms without": "forms without", "forms of its own": "forms of its own",
@@ -137,34 +132,13 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> list[str]:
         }
         for row in rows
     ]
-    lines = ["# What an effect costs, and that a scene without it pays nothing", ""]
-    if not rows:
-        return [*lines, "Nothing has been measured yet."]
-    lines += [
-        f"**A scene without an effect runs as if its code did not exist: {len(free)} of {len(rows)} effects.**"
-        + (f" Exceptions: {', '.join(paying)}." if paying else "")
-        + (f" These have no code of their own, only other values: {', '.join(bare)}." if bare else ""),
-        "",
-        f"Made by `{command('effects', quick)}`, thirdbody {importlib.metadata.version('thirdbody')}. "
-        f"{_of_seconds(rows, quick=quick)}",
-        "", "## Cost of each effect", "", *markdown(rows, price),
-        "", "## Code, libraries and result entries of its own", "", *markdown(own),
-        "", "## Proof: the scene without the effect, run with its modules and functions blocked", "",
-        "Compared with the same scene without blocking: signatures of all compiled forms, number of unknowns, the "
-        "project's modules and libraries loaded, and every entry of the result.", "", *markdown(proof),
-    ]  # fmt: skip
-    return lines
-
-
-def _of_seconds(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
-    """Return a sentence on what the table's seconds are, and their scatter."""
-    if quick:
-        return "Seconds are processor time of one process, imports included, two at a time with call tracing: rough."
-    spread = max(row["spread of seconds"] for row in rows)
-    return (
-        f"Seconds are processor time of one process, imports included, the best of {REPEATS}; the longest "
-        f"took up to {100.0 * spread:.0f} % more: smaller differences are noise."
-    )
+    return render(
+        Path(__file__).parent, "page.md.jinja", rows=rows, price=price, own=own, proof=proof, quick=quick,
+        paying=[row["effect"] for row in rows if not row["pays nothing without"]],
+        bare=[r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]],
+        spread=max((row["spread of seconds"] for row in rows), default=0.0), repeats=REPEATS,
+        command=command("effects", quick), version=importlib.metadata.version("thirdbody"),
+    )  # fmt: skip
 
 
 def _listed(names: str) -> str:

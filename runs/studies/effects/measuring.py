@@ -1,7 +1,5 @@
 """Run a scene in a child process, and compare two runs."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

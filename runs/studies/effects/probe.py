@@ -5,8 +5,6 @@ as a file, so that nothing of the project is imported earlier:
 ``python -P probe.py ACCOUNT BLOCKED COMMAND...``, BLOCKED separated by commas.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

@@ -1,7 +1,5 @@
 """The effects studied: for each, a scene without it, the same scene with it, and the entry that adds it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

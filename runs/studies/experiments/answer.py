@@ -1,7 +1,5 @@
 """All runs in both models, and the resulting text, tables and figures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,10 +16,10 @@ from runs.session.progress import tell
 from runs.studies import Options
 from runs.studies.experiments import cases, resistance, side_by_side
 from runs.studies.experiments.cases import CASES, distances
-from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, YES, Documents, Finding, Point
+from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
 from runs.studies.framework.study import Study, command
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}
@@ -58,15 +56,14 @@ def page(folder: Path, quick: bool) -> str:
         for model, scene in runs:
             document = cases.evolve(case, scene, model, folder, compute=False)
             if document is None:
-                tell(f"{case.name}, {model}: not there")
+                tell(f"{case.name}, {model}: no saved run")
             else:
                 found[model][case.name] = document
     write_csv(folder / "experiments.csv", _members(found))
     draw(folder, found)
     draw_gathering(folder, found)
     by_share = {} if quick else resistance.found(folder)
-    text = answer(found, missing, side_by_side.comparisons(), command("experiments", quick))
-    return "\n".join([text, "", *resistance.lines(found["linear_bem"], by_share)])
+    return answer(found, missing, side_by_side.comparisons(), command("experiments", quick), by_share)
 
 
 def findings(point: Point, documents: Documents) -> Finding | None:
@@ -74,67 +71,48 @@ def findings(point: Point, documents: Documents) -> Finding | None:
     return point.judge(documents) if all(name in documents for name in point.cases) else None
 
 
-def answer(found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Sequence[Comparison], by: str) -> str:
+def answer(
+    found: Mapping[str, Documents], missing: Mapping[str, str], pairs: Sequence[Comparison], by: str,
+    by_share: Mapping[float, Documents],
+) -> str:  # fmt: skip
     """Return the answer in Markdown; ``missing`` gives the command for each missing finite-strain table.
 
-    ``pairs`` compares the forces on two balls in both models.
+    ``pairs`` compares the forces on two balls in both models, ``by_share`` holds the runs with resistance to rolling.
     """
     judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
-    turned = [one.point.title for one in judged if one.small and one.large and one.small.verdict != one.large.verdict]
-    rows = []
-    for point, small, large in judged:
-        numbers = [small.numbers if small else ""]
-        if large is not None:
-            numbers.append(f"finite strain: {large.numbers}")
-        verdicts = {f.verdict for f in (small, large) if f is not None}
-        if point.reason and (verdicts & {NO, OPEN} or "fitted" in point.reason):
-            numbers.append(point.reason)
-        cells = (f.verdict if f is not None else "no table yet" for f in (small, large))
-        words = (point.title, *cells, ". ".join(n for n in numbers if n))
-        rows.append(dict(zip(("the paper reports", *MODELS.values(), "numbers and reasons"), words, strict=True)))
-    lines = [_sentence(judged, turned), "", *markdown(rows, aligned=False), ""]
-    if pairs:
-        lines += [side_by_side.sentence(pairs, turned), "", *side_by_side.force_table(pairs)]
-    lines += [*side_by_side.run_table(found["linear_bem"], found["finite_strain"]), "**Errors.**", ""]
-    lines += _errors(found)
-    if missing:
-        lines += ["", "Missing finite-strain tables (each about 14 finite-element runs; resumable):", ""]
-        lines += [f"- {', '.join(names)}: `{one}`" for one, names in _by_command(missing).items()]
-    seconds = sum(document["solved"]["seconds"] for model in MODELS for document in found[model].values())
-    lines += ["", f"Made by `{by}` in {seconds:.0f} s of processor time (pair tables excluded)."]
-    return "\n".join(lines)
-
-
-def _by_command(missing: Mapping[str, str]) -> dict[str, list[str]]:
-    out: dict[str, list[str]] = {}
+    by_command: dict[str, list[str]] = {}
     for name, one in missing.items():
-        out.setdefault(one, []).append(name)
-    return out
+        by_command.setdefault(one, []).append(name)
+    return render(
+        Path(__file__).parent, "page.md.jinja",
+        verdicts=[one.small.verdict for one in judged if one.small is not None],
+        both=sum(one.small is not None and one.large is not None for one in judged),
+        turned=[j.point.title for j in judged if j.small and j.large and j.small.verdict != j.large.verdict],
+        observations=[_observation(one) for one in judged], errors=_errors(found), missing=by_command, command=by,
+        pairs=[side_by_side.sentence(pair) for pair in pairs], forces=side_by_side.forces(pairs),
+        runs=side_by_side.outcomes(found["linear_bem"], found["finite_strain"]),
+        seconds=sum(document["solved"]["seconds"] for model in MODELS for document in found[model].values()),
+        resistance=resistance.section(found["linear_bem"], by_share),
+    )  # fmt: skip
 
 
-def _sentence(judged: Sequence[Judged], turned: Sequence[str]) -> str:
-    small = [one.small.verdict for one in judged if one.small is not None]
-    counts = {verdict: small.count(verdict) for verdict in (YES, NO, OPEN)}
-    text = (
-        f"Of {len(small)} observations, the drift of hard balls under small-strain forces reproduces {counts[YES]}, "
-        f"does not reproduce {counts[NO]}, and cannot decide {counts[OPEN]}."
-    )
-    both = sum(one.small is not None and one.large is not None for one in judged)
-    if both:
-        changed = f"changes the verdict on: {'; '.join(turned)}" if turned else "changes no verdict"
-        text += f" Finite strain {changed} (of {both} that its tables cover)."
-    return text
+def _observation(judged: Judged) -> dict[str, str]:
+    """Return the row of one observation."""
+    point, small, large = judged
+    numbers = [small.numbers if small else ""]
+    if large is not None:
+        numbers.append(f"finite strain: {large.numbers}")
+    verdicts = {f.verdict for f in (small, large) if f is not None}
+    if point.reason and (verdicts & {NO, OPEN} or "fitted" in point.reason):
+        numbers.append(point.reason)
+    cells = (f.verdict if f is not None else "no table yet" for f in (small, large))
+    words = (point.title, *cells, ". ".join(n for n in numbers if n))
+    return dict(zip(("the paper reports", *MODELS.values(), "numbers and reasons"), words, strict=True))
 
 
 def _errors(found: Mapping[str, Documents]) -> list[str]:
-    lines = [
-        "Pairwise additivity: T by the pair table against the full model for touching balls, largest difference over "
-        "largest T. The table holds results for one ball and for two, and couples them through the load that each "
-        "ball takes from its neighbours (`pair_forces.py`). Nothing in it is fitted to three or four balls, so these "
-        "are tests, and touching balls are the hardest. The runs on rubber (R below 10 mm) are pairs, for which the "
-        "table is exact; there the numbers apply to scenes of more balls.",
-        "",
-    ]
+    """Return one sentence per source of error."""
+    lines = []
     for model, name in MODELS.items():
         tables = {}
         for document in found[model].values():
@@ -146,7 +124,7 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
                 f"own error of the full model {100 * row['tangential_force_error'] / row['tangential_force']:.1g} %)"
                 for row in rows
             )
-            lines.append(f"- {name}, R = {1e3 * float(radius):g} mm: {text}")
+            lines.append(f"{name}, R = {1e3 * float(radius):g} mm: {text}")
         shares = [
             (row["share"], case, row["at"])
             for case, document in found[model].items()
@@ -155,17 +133,17 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
         ]
         if shares:
             share, case, where = max(shares)
-            lines.append(f"- {name}: at starts and ends of the runs at most {100 * share:.2g} % ({case}, {where})")
+            lines.append(f"{name}: at starts and ends of the runs at most {100 * share:.2g} % ({case}, {where})")
         worst = max(
             ((d["position_error"], case) for case, d in found[model].items() if d["path"][-1]["sigma"] > 0.0),
             default=None,
         )
         if worst:
-            lines.append(f"- {name}: error of positions from time steps at most {1e3 * worst[0]:.2g} mm ({worst[1]})")
+            lines.append(f"{name}: error of positions from time steps at most {1e3 * worst[0]:.2g} mm ({worst[1]})")
         for case, document in found[model].items():
             balance = document["equilibrium"]
             if document["rest"]["at_rest"] and balance is not None and balance["verdict"] != "stable":
-                lines.append(f"- {name}, {case}: the path ends near an equilibrium that is {balance['verdict']}")
+                lines.append(f"{name}, {case}: the path ends near an equilibrium that is {balance['verdict']}")
     stable = [
         d["equilibrium"]["distance_from_end"]
         for model in MODELS
@@ -175,7 +153,7 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
     lines += _speeds(found["linear_bem"])
     if stable:
         lines.append(
-            f"- {len(stable)} paths that came to rest end at most {1e3 * max(stable):.1e} mm from a stable equilibrium "
+            f"{len(stable)} paths that came to rest end at most {1e3 * max(stable):.1e} mm from a stable equilibrium "
             "found by Newton's method"
         )
     return lines
@@ -192,7 +170,7 @@ def _speeds(documents: Documents) -> list[str]:
                 "processor time with all final checks, "
                 f"{round(60.0 * solved['iterations'] / solved['seconds'], -2):.0f} a minute"
             )
-    return [f"- nine balls, small strain: {'; '.join(texts)}"] if texts else []
+    return [f"nine balls, small strain: {'; '.join(texts)}"] if texts else []
 
 
 def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:

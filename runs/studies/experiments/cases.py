@@ -1,7 +1,5 @@
 """The runs of the study: the paper's experiments, and variants of what it leaves open, in either model."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The paper's observations, one by one, and the criterion by which runs reproduce each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Small strain against finite strain: the forces on two balls, and the outcome of each run."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +14,6 @@ from runs.evolution.pair_table import PairTable
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES
 from runs.studies.experiments.points import Documents
-from runs.studies.framework.tables import markdown
 
 Array = NDArray[np.float64]
 
@@ -95,14 +92,12 @@ def _pair(table: PairTable) -> Any:
     return table.forces()
 
 
-def force_table(found: Sequence[Comparison]) -> list[str]:
-    """Return T/Q over distance in both models as lines of Markdown."""
-    if not found:
-        return []
+def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
+    """Return T/Q over distance in both models, one row per kind of pair."""
     rows = []
     for one in found:
         turns = [distance / (2.0 * one.radius) for rest in one.rests for distance, _ in rest]
-        row: dict[str, Any] = {"balls": _kind(one), "D/R": f"{one.approach / one.radius:.3g}"}
+        row = {"balls": _kind(one), "D/R": f"{one.approach / one.radius:.3g}"}
         row["h/R"] = f"{one.thickness / one.radius:.3g}"
         for place, small, finite, error, strength in zip(
             PLACES, one.small, one.finite, one.error, one.strength, strict=True
@@ -114,36 +109,21 @@ def force_table(found: Sequence[Comparison]) -> list[str]:
             row[f"L = {place:g} L0"] = cell
         row["T = 0 at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
         rows.append(row)
-    return [
-        "**Forces side by side.** T/Q of two balls (> 0: attraction) at the experiment's approach D, small strain / "
-        "finite strain, and in brackets the ratio of T (finite / small, at equal approach):",
-        "",
-        *markdown(rows, {key: key for key in rows[0]}, aligned=False),
-        "",
-        "L0: touching distance; T = 0: changes of sign up to 3.7 L0, where the finite-strain tables end; ±: error "
-        "estimate of the finite elements.",
-        "",
-    ]
+    return rows
 
 
-def sentence(found: Sequence[Comparison], changed: Sequence[str]) -> str:
-    """Return whether finite strain changes what is predicted; ``changed`` names the changed verdicts."""
-    parts = []
-    for one in found:
-        touch = 2.0 * one.radius
-        small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
-        words = (
-            f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q when touching {one.small[0]:+.2e} becomes "
-            f"{one.finite[0]:+.2e} ± {one.error[0]:.0e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
-            f"{100.0 * (one.load[0] - 1.0):+.0f} %"
-        )
-        if small and finite:
-            words += f", T changes sign at {1e3 * finite[0]:.1f} mm instead of {1e3 * small[0]:.1f} mm"
-        elif small or finite:
-            words += ", and a change of sign of T appears or disappears"
-        parts.append(words)
-    verdict = f"Yes, on: {'; '.join(changed)}" if changed else "No verdict changes"
-    return f"**Does finite strain change what is predicted?** {verdict}. The numbers change: {'; '.join(parts)}."
+def sentence(one: Comparison) -> str:
+    """Return what finite strain changes of a pair's forces."""
+    touch = 2.0 * one.radius
+    small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
+    words = (
+        f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q when touching {one.small[0]:+.2e} becomes "
+        f"{one.finite[0]:+.2e} ± {one.error[0]:.0e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "
+        f"{100.0 * (one.load[0] - 1.0):+.0f} %"
+    )
+    if small and finite:
+        return f"{words}, T changes sign at {1e3 * finite[0]:.1f} mm instead of {1e3 * small[0]:.1f} mm"
+    return f"{words}, and a change of sign of T appears or disappears" if small or finite else words
 
 
 def _kind(one: Comparison) -> str:
@@ -158,22 +138,18 @@ def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
     return ", ".join(turns) if turns else "none"
 
 
-def run_table(small: Documents, finite: Documents) -> list[str]:
-    """Return the outcome of each run in both models as lines of Markdown."""
-    both = [name for name in small if name in finite]
-    if not both:
-        return []
+def outcomes(small: Documents, finite: Documents) -> list[dict[str, str]]:
+    """Return the outcome of each run that both models have."""
     shown = {
         "cycles to one group (median)": _grouped,
         "contacts at the end (all members)": _contacts,
         "largest distance at the end [mm]": lambda document: f"{1e3 * _widest(document):.1f}",
     }
-    rows = [
+    return [
         {"run": name, **{head: f"{write(small[name])} / {write(finite[name])}" for head, write in shown.items()}}
-        for name in both
+        for name in small
+        if name in finite
     ]
-    words = "**Runs side by side.** Same starts and seeds; cycles by the scenes' f; small strain / finite strain:"
-    return [words, "", *markdown(rows, aligned=False), ""]
 
 
 def _grouped(document: Mapping[str, Any]) -> str:

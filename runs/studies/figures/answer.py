@@ -1,16 +1,11 @@
 """Every figure with its sentences and numbers: parts are computed once, and drawn from what is saved of them."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import platform
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import scipy
 
 from runs.display.style import look, save_figure
 from runs.process import signals
@@ -21,9 +16,8 @@ from runs.studies.figures import bulge, distance, map_lengths, map_materials, mo
 from runs.studies.figures.pair import scene
 from runs.studies.figures.part import save, saved
 from runs.studies.framework.study import Study, command
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
-SOURCE = "Materials 2021, 14(19), 5689, doi 10.3390/ma14195689"
 PARTS = (
     bulge.PART, pressure.PART, thickness.PART, modulus.PART, distance.PART, map_lengths.PART, map_materials.PART,
 )  # fmt: skip
@@ -48,22 +42,16 @@ def compute(folder: Path, options: Options) -> None:
 def page(folder: Path, quick: bool) -> str:
     """Draw every part that is there; return its sentences and numbers as Markdown."""
     there = [(part, found) for part in PARTS if (found := saved(folder, part, quick)) is not None]
-    versions = f"thirdbody {importlib.metadata.version('thirdbody')}, numpy {np.__version__}, scipy {scipy.__version__}"
-    lines = [
-        f"# Figures 8 to 12 of {SOURCE}, and maps of the sign of T",
-        "",
-        f"Made by `{command('figures', quick)}` in {sum(found.seconds for _, found in there):.1f} s of processor time; "
-        f"{versions}, Python {platform.python_version()}.",
-        "Lengths are over R (figure 8: over a), forces over E1 R^2; T > 0 on the left ball attracts. T at features is "
-        "asked to 1e-5, on curves to 1e-3.",
-    ]
     for part, found in there:
         with look():
             save_figure(part.draw(found), folder, part.stem)
-        lines += ["", f"## {part.title}", "", f"![{part.title}]({part.stem}.png)", ""]
-        lines += [f"- {sentence}" for sentence in part.sentences(found.numbers)]
-        lines += ["", *markdown(_rows(found.numbers), aligned=False)]
-    return "\n".join(lines)
+    return render(
+        Path(__file__).parent, "page.md.jinja", command=command("figures", quick),
+        seconds=sum(found.seconds for _, found in there),
+        versions=", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("thirdbody", "numpy", "scipy")),
+        python=platform.python_version(),
+        parts=[(part, found.numbers, _rows(found.numbers)) for part, found in there],
+    )  # fmt: skip
 
 
 def _rows(numbers: Mapping[str, Any]) -> list[dict[str, str]]:

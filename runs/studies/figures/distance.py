@@ -1,8 +1,5 @@
 """Figure 12: T over the distance between the balls, on a thin and on a thick layer."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -74,26 +71,4 @@ def draw(found: Findings) -> Any:
     return figure
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the figure shows, and where it agrees with the paper's text."""
-    thin, thick, far = n["thin"], n["thick"], n["far"]
-    return [
-        f"h' = 6: T' = {thick['at_contact']:.6e} at L' = 2, sign changes at L' = "
-        + " and ".join(f"{c:.4f}" for c in thick["sign_changes"])
-        + f", minimum {thick['extremum_beyond'][1]:.4e} at L' = {thick['extremum_beyond'][0]:.3f}.",
-        f"h' = 1.16: T' = {thin['at_contact']:.6e} at L' = 2, sign change at L' = "
-        + " and ".join(f"{c:.4f}" for c in thin["sign_changes"])
-        + f", maximum beyond it {thin['extremum_beyond'][1]:.4e} at L' = {thin['extremum_beyond'][0]:.3f}.",
-        f"Agrees: on the thin layer the separation dies out quickly ({100 * thin['left_at_5']:.1f} % of it is left at "
-        f"L' = 5, {100 * thin['left_at_10']:.2f} % at 10); on the thick layer attraction turns into separation.",
-        "Agrees with the paper's reasoning, and quantifies what it calls negligible here: far away the substrate alone "
-        f"acts, and both curves end in attraction (T' L'^2 at L' = {far['at']:g} is "
-        f"{far['T_L_squared_over_substrate']:.4f} of the bare substrate's), on the thick layer only beyond L' = "
-        f"{thick['sign_changes'][-1]:.1f}.",
-        "All sign changes lie near the same two values of L/h: "
-        + ", ".join(f"{c:.3f}" for c in [*thick["sign_changes_over_h"], *thin["sign_changes_over_h"]])
-        + " (see the maps).",
-    ]
-
-
-PART = Part("figure_12_distance", "Figure 12: T over the distance", compute, draw, sentences)
+PART = Part("figure_12_distance", "Figure 12: T over the distance", compute, draw)

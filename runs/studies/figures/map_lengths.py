@@ -1,8 +1,5 @@
 """Map of the sign of T over thickness and distance, by the point-load law, checked by the full solver."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,7 +17,7 @@ CHECKED = (
     (0.15, 2.0), (0.2, 2.0), (1.16, 2.0), (1.65, 2.0), (1.75, 2.0), (6.0, 2.0), (2.0, 3.0), (6.0, 6.5), (6.0, 7.5),
     (1.16, 12.0), (1.16, 14.0), (20.0, 15.0), (20.0, 30.0), (0.6, 6.0), (0.6, 8.0),
 )  # fmt: skip
-"""h', L' of points at which the full solver is asked; five pairs of them embrace a boundary."""
+"""h', L' of points at which the full solver checks the law; five pairs of them lie on either side of a boundary."""
 
 
 def compute(quick: bool) -> Findings:
@@ -96,26 +93,4 @@ def draw(found: Findings) -> Any:
     return figure
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the map says and how well the law behind it holds."""
-    measured = "; ".join(
-        f"h' = {c['h']:g}, L' = {c['L']:g}: {c['full']:+.5f} (law {c['law']:+.5f})" for c in n["checks"]
-    )
-    share = ", ".join(f"{name} {value:+.3f}" for name, value in n["experiments"].items())
-    return [
-        "By the point-load law the sign depends on L/h and the materials alone: balls separate for "
-        f"{n['lower_L_over_h']:.4f} < L/h < {n['upper_L_over_h']:.3f} and attract elsewhere.",
-        f"Check: the full solver has touching balls change sign at L/h = {n['full_lower_at_contact']:.4f} and "
-        f"{n['full_upper_at_contact']:.3f} (the contact's size moves the boundary by "
-        f"{100 * abs(n['full_lower_at_contact'] / n['lower_L_over_h'] - 1):.2f} % and "
-        f"{100 * abs(n['full_upper_at_contact'] / n['upper_L_over_h'] - 1):.2f} %); its sign is the law's at "
-        f"{n['signs_agree']} of {n['checked']} points, T/T0 differs by at most {n['largest_difference']:.4f}.",
-        f"T/T0 of the full solver: {measured}.",
-        f"The experiments with touching balls on 10 mm of rubber, T/T0 on a (nearly) rigid base: {share}; the sign "
-        "agrees with what was seen in all three.",
-        f"Where the 16 mm balls came to rest (50 mm), {100 * n['share_left_at_rest']:.1f} % of the separating force is "
-        "left: the linear model has no change of sign there, but a force too small to move them.",
-    ]
-
-
-PART = Part("map_lengths", "Map: sign of T over thickness and distance", compute, draw, sentences)
+PART = Part("map_lengths", "Map: sign of T over thickness and distance", compute, draw)

@@ -1,8 +1,5 @@
 """Map of the sign of T over Poisson's ratio and modulus of the layer, by the point-load law, checked."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,7 @@ CHECKED = (
     (0.0, 1e-3), (0.2, 1e-3), (0.23, 1e-3), (0.26, 1e-3), (0.3, 1e-3), (0.48, 1e-3), (0.5, 1e-5), (0.3, 0.1),
     (0.4, 0.05), (0.48, 0.1), (0.48, 0.2), (0.48, 0.25), (0.48, 1.0), (0.1, 5.0),
 )  # fmt: skip
-"""nu1, E1/E2 of points at which the full solver is asked; some embrace the boundary."""
+"""nu1, E1/E2 of points at which the full solver checks the law; some lie on either side of the boundary."""
 
 
 def compute(quick: bool) -> Findings:
@@ -115,21 +112,4 @@ def _continued(values: Any) -> Any:
     return out
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the map says and how well the law behind it holds."""
-    measured = "; ".join(
-        f"nu1 = {c['nu1']:g}, E1/E2 = {c['E1_over_E2']:g}: {c['full']:+.4f} (law {c['law']:+.4f})" for c in n["checks"]
-    )
-    stiff = ", ".join(f"{value:.3f} at nu1 = {nu}" for nu, value in n["ratio_without_separation"].items())
-    lower = ", ".join(f"{value:.3f} at nu1 = {nu}" for nu, value in n["lower_at_poisson"].items())
-    return [
-        "Low compressibility is not needed for separation, only for separation near by: with E1/E2 = 1e-3 balls "
-        f"separate from L/h = {lower} on. At h' = 1.16, L' = 2 that takes nu1 > {n['poisson_at_zero_full']:.4f} "
-        f"(the law: {n['poisson_at_zero']:.4f}).",
-        f"Where the layer is stiffer than a limit, balls attract at every distance: E1/E2 above {stiff}.",
-        f"Check at h' = 1.16, L' = 2: the full solver has the law's sign at {n['signs_agree']} of {n['checked']} "
-        f"points, T/T0 differs by at most {n['largest_difference']:.4f}. T/T0 of the full solver: {measured}.",
-    ]
-
-
-PART = Part("map_materials", "Map: sign of T over Poisson's ratio and modulus", compute, draw, sentences)
+PART = Part("map_materials", "Map: sign of T over Poisson's ratio and modulus", compute, draw)

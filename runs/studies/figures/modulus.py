@@ -1,8 +1,5 @@
 """Figure 11: T over the layer's modulus under a force that stays the same, on a substrate that stays the same."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -74,24 +71,4 @@ def draw(found: Findings) -> Any:
     return figure
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the figure shows, and where it agrees with the paper's text."""
-    others = "; ".join(
-        f"h' = {row['thickness']:g}: sign change at E1/E2 = {row['change']:.4f}, maximum at {row['top']:.3f}"
-        for row in n["other_thicknesses"]
-    )
-    return [
-        f"At E1 = 60 MPa T'' = {n['at_60_MPa']:.6e}; T'' changes sign at E1 = {n['sign_change_GPa']:.3f} GPa "
-        f"(E1/E2 = {n['sign_change_over_E2']:.4f}) and has its maximum {n['maximum']:.4e} at "
-        f"{n['maximum_GPa']:.1f} GPa (E1/E2 = {n['maximum_over_E2']:.3f}).",
-        "Agrees: a stiffer layer weakens the separation, then the balls attract, then T has a maximum and decreases "
-        f"(to {n['stiffest_over_maximum']:.2f} of it at E1 = 6000 GPa).",
-        f"To show the maximum the E1 axis must go beyond E2, to {n['maximum_GPa']:.0f} GPa or "
-        f"{n['maximum_GPa'] / 0.06:.0f} times the 60 MPa it starts from; the attraction there is "
-        f"{n['largest_over_at_60_MPa']:.4f} of the separation at 60 MPa, too small for one linear axis.",
-        f"Assumed, because the paper does not say: h' = 1.16 and E2 = 60 GPa. How the features depend on h': {others}.",
-        f"Limit of soft layers: E1 T is constant, T'' = {n['E1_T_at_6_MPa']:.4e} / (E1 / 60 MPa) at 6 MPa.",
-    ]
-
-
-PART = Part("figure_11_modulus", "Figure 11: T over the layer's modulus", compute, draw, sentences)
+PART = Part("figure_11_modulus", "Figure 11: T over the layer's modulus", compute, draw)

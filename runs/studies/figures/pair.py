@@ -1,7 +1,5 @@
 """The paper's pair of balls, varied: T over thickness, modulus, distance and kind of load."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """One part of the study: numbers found once, kept in the output folder, drawn and put into sentences from there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,13 +28,12 @@ class Findings:
 
 @dataclass(frozen=True)
 class Part:
-    """A figure: ``compute(quick)``, ``draw(findings)`` and ``sentences(numbers)``; ``stem`` names its files."""
+    """A figure: ``compute(quick)`` and ``draw(findings)``; ``stem`` names its files, and its text STEM.md.jinja."""
 
     stem: str
     title: str
     compute: Callable[[bool], Findings]
     draw: Callable[[Findings], Any]
-    sentences: Callable[[Mapping[str, Any]], list[str]]
 
 
 def saved(folder: Path, part: Part, quick: bool) -> Findings | None:

@@ -4,8 +4,6 @@ T/T0 = 1 - rho^2 s'(rho) with rho = L/h, s the smooth part of the layered kernel
 of the layer's material. It takes neither the size nor the shape of the contacts into account.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,8 +1,5 @@
 """Figure 9: contact pressure under both balls, and how far each is from symmetric."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -90,22 +87,4 @@ def draw(found: Findings) -> Any:
     return figure
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the figure shows, and where it agrees with the paper's text."""
-    return [
-        f"Peak p' = {n['peak_pressure']:.6f} on a contact of radius {n['contact_radius']:.6f}; a semi-ellipse of the "
-        f"same area and force has {n['peak_pressure_of_hertz_on_same_area']:.6f}.",
-        "Agrees: the two pressures look like one curve; their difference, "
-        f"at most {n['largest_difference']:.4e} or {n['largest_difference_over_peak']:.2e} of the peak (at xi = "
-        f"{n['at']:+.5f}, between the contacts' edges, which are {abs(n['inner_edge'] - n['outer_edge']):.2e} R "
-        f"apart), {n['difference_at_nine_tenths']:.3e} at nine tenths of the radius, "
-        f"is antisymmetric to {n['antisymmetry']:.0e} and "
-        f"{'has one sign' if n['one_sign'] else 'changes sign'} on each side.",
-        "Agrees: the forces on the balls are opposite. The left ball is pressed more on its inner side, so that the "
-        f"surface pushes it outwards: T' = {n['mutual']:.6e} on the left and {n['on_right']:.6e} on the right ball, "
-        f"{abs(n['over_normal_force']):.3e} of the normal force; the slope integral gives {n['slope']:.6e}, the "
-        f"error estimate is {n['error']:.0e}.",
-    ]
-
-
-PART = Part("figure_9_pressure", "Figure 9: contact pressures and their difference", compute, draw, sentences)
+PART = Part("figure_9_pressure", "Figure 9: contact pressures and their difference", compute, draw)

@@ -1,8 +1,5 @@
 """Figure 10: T over the layer's thickness, at a fixed force and at a fixed approach."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -103,28 +100,4 @@ def _named(what: str, place: float, value: float) -> str:
     return f"{what} {1e7 * value:.5f}\nat $h'$ = {place:.4f}"
 
 
-def sentences(n: Mapping[str, Any]) -> list[str]:
-    """Return what the figure shows, and where it agrees with the paper's text."""
-    first, second = n["sign_changes"]
-    return [
-        f"At fixed force: T' = {n['limit_thin']:.4e} at h' = 0, sign changes at h' = {first:.6f} and {second:.6f}, "
-        f"minimum {n['minimum']:.6e} at h' = {n['h_of_minimum']:.4f}, T'(1.16) = {n['at_thin']:.6e}, T'(6) = "
-        f"{n['at_thick']:.6e}, T'(inf) = {n['limit_thick']:.6e}.",
-        "Agrees: a very small attraction without a layer, separation with a minimum for thin layers, attraction again "
-        "for thick ones, towards the half-space's value.",
-        f"Differs: the paper describes a thickness at which the attraction exceeds that of the half-space. At fixed "
-        f"force there is none: from the minimum to h' = {n['rises_from_minimum_to']:g} T' "
-        f"{'rises at every step' if n['rises_everywhere'] else 'does not rise everywhere'}, and stays "
-        f"{n['short_of_limit_by']:.0e} below the limit.",
-        f"At fixed approach (D/R = {n['approach']:.6f}, which the force makes on the half-space) there is one: "
-        f"+{100.0 * n['overshoot_at_approach']:.2f} % at h' = "
-        f"{n['h_of_maximum_at_approach']:.2f}; sign changes at h' = "
-        + " and ".join(f"{c:.6f}" for c in n["sign_changes_at_approach"])
-        + f", minimum {n['minimum_at_approach'][1]:.4e} at h' = {n['minimum_at_approach'][0]:.4f}. A thinner layer "
-        "then carries more force, and T grows with its square: the experiments fix the approach.",
-        f"Not in the paper: before it falls, T' rises by {100.0 * (n['thin_hump'] / n['limit_thin'] - 1.0):.2f} % over "
-        f"its value without a layer (at h' = {n['h_of_thin_hump']:.3f}).",
-    ]
-
-
-PART = Part("figure_10_thickness", "Figure 10: T over the layer's thickness", compute, draw, sentences)
+PART = Part("figure_10_thickness", "Figure 10: T over the layer's thickness", compute, draw)

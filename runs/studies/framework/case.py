@@ -1,7 +1,5 @@
 """One case of a study: a problem, the model that solves it, and the numerical parameters that are varied."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 from collections.abc import Iterator, Mapping, Sequence

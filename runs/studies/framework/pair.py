@@ -1,7 +1,5 @@
 """The paper's pair of balls as the studies vary it, dimensionless: R = 1 and E1 = 1."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem

@@ -1,7 +1,5 @@
 """Publish a study's answer: replace the part of its README between two marks, and copy figures beside it."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Every rank runs this. All ranks solve finite-element cases together, rank 0 solv
 while its case runs; tables and figures are made from the records that exist.
 """
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What every study does: compute answers into a folder, and make a page from those that exist."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

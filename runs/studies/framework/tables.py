@@ -1,7 +1,5 @@
 """Tables of a study's page in Markdown."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Run every code at every size, keep each answer as JSON, and tabulate the errors."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

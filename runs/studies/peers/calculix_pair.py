@@ -1,7 +1,5 @@
 """The pair in CalculiX (http://www.calculix.de): quadratic hexahedra, and face-to-face contact with a meshed sphere."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import tempfile
@@ -47,44 +45,10 @@ def deck(approach: float, kind: str, layer: tuple, ball: tuple, fixed: dict[str,
     nodes = rows([n, *x] for n, x in (layer[0] | ball[0]).items())
     sets = "\n".join(f"*NSET, NSET={name}\n{rows([n] for n in found)}" for name, found in fixed.items())
     top = [1 + i for i, e in enumerate(layer[1]) if abs(layer[0][e[4]][2]) < 1e-9]
-    start = 1 + len(layer[1])
-    return f"""*NODE, NSET=ALL
-{nodes}
-*ELEMENT, TYPE={kind}, ELSET=LAYER
-{elements(layer[1], 1)}
-*ELEMENT, TYPE=C3D20R, ELSET=BALL
-{elements(ball[1], start)}
-{sets}
-*SURFACE, NAME=TOP
-{rows([n, "S2"] for n in top)}
-*SURFACE, NAME=SPHERE
-BALL, S1
-*MATERIAL, NAME=RUBBER
-*HYPERELASTIC, NEO HOOKE
-{SHEAR / 2}, {2 / BULK}
-*MATERIAL, NAME=RIGID
-*ELASTIC
-1., 0.
-*SOLID SECTION, ELSET=LAYER, MATERIAL=RUBBER
-*SOLID SECTION, ELSET=BALL, MATERIAL=RIGID
-*SURFACE INTERACTION, NAME=TOUCH
-*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
-{STIFF}
-*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE
-TOP, SPHERE
-*STEP, NLGEOM, INC=1000
-*STATIC
-0.1, 1., 1e-4, 0.2
-*BOUNDARY
-BASE, 1, 3
-SIDES_X, 1, 1
-SIDES_Y, 2, 2
-PRESSED, 1, 2
-PRESSED, 3, 3, {-approach}
-*NODE PRINT, NSET=ALL, FREQUENCY=1000
-U
-*END STEP
-"""
+    return Path(__file__).with_name("pair.inp").read_text(encoding="utf-8").format(
+        nodes=nodes, kind=kind, layer=elements(layer[1], 1), ball=elements(ball[1], 1 + len(layer[1])), sets=sets,
+        top=rows([n, "S2"] for n in top), shear=SHEAR / 2, compressibility=2 / BULK, stiffness=STIFF, approach=approach,
+    )  # fmt: skip
 
 
 def integrals(nodes: Array, u: Array, slope: Callable[[Array], Array], count: int) -> tuple[float, float]:

@@ -1,7 +1,5 @@
 """The pair in FElupe (https://felupe.readthedocs.io): Lagrange hexahedra of any order, contact as a custom item."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

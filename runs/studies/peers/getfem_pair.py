@@ -1,7 +1,5 @@
 """The pair in GetFEM (https://getfem.org): hexahedra of any order, layer and contact as potentials."""
 
-from __future__ import annotations
-
 import getfem as gf
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The pair in NGSolve (https://ngsolve.org): hexahedra of any order, layer and contact as symbolic energies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

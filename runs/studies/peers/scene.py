@@ -3,8 +3,6 @@
 Lengths in radii R, forces in E R². The ball is at x = 1, y = 0, z = 1 - D; x = 0 and y = 0 are symmetry planes.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import resource

@@ -1,7 +1,5 @@
 """The pair by `thirdbody solve`, with a requested relative accuracy of T."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -11,21 +9,7 @@ from pathlib import Path
 
 from runs.studies.peers.scene import POISSON, THICKNESS, YOUNG, report
 
-SCENE = """
-[layer]
-thickness = {thickness}
-young = {young}
-poisson = {poisson}
-[balls]
-radius = 1.0
-positions = [[-1.0, 0.0], [1.0, 0.0]]
-[load]
-approach = {approach}
-[finite_strain]
-law = "neo_hookean"
-[accuracy]
-tangential_force = {accuracy}
-"""
+SCENE = Path(__file__).with_name("pair.toml")
 
 
 def main(approach: float, size: str) -> None:
@@ -33,7 +17,7 @@ def main(approach: float, size: str) -> None:
     with tempfile.TemporaryDirectory() as name:
         scene = Path(name) / "pair.toml"
         given = {"thickness": THICKNESS, "young": YOUNG, "poisson": POISSON, "approach": approach, "accuracy": size}
-        scene.write_text(SCENE.format(**given), encoding="utf-8")
+        scene.write_text(SCENE.read_text(encoding="utf-8").format(**given), encoding="utf-8")
         command = [sys.executable, "-c", "from runs.entry import main; main()", "solve", str(scene), "--json"]
         done = subprocess.run([*command, "--out", f"{name}/out"], check=True, stdout=subprocess.PIPE)
     result = json.loads(done.stdout)

@@ -1,7 +1,5 @@
 """The study's page: one verdict per published result, then its numbers beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,7 @@ from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
 from runs.studies.validation.comparison import (
     AGREES,
@@ -26,10 +24,6 @@ from runs.studies.validation.sources import NOT_OPENED
 
 COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)
 """In the order of the page."""
-METHOD = (
-    f"*{AGREES}*: within both errors; *{CLOSE}*: within {100.0 * CLOSE_BAND:g} % of a source that states no error of "
-    f"its own; *{DIFFERS}*: neither. `off` is ours over theirs, less one."
-)
 
 
 def cases(quick: bool) -> list[Case]:
@@ -44,13 +38,11 @@ def present(found: Found, folder: Path) -> str:
     write_csv(folder / "validation.csv", [r for c in COMPARISONS for r in _rows(c, every[c.key])])
     pictures.draw(every, folder)
     done = [c for c in COMPARISONS if _points(every[c.key])]
-    lines = ["# Results of others", "", f"**{headline(done, every)}**", "", METHOD, ""]
-    lines += markdown([_summary(c, every[c.key]) for c in done])
-    lines += ["", "![Bonded layers, finite strain, coated half-spaces: formulas and our points](validation.svg)"]
-    for comparison in done:
-        lines += ["", *_section(comparison, every[comparison.key])]
-    lines += ["", "## Not opened", "", *(f"- {name}: {why}" for name, why in NOT_OPENED.items())]
-    return "\n".join(lines)
+    return render(
+        Path(__file__).parent, "page.md.jinja", headline=headline(done, every), close_band=CLOSE_BAND,
+        summary=[_summary(c, every[c.key]) for c in done],
+        sections=[(c, [_beside(r) for r in _rows(c, every[c.key])]) for c in done], not_opened=NOT_OPENED,
+    )  # fmt: skip
 
 
 def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
@@ -97,27 +89,14 @@ def _rows(comparison: Comparison, groups: Groups) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _section(comparison: Comparison, groups: Groups) -> list[str]:
-    source = comparison.source
-    doi = f", {'' if source.doi.startswith(('PII', 'PMC', 'arXiv')) else 'doi '}{source.doi}" if source.doi else ""
-    lines = [f"## {source.citation}", "", f"States: {source.states}{doi}. Read: {source.read}."]
-    if source.remark:
-        lines += ["", source.remark]
-    table = [
-        {
-            "scene": group, "at": point.at, "ours": point.ours, "our bar [%]": 100.0 * point.bar / abs(point.ours),
-            "theirs": point.theirs, "their error [%]": 100.0 * point.error / abs(point.theirs),
-            "off [%]": 100.0 * point.off, "verdict": point.verdict,
-        }
-        for group, points in groups.items() for point in points
-    ]  # fmt: skip
-    return [
-        *lines,
-        "",
-        f"{comparison.quantity[0].upper()}{comparison.quantity[1:]}; {comparison.scene}.",
-        "",
-        *markdown(table),
-    ]
+def _beside(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of the file as the page shows it."""
+    return {
+        "scene": row["scene"], "at": row["at"],
+        "ours": row["ours"], "our bar [%]": 100.0 * row["bar"] / abs(row["ours"]),
+        "theirs": row["theirs"], "their error [%]": 100.0 * row["error"] / abs(row["theirs"]),
+        "off [%]": 100.0 * row["off"], "verdict": row["verdict"],
+    }  # fmt: skip
 
 
 STUDY = study_of_cases("validation", cases, present, ("validation.svg", "validation.png"))

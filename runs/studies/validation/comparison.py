@@ -1,7 +1,5 @@
 """A comparison: our numbers beside a source's, both with errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

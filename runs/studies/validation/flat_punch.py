@@ -1,7 +1,5 @@
 """Flat punches on layers and coatings, measured by the slope of a smooth body's force; E1 = 1, h = 1."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ chi = sqrt(R D) / h measures the contact over the layer; E* = E / (1 - nu^2); a 
 is multiplied with. Where a formula was read is said in `runs.studies.validation.sources`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Comparisons of `finite_strain`: one sphere on a neo-Hookean incompressible layer, R = 1 and E1 = 1."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The study's figure: formulas of others as lines, our answers as points."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

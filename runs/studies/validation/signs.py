@@ -1,7 +1,5 @@
 """The sign of the mutual force beside that of drops on gels: `linear_bem`, nu = 0.5, R = 1, E1 = 1, D = 0.05."""
 
-from __future__ import annotations
-
 import math
 
 from linear_bem.problem import Ball, Layer, Load, Problem

@@ -1,7 +1,5 @@
 """Forces of `linear_bem` beside closed forms and fits, R = 1 and E1 = 1 unless a scene is given in units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -1,37 +1,30 @@
 """The study's page: verdicts counted per part, then the tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
+from runs.studies.framework.pair import PAPER_LOAD
 from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 from runs.studies.verification import (
-    bars,
     convergence,
     experiments,
-    hard,
     one_ball,
     pictures,
     routes,
     small_load,
-    timing,
 )
-from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WRONG, Part, Row
+from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WIDEST, WRONG, Part, Row
 
 PARTS = (
-    one_ball.PART, small_load.PART, convergence.PART, bars.PART, routes.PART, experiments.PART, hard.PART, timing.PART,
+    one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART,
 )  # fmt: skip
 """In the order of the page."""
-COUNTED = (
-    "Only right and wrong answers are claims: a refusal or a stop gives no answer, and an answer with an error bar "
-    "above 10 % claims nothing."
-)
 
 
 def cases(quick: bool) -> list[Case]:
@@ -47,15 +40,18 @@ def present(found: Found, folder: Path) -> str:
             write_csv(folder / f"{name}.csv", rows)
     pictures.draw(tables, folder)
     every = _counts([row for rows in tables.values() for row in rows])
-    lines = ["# Verification of the finite-strain model", ""]
-    lines += [f"**{', '.join(f'{count} {word}' for word, count in every.items())}.** {COUNTED}", ""]
-    lines += [*markdown([_verdict(part, tables[part.name], found) for part in PARTS]), ""]
-    lines += ["![One ball, small loads, order of convergence, routes to T](verification.svg)"]
-    for part in PARTS:
-        rows = [{**row, "verdict": row["verdict"] or "-"} for row in tables[part.name]]
-        columns = {**part.columns, "verdict": "verdict"}
-        lines += ["", f"## {part.title}", "", part.text, "", *markdown(rows, columns)]
-    return "\n".join(lines)
+    return render(
+        Path(__file__).parent, "page.md.jinja", counts=", ".join(f"{count} {word}" for word, count in every.items()),
+        widest=WIDEST, verdicts=[_verdict(part, tables[part.name], found) for part in PARTS],
+        rows={part.name: _shown(part, tables[part.name]) for part in PARTS}, title={p.name: p.title for p in PARTS},
+        paper_load=PAPER_LOAD, band=convergence.BAND, floor=convergence.FLOOR, distance=routes.DISTANCE,
+        shift=routes.SHIFT,
+    )  # fmt: skip
+
+
+def _shown(part: Part, rows: Sequence[Row]) -> str:
+    columns = {**part.columns, "verdict": "verdict"}
+    return "\n".join(markdown([{**row, "verdict": row["verdict"] or "-"} for row in rows], columns))
 
 
 def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """Convergence of Q and T / Q^2 of the elements at small strain to the linear model, with resolution."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -80,9 +78,6 @@ def _value(step: Any, quantity: str) -> float:
 PART = Part(
     NAME,
     "Order of convergence",
-    "Pair (h = 1.16 R, L = 2 R, D = 0.1 R, rigid base) at small strain, elements of orders 2 to 4, against "
-    "`linear_bem`, without the pair correction. The order is a least-squares fit to all errors; it must lie between "
-    f"{BAND[0]:g} and {BAND[1]:g}, or the finest error below {100.0 * FLOOR:g} %.",
     cases,
     rows,
     {

@@ -1,7 +1,5 @@
 """The scenes of the paper's two experiments at full approach, solved as shipped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -77,8 +75,6 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
 PART = Part(
     NAME,
     "The paper's experiments at full approach",
-    "The scenes as shipped, without tuning. T > 0: attraction. Lengths over R, forces over E1 R²; J is the "
-    "smallest volume ratio of any element, the balance that of stored energy and work (summed over load steps).",
     cases,
     rows,
     {

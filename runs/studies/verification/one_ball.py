@@ -3,8 +3,6 @@
 What others published about one ball is in the study ``validation``; its finite-strain cases are taken from there.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -134,9 +132,6 @@ def extrapolation_weights(x: np.ndarray) -> np.ndarray:
 PART = Part(
     NAME,
     "One ball",
-    "Q over Hertz's force of a paraboloid on a half-space, bonded layer on a rigid base. Small strain: paraboloid "
-    "against `linear_bem`, extrapolated to no load against Hertz. Finite strain: sphere, nu = 0.5 (mixed form), "
-    "against another code's axisymmetric elements (0.5 %). Published results are in the study `validation`.",
     cases,
     rows,
     {

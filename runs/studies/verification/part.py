@@ -1,7 +1,5 @@
 """A part of the study: its cases and its table, with a verdict in each row."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +30,6 @@ class Part:
 
     name: str
     title: str
-    text: str
     cases: Callable[[bool], list[Case]]
     rows: Callable[[Found], list[dict[str, Any]]]
     columns: Mapping[str, str]

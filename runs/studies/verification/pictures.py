@@ -1,7 +1,5 @@
 """The study's figure: one ball, T at vanishing load, mesh convergence, and the routes to T."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

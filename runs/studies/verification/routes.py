@@ -3,8 +3,6 @@
 The energies use one mesh, moved with the balls, so that the mesh error is the same at both distances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -93,12 +91,6 @@ def _row(step: Mapping[str, Any], slope: float) -> dict[str, Any]:
 PART = Part(
     NAME,
     "Three routes to T along the load",
-    f"Thin pair (h = 1.16 R, L = {DISTANCE:g} R, nu = 0.48), T over E1 R² (T > 0: attraction) on one mesh without "
-    "the small-strain correction: by domain integral (error bar: that of the answer plus the correction), by contact "
-    "traction, and by dU/dL at "
-    f"fixed approach, from two runs with balls and mesh moved by ± {SHIFT:g} R. The claim "
-    "is on the energy: mesh lines constrain the contact's edge, so the traction converges more slowly, and the answer "
-    "does not use it.",
     cases,
     rows,
     {
