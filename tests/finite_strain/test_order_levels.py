@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
@@ -103,6 +104,16 @@ def test_the_level_across_the_layer_holds_order_one_and_every_cubic_of_the_depth
     assert np.abs(level.shapes @ held[nodes] - held).max() < 10 * ROUNDOFF
     assert level.shapes.shape[1] < len(z) / 6
     assert level.numbers.tolist() == list(range(level.owned))
+
+
+@pytest.mark.parametrize(
+    ("kind", "lean", "held"), [("hexahedron", 0.0, True), ("hexahedron", 0.1, False), ("tetrahedron", 0.0, False)]
+)
+def test_only_upright_hexahedra_have_the_level_across_the_layer(kind: str, lean: float, held: bool) -> None:
+    cells = getattr(dolfinx.mesh.CellType, kind)
+    mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, -1], [1, 1, 0]], [2, 2, 2], cells)
+    mesh.geometry.x[:, 0] += lean * mesh.geometry.x[:, 2]
+    assert (upright(compat.function_space(mesh, 2, (3,))) is not None) == held
 
 
 SHARED = """
