@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from finite_strain import compat
@@ -20,6 +21,7 @@ from finite_strain.geometry.estimates import penalties
 from finite_strain.planning.records import Discretisation
 from linear_bem import NotConverged
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair
+from tests.launch import mpirun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -102,6 +104,45 @@ def test_the_level_across_the_layer_holds_order_one_and_every_cubic_of_the_depth
     assert np.abs(level.shapes @ held[nodes] - held).max() < 10 * ROUNDOFF
     assert level.shapes.shape[1] < len(z) / 6
     assert level.numbers.tolist() == list(range(level.owned))
+
+
+@pytest.mark.parametrize(
+    ("kind", "lean", "held"), [("hexahedron", 0.0, True), ("hexahedron", 0.1, False), ("tetrahedron", 0.0, False)]
+)
+def test_only_upright_hexahedra_have_the_level_across_the_layer(kind: str, lean: float, held: bool) -> None:
+    cells = getattr(dolfinx.mesh.CellType, kind)
+    mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, -1], [1, 1, 0]], [2, 2, 2], cells)
+    mesh.geometry.x[:, 0] += lean * mesh.geometry.x[:, 2]
+    assert (upright(compat.function_space(mesh, 2, (3,))) is not None) == held
+
+
+SHARED = """
+import dolfinx, numpy as np
+from mpi4py import MPI
+from finite_strain import compat
+from finite_strain.equilibrium.order_levels import interpolation, upright
+comm = MPI.COMM_WORLD
+mesh = dolfinx.mesh.create_box(comm, [[0, 0, -1], [1, 1, 0]], [3, 3, 4], dolfinx.mesh.CellType.hexahedron)
+space = compat.function_space(mesh, 3, (3,))
+level, points = upright(space), space.tabulate_dof_coordinates()
+owned, place = space.dofmap.index_map.size_local, np.asarray(level.shapes.argmax(axis=0)).ravel()[: level.owned]
+matrix, _ = interpolation(level, np.zeros((len(points), 3), dtype=bool), owned, comm)
+field = lambda at: np.stack([at[:, 2] ** 3, at[:, 0] * at[:, 1], at[:, 0] * at[:, 2] ** 2], axis=1).ravel()
+x, y = matrix.createVecs()
+x.array[:] = field(points[place])
+matrix.mult(x, y)
+error = comm.allreduce(np.abs(y.array_r - field(points[:owned])).max(), op=MPI.MAX)
+sizes = comm.allreduce(level.owned), len(comm.allreduce(set(level.numbers.tolist()), op=MPI.BOR))
+if comm.rank == 0:
+    print(error < 1e-12, *sizes)
+"""
+
+
+@pytest.mark.mpi
+def test_ranks_share_the_nodes_of_the_level_across_the_layer() -> None:
+    done = mpirun(2, "-c", SHARED, timeout=120.0)
+    # 4 x 4 vertices from above, 4 cells of order 3 across
+    assert done.stdout.split() == ["True", "208", "208"], done.stderr
 
 
 def test_constrained_components_keep_rows_of_their_own_at_every_order(tmp_path: Path) -> None:
