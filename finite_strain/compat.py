@@ -182,7 +182,7 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     Corners come first, those of a hexahedron with x running first, then y, then z.
     """
     if _OLD:
-        return mesh.geometry.dofmap.array.reshape(len(mesh.geometry.dofmap), -1)
+        return mesh.geometry.dofmap.array.reshape(-1, mesh.geometry.cmap.create_dof_layout().num_dofs)
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 
