@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -282,6 +283,15 @@ def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: P
     assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
     assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
     assert 0 < last.augmentation_iterations <= last.newton_iterations
+
+
+def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_path: Path) -> None:
+    rig = rig_of(pair(0.1, poisson=0.3), tmp_path)
+    *_, last = rig.press()
+    rig.path.source = replace(rig.path.source, turning=1.0)  # at its approach a new state takes the undeformed area
+    assert rig.path.augment(last)
+    assert rig.model.contact.turning.value == 1.0
+    assert rig.model.contact.penalised.turning == 1.0
 
 
 def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:

@@ -145,6 +145,21 @@ def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> 
 
 
 @pytest.mark.mpi
+def test_a_rank_without_cells_has_an_empty_table_of_their_nodes() -> None:
+    code = (
+        "import dolfinx\n"
+        "from mpi4py import MPI\n"
+        "from finite_strain import compat\n"
+        "corners, kind = [[0.0] * 3, [1.0] * 3], dolfinx.mesh.CellType.hexahedron\n"
+        "table = compat.geometry_dofs(dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [1, 1, 1], kind))\n"
+        "shapes = MPI.COMM_WORLD.gather(table.shape, root=0)\n"
+        "print(sorted(shapes) if shapes else '')"
+    )
+    done = mpirun(2, "-c", code, timeout=60.0)
+    assert "[(0, 8), (1, 8)]" in done.stdout, done.stderr
+
+
+@pytest.mark.mpi
 def test_states_are_transferred_between_one_and_two_ranks(two: list[Any], tmp_path: Path) -> None:
     fields = fields_on(two[0], 3)
     fill(fields, 3)
