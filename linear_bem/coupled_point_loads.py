@@ -7,8 +7,6 @@ unknown the equations are semismooth and monotone, and balls with d <= 0 carry n
     d_i + sum_j K(L_ij) F_j(d_j) = D_i,     F_j = 0 where d_j <= 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

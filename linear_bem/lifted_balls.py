@@ -1,7 +1,5 @@
 """Balls without load: which of them touch the deformed surface, and at which height an unloaded ball rests on it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar

@@ -10,8 +10,6 @@ is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian
 and an allowance for all later terms.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Two degrees for all balls would cost several times as much as one. The error of 
 exert on each other, so the largest ratio of the two on the sample, doubled, gives the error on every ball.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The physical groups of a mesh file: known by name or by number, and disjoint."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import chain
 

@@ -11,8 +11,6 @@ makes it so [Nocedal Wright 2006, sections 17.3 and 18.3, doi 10.1007/978-0-387-
 property: if a contact's edge moves, or elements are strongly compressed, it has to increase temporarily.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ into displacement and pressure, and the pressure's Schur complement is approxima
 stiffness, -(1/mu + 1/lambda) int p q.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any

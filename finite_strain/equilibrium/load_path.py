@@ -1,7 +1,5 @@
 """The load path on one mesh: equilibria at load fractions, with predictor, cut-back and augmentation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress

@@ -3,8 +3,6 @@
 In the mixed form equilibrium is a saddle point, not a minimum: the search uses the merit of `line_search.py`.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterator

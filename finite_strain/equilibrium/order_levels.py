@@ -12,8 +12,6 @@ Galerkin's [Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.100
 A component that is constrained at a level keeps a row of its own there, which no other row or column touches.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ method with multigrid over the elements' order grows little faster than the size
 user's PETSc options with the prefix ``thirdbody_`` take precedence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ approaches and their own stiffness C the system is [[K, B], [B^T, C]], precondit
 with K for each column of B, and one for the right-hand side.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from petsc4py import PETSc
 

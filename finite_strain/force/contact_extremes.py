@@ -3,8 +3,6 @@
 Inside elements the pressure oscillates as the gap closes; its mean over the hat function of a vertex does not.
 """
 
-from __future__ import annotations
-
 import dolfinx
 import numpy as np
 import ufl

@@ -1,7 +1,5 @@
 """How far a state is from the end of the solid: smallest volume ratio, surface stretch and film, and where they are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

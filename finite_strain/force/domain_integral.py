@@ -7,8 +7,6 @@ resolved contact traction. The traction's integral (`Model.forces`) is the secon
 stick to mesh lines, so it converges more slowly, and it is not used in the answer.
 """
 
-from __future__ import annotations
-
 import dolfinx
 import numpy as np
 import ufl

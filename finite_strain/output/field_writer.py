@@ -8,8 +8,6 @@ Each step has its own files, closed when the step ends, so that all finished ste
 Where DOLFINx was built with ADIOS2, each step has a VTX folder, too.
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A step's fields for ParaView as functions of order p on the curved elements: a folder in ADIOS2's format VTX."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from pathlib import Path

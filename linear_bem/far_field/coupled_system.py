@@ -1,7 +1,5 @@
 """Linear systems of balls that interact as point loads: own compliances on the diagonal, K(L_ij) beside it."""
 
-from __future__ import annotations
-
 from inspect import signature
 from typing import Protocol
 

@@ -9,8 +9,6 @@ periodic in k, so that the mesh's end is felt at few nodes only. A wave of k = x
 x))^p of itself; what the kernel has beyond pi/H is lost.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

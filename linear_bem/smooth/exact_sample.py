@@ -5,8 +5,6 @@ them, at a higher degree of p^2 and as the only ball. Its T follows from another
 the others' pressures, whose errors are of second order in this one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """First guess of separate smooth contacts, and the choice of the solver for them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -13,8 +13,6 @@ sweep for separate balls; contacts that nearly touch, whose error is only halved
 mixing. A sweep costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -11,8 +11,6 @@ determine polynomials of even degree uniquely [Bos 1991, J. Approx. Theory 64, 2
 `linear_bem.far_field`, all by the lowest degree that suffices beyond its cut-off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 

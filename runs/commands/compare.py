@@ -1,7 +1,5 @@
 """The command ``compare``: the finite-strain load path against the linear model, step by step."""
 
-from __future__ import annotations
-
 import math
 
 from linear_bem.errors import UnsupportedProblem

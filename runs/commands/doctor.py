@@ -1,7 +1,5 @@
 """The command ``doctor``: what is installed, what is wrong with it, and the command that repairs it."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import os

@@ -1,7 +1,5 @@
 """The command ``plan``: what a scene would simulate and what not, how large it is and how long it takes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

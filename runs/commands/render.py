@@ -1,7 +1,5 @@
 """The command ``render``: pictures of a run's deformed layer under its balls, and an animation of the load path."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

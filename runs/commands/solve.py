@@ -1,7 +1,5 @@
 """The command ``solve``: one model on one scene."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from linear_bem.result import Result, Step

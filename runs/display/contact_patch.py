@@ -4,8 +4,6 @@ Near the edge of a frictionless contact the pressure falls as the square root of
 up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of a run: T over the load in both models, and the deformed surface under its contact pressure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

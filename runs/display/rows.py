@@ -1,7 +1,5 @@
 """Rows of result tables, for terminal and page: numbers in the scene's units; a value with its error is a pair."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

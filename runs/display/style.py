@@ -1,7 +1,5 @@
 """The common look of figures: fonts, colours for colour-blind readers, marked features."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The deformed top surface of a finite-element run: kept on disk and cut by a section."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Results as tables for people: scaled numbers, one line per ball or load step."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Pictures of an evolution: top views at chosen cycles, distances over cycles, animation, ends of an ensemble."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

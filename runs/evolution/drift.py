@@ -18,8 +18,6 @@ the brake made. Both are kept below the tolerance, as the embedded error is; so 
 its tolerance allows, one where that is fine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -17,8 +17,6 @@ derivatives are secants between positions without overlap. So every model can be
 for overlapping balls.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

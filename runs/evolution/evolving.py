@@ -1,7 +1,5 @@
 """The command ``evolve``: the balls of a scene drift for its cycles, and the run folder keeps their path."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What ``plan`` says about the drift of many balls: how many pairs act on each other, and how long a path takes."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What moves the balls: T and Q of every ball at any positions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

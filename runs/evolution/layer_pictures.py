@@ -1,7 +1,5 @@
 """Pictures of many balls, or of balls in a periodic cell: the layer from above, and its structure over cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """One file for each moment of a path: thousands of balls would make a single JSON document too large."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

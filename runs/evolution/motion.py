@@ -22,8 +22,6 @@ Up to `DENSE` contacts without rolling resistance the dual is solved as least di
 [Goulart, Chen 2024, doi 10.48550/arXiv.2405.12762].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -18,8 +18,6 @@ their smooth envelopes, so no quotient contains quantities that change sign. Bey
 ratios are constant: T follows the linear decay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The forces that a model gives to an evolution: set up once, then evaluated thousands of times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What ``evolve`` prints and draws when it ends."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

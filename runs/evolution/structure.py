@@ -3,8 +3,6 @@ r"""How balls are arranged in the plane: distances, clusters, coordination, hexa
 Each function takes positions (balls, 2) [m] and the lengths of a periodic cell [m], or None.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ the code (scene file, command line, live page, sketch) or that have their place 
 derivations, rules for contributors). Sphinx turns all of them into HTML; its warnings are errors.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

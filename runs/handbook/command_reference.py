@@ -1,7 +1,5 @@
 """The page that lists every command with its arguments and options, made from the command line itself."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import typer

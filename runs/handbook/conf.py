@@ -1,7 +1,5 @@
 """Sphinx's settings; `runs.handbook.build` prepares the sources."""
 
-from __future__ import annotations
-
 from importlib.metadata import version as installed
 
 project = "thirdbody"

@@ -4,8 +4,6 @@ The format is plain JSON (nbformat 4.5, https://nbformat.readthedocs.io), so no 
 write it bring compiled packages along.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -3,8 +3,6 @@
 Runs the paper's thin pair at finite strain and the nine balls of the tutorial, renders them, and writes small copies.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

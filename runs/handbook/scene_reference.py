@@ -1,7 +1,5 @@
 """The page that explains the scene file key by key, made from the models that read it."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

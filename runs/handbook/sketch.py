@@ -1,7 +1,5 @@
 """The sketch of the physics page: a section through two balls and the layer they dent, by the linear model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -5,8 +5,6 @@ In a page, a fenced block ``toml`` whose first line is ``# NAME.toml`` is a file
 holds none. ``sh`` blocks with the first line ``# not run here`` are left alone.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

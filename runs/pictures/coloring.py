@@ -1,7 +1,5 @@
 """What a picture is coloured by: one number per node, its name, its unit with a prefix, and its colours."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A drawn step on its sheet: colour bar with unit, scale bar, caption; and a sequence of sheets as an animation."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Sequence

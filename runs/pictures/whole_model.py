@@ -1,7 +1,5 @@
 """The whole scene's fields for ParaView and meshio: each written step completed at its mirror planes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

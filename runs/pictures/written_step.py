@@ -1,7 +1,5 @@
 """One written load step of a run, completed at its mirror planes: what a picture is drawn from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command ``report``: one self-contained HTML page for the folder of a run or a study, readable offline."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import tomllib
 from html import escape

@@ -1,7 +1,5 @@
 """The contents of the folder of a run or a study, and the command that reproduces it."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Pieces of an HTML page: text is escaped, tables scroll in their own box, every picture has a text beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures inside the page: SVG as vector, other pictures as data, each with a text that says what it shows."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re

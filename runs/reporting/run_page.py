@@ -1,7 +1,5 @@
 """Sections of the report on a run: results, accuracy, versions."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping, Sequence

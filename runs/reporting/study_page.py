@@ -1,7 +1,5 @@
 """The page of a study: its answer as written, with its figures in place, and the table of its cases."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from pathlib import Path

@@ -4,8 +4,6 @@ Barycentric formula of the second form [Berrut and Trefethen 2004, SIAM Review 4
 with the points of the first kind, cos((j + 1/2) pi / n).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -13,8 +13,6 @@ D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0
 `linear_bem.solve` at random points; it contains the largest differences, which the page shows.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterator

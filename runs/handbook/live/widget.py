@@ -1,7 +1,5 @@
 """The live page's fragment of HTML: style, sliders, table and script in one, so that the page needs no other file."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

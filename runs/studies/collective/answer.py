@@ -1,7 +1,5 @@
 """What forms from a random start: table, phase map, pictures, growth laws, and the answer in a sentence."""
 
-from __future__ import annotations
-
 import csv
 import time
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Whether finite strain moves the boundary of gathering: the thickness where T of two touching balls vanishes."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

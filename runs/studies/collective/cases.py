@@ -1,7 +1,5 @@
 """The runs of the study: balls at random in a periodic cell, on layers of several thicknesses, R = 1 and E = 1."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

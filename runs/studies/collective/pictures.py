@@ -1,7 +1,5 @@
 """Figures of the study: the map of outcomes, the layers from above, and the growth of clusters and of order."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Load curves, S_Q, energy balance, and the smallest J and surface stretch with their places, on every mesh."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes that are pressed in until the layer is a film, each on several meshes and two orders of the elements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem

@@ -1,7 +1,5 @@
 """One table per number of ranks, saved as CSV, and the page that shows all of them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

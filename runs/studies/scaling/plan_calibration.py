@@ -4,8 +4,6 @@ Every case runs twice, each time in a process of its own: the first compiles the
 time and largest memory of the second, and the plan over them.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import subprocess

@@ -1,7 +1,5 @@
 """Difference of T between two cases: at full load, in the limit of zero load, or at the same force."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The study's page: outcome and cost of every case, and whether the error bars hold along the load."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

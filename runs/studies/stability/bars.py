@@ -1,7 +1,5 @@
 """Check of the error bars at every load step: small_strain against linear_bem, which is far more accurate."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Verdict on a case: energy and force balance of its load path, and agreement with its reference."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,6 @@ same force by other means: another model, another load path, a limit, the same p
 accuracy is low: the question is whether an answer lies within its own error bar.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

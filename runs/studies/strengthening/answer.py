@@ -1,7 +1,5 @@
 """The study's answer in words and tables, drawn from whatever cases are there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

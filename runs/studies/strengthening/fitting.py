@@ -1,7 +1,5 @@
 """Fits of the strengthening factor: S = 1 + c1 x + c2 x^2 with the error bars as weights, and what collapses curves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which cases the study solves: the paper's pair, thin and thick, and what is varied about it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh

@@ -1,7 +1,5 @@
 """The study's two figures: the headline curves with their ladder, and what thickness, distance and material change."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

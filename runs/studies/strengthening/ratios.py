@@ -4,8 +4,6 @@ The ladder adds one thing at a time: paraboloid at small strain, exact sphere at
 force ``geometry`` is T of the second over T of the first, S_Q of the third over the second.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
