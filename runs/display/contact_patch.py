@@ -18,7 +18,7 @@ BETTER = 0.7
 WELL_INSIDE = 0.3
 """Least pressure over the peak of the nodes that it is fitted to; averages farther out include free cells."""
 GOOD = 0.12
-"""Largest root mean square deviation of the fit, over the peak: 0.04 to 0.1 on coarse meshes, whose nodes rattle."""
+"""Largest root mean square deviation of the fit, over the peak: 0.04 to 0.1 on coarse meshes that oscillate."""
 BEYOND = 1.4
 """Largest distance from the middle at which the edge is looked for, over the largest of a fitted node."""
 RINGS, RAYS = 40, 180

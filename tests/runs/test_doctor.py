@@ -39,7 +39,7 @@ def test_the_doctor_reports_every_part() -> None:
     report = json.loads(done.stdout)
     names = {finding["name"] for finding in report["findings"]}
     needed = {"Python", "numpy", "petsc4py", "mpi4py", "dolfinx", "gmsh", "h5py", "BLAS", "mpirun"}
-    assert names == needed | {"clarabel", "pyvista"}
+    assert names == needed | {"clarabel", "jinja2", "pyvista"}
     blocked = any(finding["fault"] and finding["blocks"] for finding in report["findings"])
     assert report["every_model_runs"] is not blocked
     assert done.returncode == (1 if blocked else 0)

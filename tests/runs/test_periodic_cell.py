@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from linear_bem.coupled_point_loads import effective_approaches
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_forces import PairForces
@@ -124,3 +125,9 @@ def test_loads_of_many_balls_are_those_of_elimination(monkeypatch: pytest.Monkey
     assert len(x) <= DENSE
     monkeypatch.setattr("runs.evolution.pair_list.DENSE", 0)
     assert forces(x).normal == pytest.approx(by_elimination.normal, rel=1e-11)
+
+
+def test_balls_without_influence_keep_their_approaches() -> None:
+    given = np.array([1.0, 2.0])
+    none = effective_approaches(np.zeros((2, 2)), lambda d: (d, np.ones(2)), given, 0.5 * given)
+    assert none == pytest.approx(given)

@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+from linear_bem.errors import MissingDependency
 from runs.studies.framework.tables import markdown
 
 
@@ -15,6 +14,10 @@ def render(folder: Path, name: str, **values: Any) -> str:
     Templates format numbers by ``{{ value | as(".3g") }}``, lists of them by ``{{ values | each(".3g") }}``, and make
     tables by ``{{ table(rows) }}``. A line that begins with two spaces continues the line before.
     """
+    try:
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined  # noqa: PLC0415  (may be absent)
+    except ImportError as error:
+        raise MissingDependency(f"a study's page needs jinja2: {error}; install it by `pip install jinja2`") from None
     loader = FileSystemLoader(folder)
     environment = Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["as"] = format

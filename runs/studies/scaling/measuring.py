@@ -70,7 +70,7 @@ def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator
 
     All solve the same system: the tangent at ``state``.
     """
-    _forget_peak()
+    forget_peak()
     before = _status("VmRSS")
     run = _run(form, target, comm)
     from finite_strain.geometry.estimates import penalties  # noqa: PLC0415  (imports DOLFINx, like all below)
@@ -112,7 +112,7 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
 
     model, options = run.model, PETSc.Options("thirdbody_")
     comm = model.comm
-    _forget_peak()
+    forget_peak()
     for key, value in SOLVERS[name].items():
         options[key] = value
     solver = NewtonSolver(model, run.path.control)
@@ -151,7 +151,7 @@ def _seconds(work: Callable[[], Any], comm: MPI.Comm) -> float:
     return max(comm.allgather(time.process_time() - began))
 
 
-def _forget_peak() -> None:
+def forget_peak() -> None:
     """Return freed memory to the system and reset this process's peak memory (Linux)."""
     ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
