@@ -31,7 +31,7 @@ class Law:
         texts = []
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.type == "float":
+            if f.type in ("float", float):
                 texts += [] if _finite(value) else [f"{f.name}: must be a finite number, got {value!r}"]
             elif not (isinstance(value, Sequence) and not isinstance(value, str) and all(map(_finite, value))):
                 texts.append(f"{f.name}: must be a tuple of finite numbers, got {value!r}")

@@ -32,7 +32,7 @@ fraction more is allowed. A crumpled surface, also an equilibrium, stores severa
 PARTS = 4
 """Equal parts in which multipliers are added gradually."""
 DOUBLINGS = 4
-"""How often the penalty is doubled where multipliers were added gradually, or not at all."""
+"""How often the penalty is doubled where multipliers were added gradually, or not at all; more often if `stiffer`."""
 BACK = 1e-12
 
 
@@ -155,16 +155,20 @@ class LoadPath:
         If it has multipliers, nothing is done. They are added at once, with stiffer penalties, or gradually. If neither
         is followed, the model returns to the state without multipliers, with penalties as stiff as is followed.
         """
-        for gradually in (False, True):
-            if not record.augmented:
-                with suppress(NotConverged):
-                    self._multiply(self.source, record, gradually)
-                    if gradually:
-                        self.stiffen(record, 2.0, DOUBLINGS)
+        if not record.augmented:
+            with suppress(NotConverged):
+                self._multiply(self.source, record)
+        doublings = DOUBLINGS + round(math.log2(self.stiffer))
+        if not record.augmented:
+            self.model.fields.restore(self._last.values)  # Newton's method may have ended elsewhere
+            self.model.contact.set_approaches(np.array(self._last.approaches))
+            with suppress(NotConverged):
+                self._multiply(self.source, record, gradually=True)
+                self.stiffen(record, 2.0, doublings)
         if not record.augmented:
             self._restore()
             self._newton(record)
-            self.stiffen(record, 2.0, DOUBLINGS)
+            self.stiffen(record, 2.0, doublings)
         return record.augmented
 
     def stiffen(self, record: StepRecord, factor: float, times: int, wanted: Callable[[], bool] = lambda: True) -> int:

@@ -117,7 +117,7 @@ def upright(fine: Any) -> Coarse | None:
     owned = int(np.searchsorted(nodes, index_map.size_local))
     before = comm.exscan(owned) or 0
     number = dolfinx.fem.Function(fine)  # the owner tells the other ranks
-    entries = number.x.array.reshape(size, -1)
+    entries = number.x.array.reshape(size, fine.dofmap.index_map_bs)
     entries[nodes[:owned], 0] = before + np.arange(owned)
     number.x.scatter_forward()
     return Coarse(shapes, owned, np.rint(entries[nodes, 0].real).astype(np.int64))
@@ -132,7 +132,8 @@ def interpolation(level: Coarse, fixed: np.ndarray, own_fine: int, comm: MPI.Com
     shapes = level.shapes
     held = abs(shapes).T @ fixed.astype(float) > 0.0
     nodes, axes = np.nonzero(held)
-    own_row = np.asarray(shapes.tocsc().argmax(axis=0)).ravel()[nodes]  # a node of the same vertex, edge, face or cell
+    # a node of the same vertex, edge, face or cell; a rank may have none
+    own_row = np.asarray(shapes.tocsc().argmax(axis=0)).ravel()[nodes] if shapes.shape[1] else nodes
     size = 3 * np.array(shapes.shape)
     free = sparse.diags((~fixed).ravel().astype(float)), sparse.diags((~held).ravel().astype(float))
     units = sparse.csr_matrix((np.ones(len(nodes)), (3 * own_row + axes, 3 * nodes + axes)), shape=size)

@@ -129,8 +129,9 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
 
 def _as_command(plan: dict[str, Any]) -> dict[str, Any]:
     """Return the plan of a model with time and memory of the command around it."""
-    more = {"seconds": COMMAND_SECONDS, "processor_seconds": COMMAND_SECONDS, "memory_bytes": COMMAND_BYTES}
-    return plan | {key: plan[key] + value for key, value in more.items()}
+    more = dict.fromkeys(("seconds", "processor_seconds"), COMMAND_SECONDS)
+    more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
+    return plan | {key: plan[key] + value for key, value in more.items() if key in plan}
 
 
 def _doubts(problem: Problem) -> list[str]:

@@ -94,14 +94,20 @@ def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(
 ) -> None:
     rig, last, soft, pull, penalties = deep_without_multipliers
 
-    def overshoots(*_: float) -> None:
-        raise NotConverged("no equilibrium with multipliers")
+    starts = []
 
-    monkeypatch.setattr(rig.model.contact, "close_gaps", overshoots)
+    def rejected(*_: Any, **_gradually: bool) -> None:
+        starts.append(rig.model.fields.copy()[0])
+        rig.model.displacement.x.array[:] *= 0.99
+        raise NotConverged("the equilibrium found has other normal forces")
+
+    monkeypatch.setattr(rig.path, "_multiply", rejected)
+    monkeypatch.setattr(rig.path, "stiffer", 2.0)
     assert not rig.path.augment(last)
-    stiff = rig.run.state(1.0)
-    assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
-    assert stiff.mean_gap[0] == pytest.approx(soft.mean_gap[0] / 2.0**DOUBLINGS, rel=0.5)
+    assert np.array_equal(*starts)  # what was rejected is no start
+    stiff, stiffer = rig.run.state(1.0), 2.0 ** (DOUBLINGS + 1)
+    assert rig.model.contact.penalties == relatively(stiffer * penalties, 1e-12)
+    assert 1.0 < stiff.mean_gap[0] / (soft.mean_gap[0] / stiffer) < 2.0  # more pressure is left behind with less gap
     assert last.residual <= rig.solver.tolerance
     lacking = stiff.normal_force[0] / soft.normal_force[0] - 1.0
     (share,) = enforcement(soft, None, np.zeros(1), augmented=False)

@@ -105,10 +105,10 @@ def test_a_rank_without_cells_does_no_harm() -> None:
     alone = finite_strain.solve(problem, model="small_strain", tangential_force=0.5, mesh=block(), comm=COMM).balls[0]
     done = mpirun(2, "-m", "tests.finite_strain.rank_without_cells")
     assert done.returncode == 0, done.stderr
-    cells, force, tangential = json.loads(done.stdout)
-    assert cells == [len(X[1:]) * len(Y[1:]) * len(Z[1:]), 0]
-    assert force == relatively(alone.normal_force, 1e-8)
-    assert tangential == relatively(alone.tangential_force[0], 1e-5)
+    for cells, force, tangential in map(json.loads, done.stdout.splitlines()):  # by factors, by multigrid
+        assert cells == [len(X[1:]) * len(Y[1:]) * len(Z[1:]), 0]
+        assert force == relatively(alone.normal_force, 1e-5)
+        assert tangential == relatively(alone.tangential_force[0], 1e-4)
 
 
 def bulging() -> tuple[Any, Any, Any]:

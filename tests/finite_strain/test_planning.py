@@ -235,6 +235,12 @@ def test_a_shape_given_as_a_function_is_refused_by_its_key() -> None:
         reduce_scene(problem)
 
 
+def test_a_ball_too_deep_for_the_layer_is_refused_by_its_key() -> None:
+    plan_run(pair(0.89 * 1.16), 0.02, "finite_strain")
+    with pytest.raises(UnsupportedProblem, match=r"load\.approach: finite_strain takes approaches below 0\.9 of the"):
+        plan_run(pair(0.9 * 1.16), 0.02, "finite_strain")
+
+
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnsupportedProblem, match="finite_strain and small_strain, got large_strain"):
         plan_run(pair(0.1), 0.02, "large_strain")
