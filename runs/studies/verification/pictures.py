@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, save_figure
 from runs.studies.verification.part import Row
 
 COLORS = (BLUE, ORANGE, GREEN, PURPLE)
@@ -14,7 +14,8 @@ Tables = Mapping[str, Sequence[Row]]
 def draw(tables: Tables, folder: Path) -> None:
     """Write verification.svg and .png; a panel without rows says so."""
     with look():
-        figure, axes = panels(4.0, 4.0, 4.0, 4.0, height=3.9)
+        figure = blank(9.0, 7.6)
+        axes = figure.subplots(2, 2).ravel()
         _one_ball(axes[0], tables["one-ball"])
         _small_load(axes[1], tables["small-load"])
         _convergence(axes[2], tables["convergence"])
