@@ -1,4 +1,4 @@
-"""What `plan` says of ten commands that its constants were not fitted to, against what they took."""
+"""What `plan` says of ten commands against what they took: of its constants they set those of start and command."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SPEEDUP, A_RANK = 1.6, 2.5e8
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_plan_foresees_commands_that_it_was_not_fitted_to(
+def test_a_plan_foresees_ten_commands(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text, seconds, memory = COMMANDS[name]
