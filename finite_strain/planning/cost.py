@@ -19,7 +19,9 @@ START_SECONDS, MESH_SECONDS = 1.4, 0.25
 BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
 """A process with its libraries; matrix, factors and elements' data of both models with order 3."""
 ALONE = 0.48
-"""Memory of one model over that of two."""
+"""Memory of small strain, which has no pair, over that of two models."""
+ALONE_SECONDS = 0.5
+"""A load step at small strain over one at finite strain: the bulk's tangent is constant (two scenes: 0.42, 0.54)."""
 KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.6e8
 """An answered step and its pair, and the memory of both, by multigrid, above the range of the factors; as n.
 
@@ -48,7 +50,8 @@ class Mesh:
         if not self.direct:
             return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
         each = SEARCH_SECONDS if self.searches else STEP_SECONDS * self.order / 3.0
-        return MESH_SECONDS * share + (self.steps + self.pairs) * each * share**STEP_POWER
+        steps = self.steps + self.pairs if self.pairs else ALONE_SECONDS * self.steps
+        return MESH_SECONDS * share + steps * each * share**STEP_POWER
 
     def memory_bytes(self, ranks: int) -> float:
         """Return the memory of all processes."""
