@@ -1,4 +1,4 @@
-"""What `plan` says of commands against what they took: some of its constants were chosen with them."""
+"""What `plan` says of commands against what they took, which some of its constants were chosen with."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ COMMANDS = {
 }  # fmt: skip
 """Scene, processor time [s] and memory [bytes] of the command on one rank, forms compiled before.
 
-The machine was busy, except for the first: times are over those of the case "approach" of the calibration just before and after, times what
-that took on the idle machine (4.28 s).
+The machine was busy, except for the first: the others' times are over those of the case "approach" of the calibration
+just before and after, times what that took on the idle machine (4.28 s).
 """
 SPEEDUP, A_RANK = 1.6, 2.5e8
 """Of the second of two ranks that a plan is for: the time it saves, and the memory it takes."""
