@@ -195,13 +195,27 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     return model, without(scene.problem, dropped), notes
 
 
-def planned_seconds(
+def planned_runs(
     model: Model, problems: Sequence[Problem], accuracy: float | None, budget: Mapping[str, float]
-) -> float | None:
-    """Return the planned time [s] of runs to full load, None without a plan; raises what the plan raises."""
-    if model.plan is None:
+) -> dict[str, float] | None:
+    """Return time [s] and largest memory [bytes] of runs to full load, None without a run or a plan of it.
+
+    Raises what the plan raises.
+    """
+    if model.plan is None or not problems:
         return None
-    return sum(float(model.plan(problem, accuracy, budget, (1.0,))["seconds"]) for problem in problems)
+    plans = [model.plan(problem, accuracy, budget, (1.0,)) for problem in problems]
+    return {
+        "seconds": sum(float(plan["seconds"]) for plan in plans),
+        "memory_bytes": max(float(plan["memory_bytes"]) for plan in plans),
+    }
+
+
+def as_command(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the plan of a model with time and memory of the command around it."""
+    more = dict.fromkeys(("seconds", "processor_seconds"), COMMAND_SECONDS)
+    more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
+    return {**plan} | {key: plan[key] + value for key, value in more.items() if key in plan}
 
 
 def standing(scene: Scene) -> Scene:

@@ -7,6 +7,7 @@ stiffness, -(1/mu + 1/lambda) int p q.
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,25 @@ from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.memory import SHARE, free_memory
 
-_written: dict[str, str] = {}
-"""Our options in PETSc's database; a solver of another form or size replaces them but not those of the user."""
-_open: set[int] = set()
-"""Solvers that are not closed yet and may still read the database."""
+
+@dataclass
+class Installed:
+    """Our options in PETSc's database, of which a process has one, and the number of open solvers that may read them.
+
+    A solver of another form or size replaces them but not those of the user.
+    """
+
+    options: dict[str, str] = field(default_factory=dict)
+    solvers: int = 0
+
+
+_installed = Installed()
 
 
 def given_options() -> dict[str, str]:
     """Return the user's own options of our prefix."""
     every = PETSc.Options(PREFIX).getAll()
-    return {key: value for key, value in every.items() if _written.get(key) != value}
+    return {key: value for key, value in every.items() if _installed.options.get(key) != value}
 
 
 @contextmanager
@@ -54,13 +64,11 @@ def with_options(options: Mapping[str, str]) -> Iterator[None]:
 def install(options: Mapping[str, str]) -> None:
     """Replace our earlier options in PETSc's database; the user's own take precedence."""
     database, given = PETSc.Options(PREFIX), given_options()
-    for key in [key for key in _written if key not in given]:
+    for key in _installed.options.keys() - given.keys():
         database.delValue(key)
-    _written.clear()
-    for key, value in options.items():
-        if key not in given:
-            database[key] = value
-            _written[key] = value
+    _installed.options = {key: value for key, value in options.items() if key not in given}
+    for key, value in _installed.options.items():
+        database[key] = value
 
 
 def choose_for(model: Model) -> Choice:
@@ -75,7 +83,8 @@ class LinearSolver:
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
-        _open.add(id(self))
+        self._open = True
+        _installed.solvers += 1
         if choice.direct:
             return
         motions = self._rigid_motions()
@@ -92,10 +101,13 @@ class LinearSolver:
 
         Closing the last solver removes our options from the database: PETSc 3.22 reports unused options at its end.
         """
+        if not self._open:
+            return
+        self._open = False
         for item in (self.ksp, *self._owned):
             item.destroy()
-        _open.discard(id(self))
-        if not _open:
+        _installed.solvers -= 1
+        if _installed.solvers == 0:
             install({})
 
     def factors(self) -> PETSc.KSP:

@@ -14,7 +14,7 @@ from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.models import COMMAND_BYTES, COMMAND_SECONDS, MODELS, Model, Run, choose, load_path, standing, without
+from runs.models import MODELS, Model, Run, as_command, choose, load_path, planned_runs, standing, without
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -63,7 +63,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
         if scene.steps is None and scene.reciprocation is None:
-            path = _as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
+            path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
             plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
     scale = Scale.of(problem, scene.data)
     close, near = _closest(problem, ahead)
@@ -115,7 +115,7 @@ def _closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
-        details = _as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
+        details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
         details = {
             "symmetries": [],
@@ -125,13 +125,6 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
             "states": states,
         }
     return {"model": model.name, "summary": model.summary, **plain(details)}
-
-
-def _as_command(plan: dict[str, Any]) -> dict[str, Any]:
-    """Return the plan of a model with time and memory of the command around it."""
-    more = dict.fromkeys(("seconds", "processor_seconds"), COMMAND_SECONDS)
-    more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
-    return plan | {key: plan[key] + value for key, value in more.items() if key in plan}
 
 
 def _doubts(problem: Problem) -> list[str]:
@@ -149,14 +142,9 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
         missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
     except UnsupportedProblem:
         return None
-    if model.plan is None or not missing:
-        return {"runs": len(missing), "seconds": None, "memory_bytes": None}
-    plans = [model.plan(pair, scene.tangential_force, scene.budget, (1.0,)) for pair in missing]
-    return {
-        "runs": len(missing),
-        "seconds": sum(plan["seconds"] for plan in plans) + COMMAND_SECONDS,
-        "memory_bytes": max(plan["memory_bytes"] for plan in plans) + COMMAND_BYTES,
-    }
+    planned = planned_runs(model, missing, scene.tangential_force, scene.budget)
+    cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
+    return {"runs": len(missing), **cost}
 
 
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:

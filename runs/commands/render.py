@@ -20,8 +20,8 @@ from runs.pictures.drawing import VIEWS, Camera, Window, draw
 from runs.pictures.whole_model import FOLDER, write_whole
 from runs.pictures.written_step import WrittenStep, read_step, step_files
 from runs.process import ranks
-from runs.session.run_folder import PICTURES
-from runs.session.terminal import tell
+from runs.session.output_folder import PICTURES
+from runs.session.terminal import print_status
 
 INSTALL = f"{INSTALL_PICTURES} (in an environment of your own: pip install 'thirdbody[render]')"
 SIZE = (1600, 1000)
@@ -52,7 +52,7 @@ def render_run(run: Path, options: RenderOptions) -> list[Path]:
     files = step_files(run)
     if options.whole:
         index = write_whole(files, options.out or files[max(files)].parent / FOLDER)
-        tell(f"the whole scene, step by step, for ParaView and meshio: {index}")
+        print_status(f"the whole scene, step by step, for ParaView and meshio: {index}")
         return [index]
     last = options.step if options.step is not None else max(files)
     if last not in files:
@@ -69,7 +69,7 @@ def render_run(run: Path, options: RenderOptions) -> list[Path]:
         path = out / f"{options.field}_{view}_step_{last:04d}.png"
         sheet.save_png(shown.sheet(shown.last, view, options.size), path)
         made.append(path)
-        tell(f"drawn: {path}")
+        print_status(f"drawn: {path}")
     path_so_far = [n for n in sorted(files) if n <= last]
     if options.animation and len(path_so_far) > 1:
         made += _animate(shown, [files[n] for n in path_so_far], path_so_far, out)
@@ -125,7 +125,7 @@ def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: 
     if sheet.save_mp4(sheets, path.with_suffix(".mp4")):
         made.append(path.with_suffix(".mp4"))
     for path in made:
-        tell(f"drawn: {path}")
+        print_status(f"drawn: {path}")
     return made
 
 

@@ -22,8 +22,8 @@ from runs.process import ranks, signals
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
-from runs.session.progress import tell
-from runs.session.run_folder import PATH
+from runs.session.output_folder import PATH
+from runs.session.progress import print_status
 from runs.session.session import Options, Session, conduct
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Evolution:
         session = self.session
         given = provider(
             session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
-            session.comm, tell, session.scene.budget, self.balls.cell,
+            session.comm, print_status, session.scene.budget, self.balls.cell,
         )  # fmt: skip
         if not session.root:
             return None

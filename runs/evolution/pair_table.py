@@ -164,7 +164,7 @@ class PairTable:
     def _missing_arrangements(self) -> list[str]:
         return [name for name in ARRANGEMENTS if name not in {found.arrangement for found in self.states.additivity}]
 
-    def complete(self, tell: Callable[[str], None] = lambda text: None) -> None:
+    def complete(self, print_status: Callable[[str], None] = lambda text: None) -> None:
         """Run the missing cases one by one and save each (collective over the model's ranks)."""
         self.states = states = ranks.share(self.states)
 
@@ -173,7 +173,7 @@ class PairTable:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(self.path, to_json(self.data))
                 left = f", about {duration(seconds * self.missing)} left" if self.missing else ""
-                tell(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}{left}")
+                print_status(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}{left}")
 
         if states.single is None:
             states.single = self._single()

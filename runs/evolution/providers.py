@@ -16,7 +16,7 @@ from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable, runs_left
-from runs.models import Model, Run, planned_seconds
+from runs.models import Model, Run, planned_runs
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
@@ -53,7 +53,7 @@ def provider(
     kind: str,
     folder: Path,
     comm: Any = None,
-    tell: Callable[[str], None] = lambda text: None,
+    print_status: Callable[[str], None] = lambda text: None,
     budget: Mapping[str, float] | None = None,
     cell: Array | None = None,
 ) -> Provider:
@@ -79,11 +79,11 @@ def provider(
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
     # also reports what the model cannot solve, before the first run
-    seconds = planned_seconds(model, table.missing_problems(), accuracy, budget or {})
+    planned = planned_runs(model, table.missing_problems(), accuracy, budget or {})
     if ranks.is_root() and table.missing:
-        time = "" if seconds is None else f", about {duration(seconds)} on two idle cores"
-        tell(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}{time}")
-    table.complete(tell)
+        time = "" if planned is None else f", about {duration(planned['seconds'])} on two idle cores"
+        print_status(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}{time}")
+    table.complete(print_status)
     worst = table.worst()
     note = (
         f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from runs.evolution import moment_files
+from runs.evolution import saved_path
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls, Pairs
@@ -56,7 +56,7 @@ class Record:
             goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"], goes_on["spare"])
         saved = document.get("path", [])
         if balls.many:
-            moments = [moment_files.read(folder, number) for number in range(len(saved))]
+            moments = [saved_path.read(folder, number) for number in range(len(saved))]
             return cls(moments, goes_on, len(moments))
         return cls([_from_dict(moment, balls) for moment in saved], goes_on)
 
@@ -65,7 +65,7 @@ class Record:
         goes_on = self.continuation
         if balls.many:
             for number in range(self.written, len(self.moments)):
-                moment_files.write(folder, number, self.moments[number])
+                saved_path.write(folder, number, self.moments[number])
             self.written = len(self.moments)
         return {
             "path": [(in_brief if balls.many else to_dict)(moment, balls) for moment in self.moments],

@@ -11,7 +11,7 @@ from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import code, folded, paragraph, section, tag
 from runs.reporting.pictures import figure, pictures_of
-from runs.session.terminal import tell
+from runs.session.terminal import print_status
 
 NAME = "report.html"
 STYLE = Path(__file__).with_name("report.css")
@@ -30,7 +30,7 @@ def report_folder(path: Path, out: Path | None = None) -> None:
         return
     target = out or path / NAME
     write_text(target, page_of(read_folder(path)))
-    tell(
+    print_status(
         f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, no other file is needed to read it)"
     )
 

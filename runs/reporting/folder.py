@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import OutputUnusable
-from runs.session.run_folder import MARK
+from runs.session.output_folder import MARK
 
 
 @dataclass(frozen=True)

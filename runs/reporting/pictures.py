@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from runs.reporting.markup import tag
-from runs.session.run_folder import PICTURES
+from runs.session.output_folder import PICTURES
 
 SHOWN = {
     "tangential_force": "Tangential force over the load; where both models ran, how much finite strain strengthens it.",

@@ -10,7 +10,7 @@ from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, number
 from runs.process import signals
 from runs.session.clock import Clock
-from runs.session.terminal import Bar, on_terminal, tell
+from runs.session.terminal import Bar, on_terminal, print_status
 
 LAST_OF_SEARCH = 0.9
 """Share of the path finder's work at the beginning of its last step."""
@@ -73,7 +73,7 @@ class Progress:
             for key, value in info.items():
                 if isinstance(value, Mapping):
                     self.log(f"{key}: " + ", ".join(f"{k} {_word(v)}" for k, v in value.items()))
-            self._tell(words, f"{info.get('mesh', 'main')} mesh")
+            self._print_status(words, f"{info.get('mesh', 'main')} mesh")
 
     def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
         """Note that a load step begins."""
@@ -87,9 +87,11 @@ class Progress:
             before, self._cuts = self._cuts, cuts
             where = f"{mesh} mesh: {100.0 * fraction:.0f} % of the load"
             if cuts > before:
-                self._tell(f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load", where)
+                self._print_status(
+                    f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load", where
+                )
             elif mesh != "main":
-                self._tell(f"{where}   {self._times()}", where)
+                self._print_status(f"{where}   {self._times()}", where)
         if not self._steps:  # the path finder: the step that begins now ends there
             self.clock.reached(min(fraction, LAST_OF_SEARCH))
 
@@ -104,7 +106,7 @@ class Progress:
         if self.root and now - self._noted > EVERY:
             self._noted = now
             words = f"{text}   {self._times()}"
-            tell(words)
+            print_status(words)
             self.log(words)
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
@@ -121,15 +123,15 @@ class Progress:
             self.take(step)
             if self.draw is not None:
                 self.draw(top)
-            self._tell(text, f"{self._steps_done} of {self._steps} load steps")
+            self._print_status(text, f"{self._steps_done} of {self._steps} load steps")
             self.log(text)
             self._step_began = time.monotonic()
         signals.check()
 
-    def _tell(self, text: str, state: str) -> None:
+    def _print_status(self, text: str, state: str) -> None:
         if self._bar is not None:
             self._bar.show(state)
-        tell(text)
+        print_status(text)
 
     def _times(self) -> str:
         """Return the time passed and left: "12 s in all, about 40 s left"."""

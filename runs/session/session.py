@@ -22,9 +22,9 @@ from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
+from runs.session.output_folder import OutputFolder
 from runs.session.progress import Progress
-from runs.session.run_folder import RunFolder
-from runs.session.terminal import tell, waiting
+from runs.session.terminal import print_status, waiting
 
 PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py")
 
@@ -60,7 +60,7 @@ class Session:
         if self.model.plan is not None and not evolves:  # raises early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
             _check_memory(scene, self.plan)
-        self.folder: RunFolder | None = None
+        self.folder: OutputFolder | None = None
         self.saved: Document = {}
         self.complete = False
         if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
@@ -97,7 +97,7 @@ class Session:
         assert self.folder is not None
         return self.folder.path
 
-    def _open_folder(self, version: int | None) -> RunFolder:
+    def _open_folder(self, version: int | None) -> OutputFolder:
         scene, parallel = self.scene, self.model.parallel
         identity: Document = {
             "command": self.command,
@@ -119,7 +119,7 @@ class Session:
             identity["steps"] = scene.steps
         name = f"{scene.path.stem}-{self.command}"
         default = Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
-        return RunFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
+        return OutputFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
 
     def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
         """Run the model over its load path and return its result with the notes of this run.
@@ -142,7 +142,9 @@ class Session:
         if self.root and self.plan:
             size, time = f"about {self.plan['unknowns']} unknowns", duration(self.plan["seconds"])
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
-            tell(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}")
+            print_status(
+                f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}"
+            )
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
         scene = self.scene
         run = Run(
@@ -190,7 +192,7 @@ def conduct(
         else:
             show(session, document)
         shown = "this run is complete already: its saved result is shown (--fresh computes anew); it is"
-        tell(f"{shown if already else 'results are'} in {session.out}")
+        print_status(f"{shown if already else 'results are'} in {session.out}")
 
 
 def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:

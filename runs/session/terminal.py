@@ -20,7 +20,7 @@ FIRST, GROWTH = 5.0, 2.0
 """Seconds until the first progress message of a long computation, and the growth factor of the pauses after it."""
 
 
-def tell(text: str) -> None:
+def print_status(text: str) -> None:
     """Write a line to standard error."""
     print(text, file=sys.stderr, flush=True)
 
@@ -74,7 +74,7 @@ def waiting(words: str, first: float = FIRST) -> Iterator[None]:
     def lines() -> None:
         pause = first
         while not done.wait(pause):
-            tell(passed())
+            print_status(passed())
             pause *= GROWTH
 
     def spin() -> None:

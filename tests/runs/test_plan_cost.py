@@ -11,7 +11,7 @@ import pytest
 from linear_bem.errors import UnsupportedProblem
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
-from runs.models import MODELS, planned_seconds
+from runs.models import MODELS, planned_runs
 from runs.process import machine
 from runs.scene.scene_file import Scene, read_scene
 from runs.session import session
@@ -41,10 +41,11 @@ def test_an_evolution_is_planned_with_the_runs_of_its_table(
 def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
     problem = scene(tmp_path, "").problem
     model = MODELS["finite_strain"]
-    one = planned_seconds(model, [problem], None, {})
+    one = planned_runs(model, [problem], None, {})
     assert one is not None
-    assert planned_seconds(model, [problem] * 3, None, {}) == pytest.approx(3.0 * one)
-    assert planned_seconds(MODELS["linear_bem"], [problem], None, {}) is None
+    three = {"seconds": 3.0 * one["seconds"], "memory_bytes": one["memory_bytes"]}
+    assert planned_runs(model, [problem] * 3, None, {}) == pytest.approx(three)
+    assert planned_runs(MODELS["linear_bem"], [problem], None, {}) is None
 
 
 def test_a_budget_beyond_the_memory_is_refused_before_any_work(tmp_path: Path) -> None:

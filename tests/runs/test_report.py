@@ -18,7 +18,7 @@ import pytest
 from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.reporting.pictures import figure, said_of
-from runs.session.run_folder import MARK
+from runs.session.output_folder import MARK
 from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}

@@ -11,18 +11,18 @@ import pytest
 
 from linear_bem.errors import OutputUnusable
 from runs.process.json_values import plain, to_json
-from runs.session.run_folder import RunFolder
+from runs.session.output_folder import OutputFolder
 
 IDENTITY = {"command": "solve", "problem": {"layer": {"thickness": 1.0, "young": 2.0}}}
 
 
 def test_the_same_run_opens_its_folder_again(tmp_path: Path) -> None:
-    first = RunFolder(tmp_path / "a" / "b", IDENTITY, "scene")
+    first = OutputFolder(tmp_path / "a" / "b", IDENTITY, "scene")
     assert first.saved() is None
     assert first.finished() is None
     first.save({"value": 1.0}, [{"step": 0, "force": (1.0, 2.0)}])
     first.close()
-    again = RunFolder(tmp_path / "a" / "b", IDENTITY, "scene")
+    again = OutputFolder(tmp_path / "a" / "b", IDENTITY, "scene")
     assert again.saved() == {"value": 1.0}
     assert again.finished() is None
     again.finish()
@@ -32,21 +32,21 @@ def test_the_same_run_opens_its_folder_again(tmp_path: Path) -> None:
 
 
 def test_another_run_is_refused_by_what_differs(tmp_path: Path) -> None:
-    RunFolder(tmp_path, IDENTITY, "scene").close()
+    OutputFolder(tmp_path, IDENTITY, "scene").close()
     other = {**IDENTITY, "problem": {"layer": {"thickness": 3.0, "young": 2.0}}}
     with pytest.raises(OutputUnusable, match=r"layer\.thickness is 1\.0 there and 3\.0 here"):
-        RunFolder(tmp_path, other, "scene")
+        OutputFolder(tmp_path, other, "scene")
     assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["identity"] == IDENTITY
 
 
 def test_fresh_drops_the_old_run_and_no_stranger(tmp_path: Path) -> None:
-    old = RunFolder(tmp_path, IDENTITY, "scene")
+    old = OutputFolder(tmp_path, IDENTITY, "scene")
     old.save({"value": 1.0}, [])
     old.fields.mkdir()
     (old.fields / "fields.xdmf").write_text("old", encoding="utf-8")
     (tmp_path / "mine.txt").write_text("keep", encoding="utf-8")
     old.close()
-    new = RunFolder(tmp_path, {"command": "compare"}, "scene", fresh=True)
+    new = OutputFolder(tmp_path, {"command": "compare"}, "scene", fresh=True)
     assert new.saved() is None
     assert not new.fields.exists()
     assert (tmp_path / "mine.txt").exists()
@@ -57,28 +57,28 @@ def test_a_folder_with_files_of_no_run_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("", encoding="utf-8")
     for fresh in (False, True):
         with pytest.raises(OutputUnusable, match=r"holds files of no run \(thesis\.tex\)"):
-            RunFolder(tmp_path, IDENTITY, "scene", fresh=fresh)
+            OutputFolder(tmp_path, IDENTITY, "scene", fresh=fresh)
     assert [p.name for p in tmp_path.iterdir() if p.name != ".lock"] == ["thesis.tex"]
 
 
 @pytest.mark.parametrize("left", ["scene.toml", ".part.run.json", "run.json"])
 def test_what_a_run_left_that_found_no_room_is_gone_on_from(left: str, tmp_path: Path) -> None:
     (tmp_path / left).write_text('{"identity": ', encoding="utf-8")
-    RunFolder(tmp_path, IDENTITY, "scene").close()
+    OutputFolder(tmp_path, IDENTITY, "scene").close()
     assert (tmp_path / "scene.toml").read_text(encoding="utf-8") == "scene"
-    RunFolder(tmp_path, IDENTITY, "scene").close()
+    OutputFolder(tmp_path, IDENTITY, "scene").close()
 
 
 def test_two_runs_cannot_share_a_folder(tmp_path: Path) -> None:
-    first = RunFolder(tmp_path, IDENTITY, "scene")
+    first = OutputFolder(tmp_path, IDENTITY, "scene")
     with pytest.raises(OutputUnusable, match="another run is writing there now"):
-        RunFolder(tmp_path, IDENTITY, "scene")
+        OutputFolder(tmp_path, IDENTITY, "scene")
     first.close()
-    RunFolder(tmp_path, IDENTITY, "scene").close()
+    OutputFolder(tmp_path, IDENTITY, "scene").close()
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path, IDENTITY, "scene")
+    folder = OutputFolder(tmp_path, IDENTITY, "scene")
     folder.save({"value": 1.0}, [])
     endless: dict[str, object] = {}
     endless["self"] = endless

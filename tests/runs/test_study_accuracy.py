@@ -19,7 +19,7 @@ from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from tests.launch import ROOT
 
 TRUTH = -2e-4

@@ -16,7 +16,7 @@ from finite_strain.planning.run_plan import plan_run
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.records import ENDED, Found
+from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.stability.agreement import at_force, compared
 from runs.studies.stability.answer import present
 from runs.studies.stability.bars import path_bars

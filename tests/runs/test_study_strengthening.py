@@ -13,7 +13,7 @@ import pytest
 
 from linear_bem import Problem, solve
 from runs.studies.framework.pair import THICK, THIN, pair
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening import fitting
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import cases

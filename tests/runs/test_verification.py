@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from runs.studies.framework.case import varied
-from runs.studies.framework.records import Found, StudyFolder
+from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.validation.answer import cases as validation_cases
 from runs.studies.verification import convergence, experiments, one_ball, part, routes, small_load
 from runs.studies.verification.answer import PARTS, present

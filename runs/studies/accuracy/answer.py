@@ -8,8 +8,8 @@ from typing import Any
 from runs.display.numbers import duration
 from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
-from runs.studies.framework.records import DONE, Found
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.framework.template import render
 
 WANTED = (0.1, 0.01, 0.001)

@@ -9,7 +9,7 @@ from typing import Any
 
 from runs.process import signals
 from runs.process.files import write_csv, write_text
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
 from runs.studies.framework.study import Study, read_json
@@ -38,7 +38,7 @@ def compute(folder: Path, options: Options) -> None:
             row = vars(sphere.measure(code, cells)).copy()
             ours = ours or row["seconds"]
             rows.append({**row, "over_this_project": row["seconds"] / ours})
-            tell(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")
+            print_status(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")
     tables = {
         "sphere": rows,
         "kernel_table": [{"seconds": pair.table_seconds(), "aim_seconds": 0.3}],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from runs.process import signals
 from runs.process.files import write_csv
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
@@ -66,7 +66,7 @@ def compute(folder: Path, options: Options) -> None:
         signals.check()
         begun = time.process_time()
         cases.evolve(case, place, fresh=options.fresh)
-        tell(f"{case.name}: {time.process_time() - begun:.1f} s")
+        print_status(f"{case.name}: {time.process_time() - begun:.1f} s")
     for thickness in () if options.quick else boundary.THICKNESSES:
         signals.check()
         file = boundary.file_of(place, thickness)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, panels, save_figure
-from runs.evolution import moment_files
+from runs.evolution import saved_path
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
 from runs.pictures.sheet import save_gif
-from runs.session.run_folder import PATH
+from runs.session.output_folder import PATH
 from runs.studies.collective.cases import DISTANCES, Case, PairLaw
 
 COLORS = {"gathers": BLUE, "small groups": PURPLE, "orders": GREEN, "stays": GREY}
@@ -65,7 +65,7 @@ def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
             axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
             axis.set_axis_on()
             run = place / case.name
-            last = moment_files.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
+            last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
             draw_layer(axis, last.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
             axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
             axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
@@ -80,7 +80,7 @@ def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> Non
     sheets = []
     with look():
         for number in range(len(list(run.glob("moment_*.npz")))):
-            moment = moment_files.read(run, number)
+            moment = saved_path.read(run, number)
             figure = blank(3.6, 3.8)
             axis = figure.subplots()
             draw_layer(axis, moment.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))

@@ -12,8 +12,8 @@ from runs.process.files import write_csv
 from runs.studies.deep.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import as_seen_by
-from runs.studies.framework.records import Found, pull
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.framework.tables import markdown
 from runs.studies.stability.judging import work
 

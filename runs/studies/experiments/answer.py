@@ -12,7 +12,7 @@ from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
 from runs.process import signals
 from runs.process.files import write_csv
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.experiments import cases, resistance, side_by_side
 from runs.studies.experiments.cases import CASES, distances
@@ -40,7 +40,7 @@ def compute(folder: Path, options: Options) -> None:
             signals.check()
             begun = time.monotonic()
             cases.evolve(case, scene, model, folder, fresh=options.fresh, pictures=not options.quick)
-            tell(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
+            print_status(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
     if not options.quick:
         resistance.compute(folder, fresh=options.fresh)
 
@@ -56,7 +56,7 @@ def page(folder: Path, quick: bool) -> str:
         for model, scene in runs:
             document = cases.evolve(case, scene, model, folder, compute=False)
             if document is None:
-                tell(f"{case.name}, {model}: no saved run")
+                print_status(f"{case.name}, {model}: no saved run")
             else:
                 found[model][case.name] = document
     write_csv(folder / "experiments.csv", _members(found))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from runs.process import signals
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES, Case, distances
 from runs.studies.experiments.points import ABOUT, PAIR, POINTS, YES, Documents, at_cycles
@@ -37,7 +37,7 @@ def compute(folder: Path, *, fresh: bool = False) -> None:
         for case in resisted(share):
             signals.check()
             cases.evolve(case, case.read(quick=True), "linear_bem", folder, fresh=fresh)
-            tell(f"{case.name}, rolling resistance {share:g}")
+            print_status(f"{case.name}, rolling resistance {share:g}")
 
 
 def found(folder: Path) -> dict[float, dict[str, Any]]:

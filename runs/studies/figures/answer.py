@@ -10,7 +10,7 @@ from typing import Any
 from runs.display.style import look, save_figure
 from runs.process import signals
 from runs.process.files import write_text
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.figures import bulge, distance, map_lengths, map_materials, modulus, pressure, thickness
 from runs.studies.figures.pair import scene
@@ -30,13 +30,13 @@ def compute(folder: Path, options: Options) -> None:
     for part in PARTS:
         signals.check()
         if not options.fresh and saved(folder, part, options.quick) is not None:
-            tell(f"{part.title}: taken from {folder}")
+            print_status(f"{part.title}: taken from {folder}")
             continue
         begun = time.process_time()
         found = part.compute(options.quick)
         seconds = time.process_time() - begun
         save(folder, part, options.quick, found, seconds)
-        tell(f"{part.title}: {seconds:.1f} s")
+        print_status(f"{part.title}: {seconds:.1f} s")
 
 
 def page(folder: Path, quick: bool) -> str:

@@ -16,11 +16,11 @@ from linear_bem.result import Result, Step
 from runs.display.numbers import Scale
 from runs.models import Run
 from runs.process import ranks, signals
-from runs.session.progress import Progress, tell
+from runs.session.progress import Progress, print_status
 from runs.session.session import path_so_far
 from runs.studies import Options
 from runs.studies.framework.case import Case, varied
-from runs.studies.framework.records import DONE, NOT_RUN, RUNNING, Found, StudyFolder
+from runs.studies.framework.saved_cases import DONE, NOT_RUN, RUNNING, Found, StudyFolder
 from runs.studies.framework.study import Study, command
 
 
@@ -80,10 +80,10 @@ def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> 
         saved, free = ranks.share((saved, free))
         if not free or (saved is not None and saved["state"] != RUNNING):
             if folder is not None:
-                tell(f"{title}: {saved['state'] if saved and free else 'another run is computing it'}")
+                print_status(f"{title}: {saved['state'] if saved and free else 'another run is computing it'}")
             return
         if folder is not None:
-            tell(title)
+            print_status(title)
         together = case.parallel and not case.alone
         if together or folder is not None:
             _Attempt(case, folder, comm if together else _alone() if case.parallel else None, saved).run()
@@ -133,7 +133,7 @@ class _Attempt:
             found = result.to_dict()
             record |= {"steps": found["steps"] or [{"balls": found["balls"], "record": {}}], "solved": found["solved"]}
         self.folder.save(self.case, record | {"reason": reason})
-        tell(f"{self.case.name}: {state}{f': {reason}' if reason else ''} ({cpu:.0f} s of processor time)")
+        print_status(f"{self.case.name}: {state}{f': {reason}' if reason else ''} ({cpu:.0f} s of processor time)")
 
     def _solve(self) -> Result:
         case = self.case

@@ -10,8 +10,8 @@ from linear_bem.errors import OutputUnusable
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.json_values import to_json
-from runs.session.progress import tell
-from runs.session.run_folder import MARK, difference
+from runs.session.output_folder import MARK, difference
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.publishing import publish
 
@@ -49,8 +49,8 @@ def run(study: Study, options: Options) -> None:
     write_text(folder / study.text, text)
     print(text, end="")
     if options.publish:
-        tell(f"published in {publish(study.name, text, [folder / name for name in study.publishes])}")
-    tell(f"{study.text}, tables (CSV) and figures are in {folder}")
+        print_status(f"published in {publish(study.name, text, [folder / name for name in study.publishes])}")
+    print_status(f"{study.text}, tables (CSV) and figures are in {folder}")
 
 
 def command(name: str, quick: bool) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runs.process.files import write_csv
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study, read_json
 from runs.studies.framework.tables import markdown
@@ -38,7 +38,7 @@ def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of PEERS_PYTHON (a:b:c)."""
     for file, code, approach, size in cases(folder, options.quick):
         if options.fresh or not file.exists():
-            tell(_solve(code, approach, size, file))
+            print_status(_solve(code, approach, size, file))
 
 
 def page(folder: Path, quick: bool) -> str:

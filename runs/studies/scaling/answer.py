@@ -9,7 +9,7 @@ import numpy as np
 
 from runs.process import ranks, signals
 from runs.process.files import write_csv
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown, written
@@ -59,7 +59,7 @@ def compute(folder: Path, options: Options) -> None:
             for row in measure(form, target, state, comm):
                 rows.append(row)
                 if comm.rank == 0:
-                    tell(", ".join(f"{key} {written(value)}" for key, value in row.items()))
+                    print_status(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
                 write_csv(file, rows)
     for target in () if options.quick or comm.size == 1 else LARGE:
@@ -76,7 +76,7 @@ def _fits(fault: str, comm: Any) -> bool:
     """Return whether the first rank found no fault; print it otherwise (collective)."""
     fault = ranks.share(fault)
     if fault and comm.rank == 0:
-        tell(f"left out: {fault}")
+        print_status(f"left out: {fault}")
     return not fault
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from linear_bem import Elements
 from runs.models import Run
-from runs.session.progress import tell
+from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
 from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, forget_peak, memory_fault, peak_memory
@@ -74,7 +74,7 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
             }
         )
         if comm.rank == 0:
-            tell(", ".join(f"{key} {value}" for key, value in seen[-1].items()))
+            print_status(", ".join(f"{key} {value}" for key, value in seen[-1].items()))
     return seen
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.framework.tables import markdown
 from runs.studies.stability.bars import path_bars, sentence
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict

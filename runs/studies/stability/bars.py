@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runs.studies.framework.case import LINEAR, SMALL
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.agreement import share_of_error
 
 WELL_KNOWN = 0.1

@@ -9,7 +9,7 @@ from typing import Any
 
 from linear_bem.grid.contacts import COARSEST
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.agreement import compared
 from runs.studies.stability.matrix import NO_LOAD
 

@@ -7,8 +7,8 @@ from typing import Any
 from runs.display.numbers import number, with_error
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.tables import markdown
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth

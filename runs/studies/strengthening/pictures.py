@@ -9,7 +9,7 @@ import numpy as np
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening.fitting import Fit
 from runs.studies.strengthening.matrix import SIDES
 

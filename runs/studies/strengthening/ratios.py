@@ -16,7 +16,7 @@ from runs.display.numbers import attraction
 from runs.process.files import write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.study import read_json
 
 KEPT = "ratios.json"

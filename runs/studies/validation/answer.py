@@ -6,8 +6,8 @@ from typing import Any
 
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
-from runs.studies.framework.records import Found
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
 from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
 from runs.studies.validation.comparison import (

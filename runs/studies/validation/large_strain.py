@@ -10,7 +10,7 @@ from linear_bem.closed_forms import hertz_force, long_force
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.studies.framework.case import FINITE, Case
 from runs.studies.framework.pair import as_seen_by
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
 

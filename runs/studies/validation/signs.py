@@ -4,7 +4,7 @@ import math
 
 from linear_bem.problem import Ball, Layer, Load, Problem
 from runs.studies.framework.case import LINEAR, Case
-from runs.studies.framework.records import Found, pull
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation.comparison import Comparison, Groups, Point
 
 THICK, THIN = math.inf, 0.5

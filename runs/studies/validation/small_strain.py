@@ -12,7 +12,7 @@ from linear_bem.layer.response import LayerResponse
 from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
 from runs.studies.framework.case import LINEAR, Case
 from runs.studies.framework.pair import PAPER_LOAD
-from runs.studies.framework.records import Found, pull
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import Comparison, Groups, Point
 

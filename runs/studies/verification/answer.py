@@ -7,8 +7,8 @@ from typing import Any
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import PAPER_LOAD
-from runs.studies.framework.records import ENDED, Found
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.framework.tables import markdown
 from runs.studies.framework.template import render
 from runs.studies.verification import (

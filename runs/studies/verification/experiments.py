@@ -6,7 +6,7 @@ from typing import Any
 from runs.display.numbers import Scale
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import pair
-from runs.studies.framework.records import Found, pull
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.stability.judging import energy_balance, took, verdict
 from runs.studies.verification.part import Part, worded
 

@@ -14,7 +14,7 @@ from linear_bem.problem import Layer, Problem
 from runs.models import MODELS, Run
 from runs.studies.framework.case import FINITE, SMALL, Case
 from runs.studies.framework.pair import as_seen_by
-from runs.studies.framework.records import Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation.large_strain import case_of, single
 from runs.studies.verification.part import COARSE, Part, claimed
 

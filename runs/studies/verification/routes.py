@@ -10,7 +10,7 @@ from runs.display.numbers import attraction
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.framework.records import DONE, Found
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "routes"

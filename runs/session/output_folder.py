@@ -26,7 +26,7 @@ OURS = (
 )  # fmt: skip
 
 
-class RunFolder:
+class OutputFolder:
     """The folder of one run, for use on rank 0 only.
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
