@@ -14,7 +14,7 @@ from tests.launch import ROOT
 
 def page(folder: Path, template: str, **values: object) -> str:
     (folder / "page.md.jinja").write_text(template, encoding="utf-8")
-    return render(folder, "page.md.jinja", **values)
+    return render(str(folder / "answer.py"), **values)
 
 
 def test_numbers_lists_and_tables_are_written_as_the_template_says(tmp_path: Path) -> None:

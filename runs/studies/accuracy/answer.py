@@ -39,7 +39,7 @@ def present(found: Found, folder: Path) -> str:
         "seconds": "CPU seconds", "wall": "wall seconds",
     }  # fmt: skip
     return render(
-        Path(__file__).parent, "page.md.jinja", rows=rows, columns=columns,
+        __file__, rows=rows, columns=columns,
         approach=found.cases[0].problem.load.values[0],
         references=[r for model in ("finite_strain", "linear_bem") if (r := _reference(found, model)) is not None],
         cheapest=[("T at finite strain", advice(rows, TRUE)), ("T of a given model", advice(rows, OWN))],

@@ -133,7 +133,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
         for row in rows
     ]
     return render(
-        Path(__file__).parent, "page.md.jinja", rows=rows, price=price, own=own, proof=proof, quick=quick,
+        __file__, rows=rows, price=price, own=own, proof=proof, quick=quick,
         paying=[row["effect"] for row in rows if not row["pays nothing without"]],
         bare=[r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]],
         spread=max((row["spread of seconds"] for row in rows), default=0.0), repeats=REPEATS,

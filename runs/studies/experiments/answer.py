@@ -84,7 +84,7 @@ def answer(
     for name, one in missing.items():
         by_command.setdefault(one, []).append(name)
     return render(
-        Path(__file__).parent, "page.md.jinja",
+        __file__,
         verdicts=[one.small.verdict for one in judged if one.small is not None],
         both=sum(one.small is not None and one.large is not None for one in judged),
         turned=[j.point.title for j in judged if j.small and j.large and j.small.verdict != j.large.verdict],

@@ -73,7 +73,7 @@ def section(free: Documents, by_share: Mapping[float, Documents]) -> str:
             rows.append({"the paper reports": point.title, **{f"{s:g} Q": word for s, word in words.items()}})
     every = [f"{share:g} Q" for share in shares if holds[share]]
     return render(
-        Path(__file__).parent, "resistance.md.jinja", about=ABOUT, low=low, high=high, every=every, rows=rows,
+        __file__, "resistance.md.jinja", about=ABOUT, low=low, high=high, every=every, rows=rows,
         history=_history(free, by_share, rows),
     )  # fmt: skip
 

@@ -46,7 +46,7 @@ def page(folder: Path, quick: bool) -> str:
         with look():
             save_figure(part.draw(found), folder, part.stem)
     return render(
-        Path(__file__).parent, "page.md.jinja", command=command("figures", quick),
+        __file__, command=command("figures", quick),
         seconds=sum(found.seconds for _, found in there),
         versions=", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("thirdbody", "numpy", "scipy")),
         python=platform.python_version(),

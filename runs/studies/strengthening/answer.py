@@ -1,6 +1,6 @@
-"""The study's answer in words and tables, drawn from whatever cases are there."""
+"""The study's tables, from whatever cases are there; the text is in the template beside."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +9,15 @@ from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import LAW_APPROACHES, SIDES, cases
 from runs.studies.strengthening.ratios import factors
 
 Rows = Sequence[Mapping[str, Any]]
+Paths = Sequence[tuple[Case, Rows]]
+"""Every case that has answers, with its rows."""
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
@@ -26,57 +28,52 @@ DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 def present(found: Found, folder: Path) -> str:
     """Write tables and figures; return the answer as Markdown."""
     rows = factors(found, folder)
-    named = {case.name: case for case in found.cases}
-    flat = [{"case": name, **named[name].labels, **row} for name, path in rows.items() for row in path]
-    if flat:
-        write_csv(folder / "factors.csv", flat)
-    fits = {side: _headline_fit(rows, h, side) for h, side in SIDES.items()}
+    paths = [(case, rows[case.name]) for case in found.cases if rows.get(case.name)]
+    if paths:
+        write_csv(
+            folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
+        )
+    main = {side: headline(rows, side) for side in SIDES.values()}
+    fits = {side: _fit(main[side], h) for h, side in SIDES.items()}
     pictures.draw(found, rows, fits, folder)
-    lines = ["# How much stronger finite strain makes the tangential force", ""]
-    lines += _sentence(found, rows)
-    lines += ["", "![Strengthening of both cases along the load](strengthening.svg)"]
-    for h, side in SIDES.items():
-        lines += _path(headline(rows, side), h, side)
-    lines += _ladder(rows)
-    lines += _slopes(found, rows)
-    lines += _parameters(found, rows)
-    lines += ["", "![Poisson's ratio, distance, and sign of T](parameters.svg)"]
-    lines += _laws(found, rows)
-    lines += _fits(found, rows, fits)
-    return "\n".join(lines)
+    laws = [(case, path) for case, path in paths if case.labels["group"] == "laws"]
+    return render(
+        __file__,
+        verdicts=_verdicts(paths), stronger_from=_stronger_from(main),
+        paths=[(h, side, [_along(row) for row in main[side]]) for h, side in SIDES.items()],
+        ladder=_ladder(rows), small_load=fitting.SMALL_LOAD, slopes=_slopes(paths), parameters=_parameters(paths),
+        signs=_signs(paths), laws=_laws(laws), spreads=_spreads(laws), law_depth=LAW_APPROACHES[-1],
+        fits=[(h, fits[side]) for h, side in SIDES.items() if fits[side]], common=list(_common(paths)), most=COMMON,
+    )  # fmt: skip
 
 
-def _sentence(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    """Say where the effect is stronger at finite strain, where weaker, and where the error bar cannot tell."""
+def _verdicts(paths: Paths) -> dict[str, list[str]]:
+    """Return where the effect is stronger at finite strain, where weaker, and where the error bar leaves it open."""
     verdicts: dict[str, list[str]] = {STRONGER: [], "weaker": [], "within its error bar of 1": [], OPPOSITE: []}
-    for case in found.cases:
-        path = [row for row in rows.get(case.name, []) if row["S_Q"] is not None]
-        if not path or case.labels["group"] not in ("headline", "distance", "poisson"):
+    for case, path in paths:
+        known = [row for row in path if row["S_Q"] is not None]
+        if not known or case.labels["group"] not in ("headline", "distance", "poisson"):
             continue
-        row = path[-1]
+        row = known[-1]
         lowest, highest = row["S_Q"] - row["S_Q_error"], row["S_Q"] + row["S_Q_error"]
         kind = STRONGER if lowest > 1.0 else "within its error bar of 1" if highest >= 1.0 else "weaker"
         if highest < 0.0:  # where T changes its sign with the load, at another load than at small strain
             kind = OPPOSITE
         verdicts[kind].append(f"{_words(case)}: {with_error(row['S_Q'], row['S_Q_error'])} at D = {number(row['D'])} R")
-    if not any(verdicts.values()):
-        return ["No load path is there yet."]
-    lines = [
-        '"For the case of finite deformations, the effect should be stronger" [1]: at equal force and full load T is'
-    ]
-    for kind, words in verdicts.items():
-        lines.append(f"- **{kind}** in {len(words)} case(s)" + (f": {'; '.join(words)}." if words else "."))
-    stronger_from = []
+    return verdicts
+
+
+def _stronger_from(main: Mapping[str, Rows]) -> list[str]:
+    """Return the load from which on the effect is resolved as stronger, for each layer."""
+    words = []
     for h, side in SIDES.items():
-        path = [row for row in headline(rows, side) if row["S_Q"] is not None]
+        path = [row for row in main[side] if row["S_Q"] is not None]
         from_here = [row["D"] for i, row in enumerate(path) if all(r["S_Q"] - r["S_Q_error"] > 1.0 for r in path[i:])]
         if from_here:
-            stronger_from.append(f"for h = {h:g} R from D = {number(from_here[0], 3)} R on")
+            words.append(f"for h = {h:g} R from D = {number(from_here[0], 3)} R on")
         elif path:
-            stronger_from.append(f"for h = {h:g} R at no load up to D = {number(path[-1]['D'], 3)} R")
-    if stronger_from:
-        lines += ["", f"Resolved as stronger {'; '.join(stronger_from)} (L = 2 R, nu = 0.48)."]
-    return [*lines, "", "[1] Materials 2021, 14(19), 5689, doi 10.3390/ma14195689."]
+            words.append(f"for h = {h:g} R at no load up to D = {number(path[-1]['D'], 3)} R")
+    return words
 
 
 def headline(rows: Mapping[str, Rows], side: str, group: str = "headline") -> Rows:
@@ -84,163 +81,110 @@ def headline(rows: Mapping[str, Rows], side: str, group: str = "headline") -> Ro
     return rows.get(f"{group}-{side}-L2-nu0.48", [])
 
 
+def _fit(path: Rows, h: float) -> fitting.Fit | None:
+    return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
+
+
+def _along(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {**row, "T/Q": row["T"] / row["Q"], **{s: (row[s], row[f"{s}_error"]) for s in ("S_Q", "S_D")}}
+
+
 def _words(case: Case) -> str:
     return "h = {h:g} R, L = {L:g} R, nu = {nu:g}".format(**case.labels)
 
 
-def _path(path: Rows, h: float, side: str) -> list[str]:
-    shown = [
-        {
-            "D / R": row["D"],
-            "Q / E1 R²": row["Q"],
-            "T / Q": row["T"] / row["Q"],
-            "sphere / paraboloid": row["geometry"],
-            "S_Q": (row["S_Q"], row["S_Q_error"]),
-            "S_D": (row["S_D"], row["S_D_error"]),
-        }
-        for row in path
-    ]
-    return ["", f"## Along the load, {side} layer: h = {h:g} R, L = 2 R, nu = 0.48", "", *markdown(shown)]
-
-
-def _ladder(rows: Mapping[str, Rows]) -> list[str]:
-    """Say what the indenter's exact shape adds and what the bulk adds, at equal force."""
+def _ladder(rows: Mapping[str, Rows]) -> list[dict[str, Any]]:
+    """Return what the indenter's exact shape adds and what the bulk adds, at equal force."""
     shown = []
     for side in SIDES.values():
-        path = headline(rows, side)
-        plain = headline(rows, side, "paraboloid")
+        path, plain = headline(rows, side), headline(rows, side, "paraboloid")
         for depth in DEPTHS:
-            bulk = at_depth(path, depth)
-            shape = at_depth(path, depth, "geometry")
-            load = at_depth(path, depth, "Q")
-            if bulk is None or shape is None or load is None:
-                continue
-            total = (bulk[0] * shape[0], bulk[1] * shape[0])
-            shown.append(
-                {
-                    "layer": side,
-                    "D / R": depth,
-                    "paraboloid, small strain": 1.0,
-                    "sphere, small strain": shape[0],
-                    "paraboloid, finite strain": at_depth(plain, load[0], measure="Q"),
-                    "sphere, finite strain": total,
-                    "of it the bulk (S_Q)": bulk,
-                }
-            )
-    text = (
-        "T over that of the paraboloid at small strain (the paper's model), one thing added at a time, at equal force:"
-    )
-    return ["", "## Shape of the ball against strain of the bulk", "", text, "", *markdown(shown)]
+            bulk, shape, load = (at_depth(path, depth, factor) for factor in ("S_Q", "geometry", "Q"))
+            if bulk is not None and shape is not None and load is not None:
+                shown.append({
+                    "layer": side, "depth": depth, "one": 1.0, "shape": shape[0],
+                    "plain": at_depth(plain, load[0], measure="Q"),
+                    "total": (bulk[0] * shape[0], bulk[1] * shape[0]), "bulk": bulk,
+                })  # fmt: skip
+    return shown
 
 
-def _slopes(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    """Fit the slope with which every curve leaves 1."""
+def _slopes(paths: Paths) -> list[dict[str, Any]]:
+    """Return the slope with which every curve leaves 1, fitted."""
     shown = []
-    for case in found.cases:
+    for case, path in paths:
         # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
-        if case.labels["group"] in ("sign", "deeper", "paraboloid", "laws") or case.name not in rows:
+        if case.labels["group"] in ("sign", "deeper", "paraboloid", "laws"):
             continue
-        slopes = {x: fitting.initial_slope(rows[case.name], x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
+        slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
         if all(slopes.values()):
             both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
             c, e = both["D/R"]
             resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
             shown.append({"case": _words(case), **both, "leaves 1": resolved})
-    text = (
-        f"S_Q - 1 = c x + c' x² fitted to D <= {fitting.SMALL_LOAD:g} R, with x = sqrt(D/R) and with x = D/R: c and "
-        "its error. Forces and contact radii depart from linear theory like sqrt(D/R); where that root's c is small "
-        "beside c of D/R, their ratio S_Q leaves 1 in proportion to D; c of D/R says whether it does."
-    )
-    return ["", "## Initial slope of S_Q", "", text, "", *markdown(shown)]
+    return shown
 
 
-def _parameters(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    shown, signs = [], []
-    for case in found.cases:
-        path = rows.get(case.name)
-        if not path:
-            continue
-        if case.labels["group"] == "sign":
-            changes = {key: fitting.sign_change(path, key) for key in ("T", "T_linear", "T_paraboloid")}
-            deepest = max(row["D"] for row in path)
-            signs.append(
-                {
-                    "h / R": case.labels["h"],
-                    "T at the first load": path[0]["T"],
-                    f"T at D = {deepest:g} R": path[-1]["T"],
-                    "finite strain: T = 0 at D / R": changes["T"],
-                    "small strain, sphere": changes["T_linear"],
-                    "small strain, paraboloid": changes["T_paraboloid"],
-                }
-            )
-        elif case.labels["group"] in ("headline", "deeper", "distance", "poisson"):
-            read = {f"S_Q at {depth:g} R": at_depth(path, depth) for depth in DEPTHS}
-            shown.append({"h / R": case.labels["h"], "L / R": case.labels["L"], "nu": case.labels["nu"], **read})
-    shown.sort(key=lambda row: (row["h / R"], row["L / R"], row["nu"]))
-    lines = ["", "## Distance, thickness, Poisson's ratio", "", *markdown(shown)]
-    if signs:
-        lines += ["", "## Where the sign of T changes with the load (dash: it does not)", "", *markdown(signs)]
-    return lines
+def _parameters(paths: Paths) -> list[dict[str, Any]]:
+    shown = [
+        {"h / R": case.labels["h"], "L / R": case.labels["L"], "nu": case.labels["nu"]}
+        | {f"S_Q at {depth:g} R": at_depth(path, depth) for depth in DEPTHS}
+        for case, path in paths
+        if case.labels["group"] in ("headline", "deeper", "distance", "poisson")
+    ]
+    return sorted(shown, key=lambda row: (row["h / R"], row["L / R"], row["nu"]))
 
 
-def _laws(found: Found, rows: Mapping[str, Rows]) -> list[str]:
-    """Say how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
-    shown, paths = [], dict[float, list[Rows]]()
-    for case in found.cases:
-        if case.labels["group"] != "laws" or not rows.get(case.name):
-            continue
-        row: dict[str, Any] = {"law": case.labels["law"], "nu": case.labels["nu"]}
-        for depth in LAW_APPROACHES:
-            for measure in ("S_Q", "S_D"):
-                row[f"{measure} at {depth:g} R"] = at_depth(rows[case.name], depth, measure)
-        shown.append(row)
-        paths.setdefault(case.labels["nu"], []).append(rows[case.name])
-    if not shown:
-        return []
-    lines = ["", "## Does the law matter?", "", *markdown(shown), ""]
-    for nu, group in paths.items():
+def _signs(paths: Paths) -> list[dict[str, Any]]:
+    changes = {
+        "finite strain: T = 0 at D / R": "T", "small strain, sphere": "T_linear",
+        "small strain, paraboloid": "T_paraboloid",
+    }  # fmt: skip
+    return [
+        {
+            "h / R": case.labels["h"],
+            "T at the first load": path[0]["T"],
+            f"T at D = {max(row['D'] for row in path):g} R": path[-1]["T"],
+            **{heading: fitting.sign_change(path, key) for heading, key in changes.items()},
+        }
+        for case, path in paths
+        if case.labels["group"] == "sign"
+    ]
+
+
+def _laws(paths: Paths) -> list[dict[str, Any]]:
+    """Return how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
+    return [
+        {"law": case.labels["law"], "nu": case.labels["nu"]}
+        | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in LAW_APPROACHES for s in ("S_Q", "S_D")}
+        for case, path in paths
+    ]
+
+
+def _spreads(paths: Paths) -> list[tuple[Any, ...]]:
+    """Return by Poisson's ratio: least and greatest S_Q, number of laws, and whether T at small strain vanishes."""
+    spreads: list[tuple[Any, ...]] = []
+    for nu in dict.fromkeys(case.labels["nu"] for case, _ in paths):
+        group = [path for case, path in paths if case.labels["nu"] == nu]
         linear = [row["T_linear"] for path in group for row in path]
         deepest = [known[0] for path in group if (known := at_depth(path, LAW_APPROACHES[-1], "S_Q")) is not None]
-        if min(linear) < 0.0 < max(linear):
-            lines.append(f"At nu = {nu:g} T at small strain passes through zero on the way: ratios say little there.")
-        elif len(deepest) > 1:
-            lines.append(
-                f"At D = {LAW_APPROACHES[-1]:g} R and nu = {nu:g} S_Q lies between {number(min(deepest), 4)} and "
-                f"{number(max(deepest), 4)}, over {len(deepest)} laws of equal moduli at small strain."
-            )
-    return [*lines, "", "![S_Q of every law along the load](laws.svg)"]
+        ends = [number(of(deepest, default=0.0), 4) for of in (min, max)]
+        spreads.append((nu, *ends, len(deepest), min(linear) < 0.0 < max(linear)))
+    return spreads
 
 
-def _fits(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, fitting.Fit | None]) -> list[str]:
-    lines = ["", "## Fits to compute by hand", ""]
-    lines += [
-        f"- h = {h:g} R, L = 2 R, nu = 0.48: S_Q = {one.formula()}"
-        for h, side in SIDES.items()
-        if (one := fits[side]) is not None
-    ]
+def _common(paths: Paths) -> Iterator[tuple[Any, ...]]:
+    """Yield one fit through several curves: thickness, curves in words and their number, best and second measure."""
     for group, words in (("distance", "all distances"), ("poisson", "all Poisson's ratios")):
         for h in SIDES:
             curves = {
-                case.name: (rows[case.name], h)
-                for case in found.cases
-                if case.labels["group"] in (group, "headline") and case.labels["h"] == h and rows.get(case.name)
+                case.name: (path, h)
+                for case, path in paths
+                if case.labels["group"] in (group, "headline") and case.labels["h"] == h
             }
             best = fitting.collapse(curves)
             if len(curves) > 1 and best:
-                begin = f"- h = {h:g} R, {words} ({len(curves)} curves): "
-                if best[0].misfit > COMMON:
-                    lines.append(
-                        f"{begin}no common curve; the best measure, {best[0].variable}, misses by {best[0].misfit:.2g}"
-                    )
-                    continue
-                second = f"next best measure {best[1].variable}, within {best[1].misfit:.2g}"
-                lines.append(f"{begin}S_Q = {best[0].formula()}; {second}")
-    return lines if len(lines) > 3 else [*lines, "(no load path is long enough yet)"]
-
-
-def _headline_fit(rows: Mapping[str, Rows], h: float, side: str) -> fitting.Fit | None:
-    path = headline(rows, side)
-    return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
+                yield h, words, len(curves), best[0], best[1]
 
 
 PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters", "laws") for kind in ("svg", "png")]

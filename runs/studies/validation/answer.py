@@ -39,7 +39,7 @@ def present(found: Found, folder: Path) -> str:
     pictures.draw(every, folder)
     done = [c for c in COMPARISONS if _points(every[c.key])]
     return render(
-        Path(__file__).parent, "page.md.jinja", headline=headline(done, every), close_band=CLOSE_BAND,
+        __file__, headline=headline(done, every), close_band=CLOSE_BAND,
         summary=[_summary(c, every[c.key]) for c in done],
         sections=[(c, [_beside(r) for r in _rows(c, every[c.key])]) for c in done], not_opened=NOT_OPENED,
     )  # fmt: skip

@@ -41,7 +41,7 @@ def present(found: Found, folder: Path) -> str:
     pictures.draw(tables, folder)
     every = _counts([row for rows in tables.values() for row in rows])
     return render(
-        Path(__file__).parent, "page.md.jinja", counts=", ".join(f"{count} {word}" for word, count in every.items()),
+        __file__, counts=", ".join(f"{count} {word}" for word, count in every.items()),
         widest=WIDEST, verdicts=[_verdict(part, tables[part.name], found) for part in PARTS],
         rows={part.name: _shown(part, tables[part.name]) for part in PARTS}, title={p.name: p.title for p in PARTS},
         paper_load=PAPER_LOAD, band=convergence.BAND, floor=convergence.FLOOR, distance=routes.DISTANCE,
