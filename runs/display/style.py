@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from runs.process.files import replacing
 
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#666666"
@@ -90,6 +92,22 @@ def minus(text: str) -> str:
 def zero_line(axes: Any) -> None:
     """Draw T = 0."""
     axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
+
+
+def error_bars(axes: Any, points: Sequence[tuple[float, float, float]], **style: Any) -> None:
+    """Draw points (x, value, error) on a line, which breaks where the value changes its sign."""
+    if points:
+        columns = np.transpose(points)
+        breaks = np.flatnonzero(columns[1, :-1] * columns[1, 1:] < 0.0) + 1
+        axes.errorbar(*np.insert(columns, breaks, np.nan, axis=1), **{"ms": 4, "capsize": 2} | style)
+
+
+def legend_or_note(axes: Any, **style: Any) -> None:
+    """Add the legend of what is drawn; panels without data say so."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**style)
+    elif not axes.has_data():
+        axes.text(0.5, 0.5, "not there yet", ha="center", transform=axes.transAxes, color=GREY)
 
 
 def feature(

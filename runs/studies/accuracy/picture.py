@@ -22,7 +22,8 @@ LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     """Write pareto.svg and .png; fronts end at the reference's own error."""
     with look():
-        figure, axes = panels(5.6, 5.6, height=4.6)
+        figure, (*axes, key) = panels(5.6, 5.6, 2.2, height=4.6)
+        key.set_axis_off()
         for axis, column in zip(axes, (OWN, TRUE), strict=True):
             known = [row for row in rows if row[column] is not None]
             if not known:  # no reference yet
@@ -42,7 +43,8 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
                 axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
         axes[0].set_ylabel("relative error of T")
         words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
-        axes[0].legend(fontsize=8, loc="lower right", title=words, title_fontsize=8, alignment="left")
+        handles, names = axes[0].get_legend_handles_labels()
+        key.legend(handles, names, fontsize=8, loc="center left", title=words, title_fontsize=8, alignment="left")
         save_figure(figure, folder, "pareto")
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
 Array = NDArray[np.float64]
 
@@ -77,8 +77,7 @@ def compute(folder: Path, options: Options) -> None:
 
 def page(folder: Path, quick: bool) -> str:
     """Write tables and figures; return the answer as Markdown."""
-    wanted = cases.cases(quick)
-    found = [done for case in wanted if (done := read(case, folder / CASES)) is not None]
+    found = [done for case in cases.cases(quick) if (done := read(case, folder / CASES)) is not None]
     write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in found])
     laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
     if found:
@@ -88,28 +87,7 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
         if SHOWN in [done.case for done in free]:
             pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
-    lines = [
-        sentence(found, laws),
-        *rest(found),
-        *boundary.lines(boundary.read(folder / CASES)),
-        "",
-        *table(found),
-        "",
-        *pair_table(laws),
-        "",
-        *growth_table(found),
-    ]
-    ended = [done.case for done in found if done.row["ended"] != "interrupted"]
-    missing = [case.name for case in wanted if case not in ended]
-    if missing:
-        lines += ["", f"**Not there or interrupted: {len(missing)} of {len(wanted)} runs:** {', '.join(missing)}."]
-    begun = [d for d in found if d.row["ended"] == "interrupted"]
-    if begun:
-        at = (f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s" for d in begun)
-        lines += ["", f"Interrupted, so far: {'; '.join(at)}."]
-    seconds = sum(done.row["seconds"] for done in found)
-    lines += ["", f"Made by `{command('collective', quick)}` in {seconds / 60.0:.1f} minutes of processor time."]
-    return "\n".join(lines)
+    return text(found, laws, boundary.read(folder / CASES), quick)
 
 
 def read(case: Case, folder: Path) -> Finished | None:
@@ -134,92 +112,56 @@ def growth(done: Finished) -> Growth | None:
     return Growth(float(fit[0]), float(np.sqrt(spread[0, 0])), (float(size[used][0]), float(size[used][-1])))
 
 
-def sentence(found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> str:
-    """Return the answer."""
-    found = [done for done in found if done.case.rolling == 0.0]
-    if not found:
-        return "No run has come to its end yet."
-
-    def thicknesses(outcome: str) -> str:
-        chosen = sorted({(d.case.thickness, d.case.fraction) for d in found if d.outcome == outcome})
-        by_h: dict[float, list[float]] = {}
-        for h, phi in chosen:
-            by_h.setdefault(h, []).append(phi)
-        return "; ".join(f"h = {h:g} R at {', '.join(f'{p:g}' for p in phis)}" for h, phis in by_h.items()) or "none"
-
-    attract = [h for h, law in laws.items() if law.ratio[0] > 0.0]
-    part = [h for h, law in laws.items() if law.ratio[0] <= 0.0]
-    driven = [done.row["force_over_load"] for done in found]
+def text(
+    found: Sequence[Finished], laws: Mapping[float, PairLaw], touching: Sequence[dict[str, Any]], quick: bool
+) -> str:
+    """Return the answer as Markdown; ``touching`` are the rows of `boundary`."""
+    free = [done for done in found if done.case.rolling == 0.0]
     ended = [done for done in found if done.row["ended"] != "interrupted"]
-    ends = [done.row["cluster_mean"] for done in ended if done.outcome == "gathers"]
-    still = sum(done.outcome == "stays" for done in found)
-    chains = [done.row["coordination"] for done in found if done.outcome == "small groups"]
-    return (
-        "**An intermediate layer gathers where T attracts touching balls "
-        f"(here h >= {min(attract, default=np.nan):g} R) and orders where T separates at every distance "
-        f"(h <= {max(part, default=np.nan):g} R); it stays as it is where resistance to rolling is above T/Q: without "
-        f"resistance {still} of {len(found)} runs do.** The largest T/Q of a start is {min(driven):.1g} to "
-        f"{max(driven):.1g}. Runs that gather (h/R at area fractions): {thicknesses('gathers')}. Runs with small "
-        f"groups ({min(chains, default=np.nan):.2g} to {max(chains, default=np.nan):.2g} contacts a ball: pairs and "
-        "chains): "
-        f"{thicknesses('small groups')}. Runs that order: {thicknesses('orders')}. Layers that gather have clusters of "
-        f"{min(ends, default=np.nan):.3g} to {max(ends, default=np.nan):.3g} balls at the end of their path (where "
-        "contacts run through the whole cell, the cluster is a network). Farther apart than about 1.2 h balls separate "
-        "and clusters with them: the nearer that distance is to contact, the smaller the groups in which growth slows "
-        "down. Whether it ends there these paths are too short to tell."
-    )
+    gathered = [done for done in free if done in ended and done.outcome == "gathers"]
+    wanted = cases.cases(quick)
+    return render(
+        __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
+        attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
+        part=max((h for h, law in laws.items() if law.ratio[0] <= 0.0), default=np.nan),
+        driven=_ends(done.row["force_over_load"] for done in free),
+        contacts=_ends(done.row["coordination"] for done in free if done.outcome == "small groups"),
+        ends=_ends(done.row["cluster_mean"] for done in gathered),
+        scenes={outcome: _scenes(free, outcome) for outcome in pictures.COLORS},
+        held=[done for done in found if done.case.rolling > 0.0 and done.row["ended"] == "at rest"],
+        gathered=len(gathered), resting=sum(done.row["ended"] == "at rest" for done in gathered),
+        vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
+        rows=[
+            {**done.row, "outcome": done.outcome}
+            for done in sorted(found, key=lambda d: (d.case.count, d.case.thickness, d.case.fraction, d.case.seed))
+        ],
+        pairs=_pairs(laws), growth=_growth(free),
+        missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
+        begun=[
+            f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s"
+            for d in found if d not in ended
+        ],
+        command=command("collective", quick), minutes=sum(done.row["seconds"] for done in found) / 60.0,
+    )  # fmt: skip
 
 
-def rest(found: Sequence[Finished]) -> list[str]:
-    """Return what it takes for layers that gather to come to rest; nothing without runs with resistance."""
-    held = [done for done in found if done.case.rolling > 0.0 and done.row["ended"] == "at rest"]
-    if not held:
-        return []
-    free = [d for d in found if d.case.rolling == 0.0 and d.outcome == "gathers" and d.row["ended"] != "interrupted"]
-    resting = sum(d.row["ended"] == "at rest" for d in free)
-    ends = "; ".join(
-        f"{d.case.count} balls on h = {d.case.thickness:g} R after a path of {d.row['path']:.3g} with a mean cluster "
-        f"of {d.row['cluster_mean']:.3g} ({d.row['steps']} steps, {d.row['seconds']:.0f} s)"
-        for d in held
-    )
-    return [
-        "",
-        f"**Rest.** {resting or 'None'} of {len(free)} layers that gather without resistance came to rest by the end "
-        "of the path; clusters of the others go on to merge and to fold, ever more slowly. With a resistance to "
-        f"rolling of {held[0].case.rolling:g} of the largest T/Q of a pair nothing moves any more: {ends}.",
-    ]
+def _ends(values: Iterable[float]) -> tuple[float, float]:
+    known = list(values)
+    return min(known, default=np.nan), max(known, default=np.nan)
 
 
-def table(found: Sequence[Finished]) -> list[str]:
-    """Return the table of all runs."""
-    names = {
-        "h/R": "h/R",
-        "area_fraction": "area fraction",
-        "balls": "balls",
-        "seed": "seed",
-        "rolling": "resistance",
-        "outcome": "outcome",
-        "cluster_mean": "mean cluster",
-        "coordination": "contacts per ball",
-        "force_over_load": "T/Q at first, largest",
-        "hexatic_start": "psi_6 at first",
-        "hexatic_end": "psi_6 at the end",
-        "nearest_distance": "nearest distance / R",
-        "path": "path",
-        "ended": "ended",
-        "steps": "steps",
-        "seconds": "seconds",
-    }
-    rows = [
-        {**done.row, "outcome": done.outcome}
-        for done in sorted(found, key=lambda d: (d.case.count, d.case.thickness, d.case.fraction, d.case.seed))
-    ]
-    return markdown(rows, names, digits=3)
+def _scenes(found: Sequence[Finished], outcome: str) -> str:
+    """Return thicknesses and area fractions of the runs with an outcome."""
+    chosen = sorted({(d.case.thickness, d.case.fraction) for d in found if d.outcome == outcome})
+    by_h: dict[float, list[str]] = {}
+    for h, phi in chosen:
+        by_h.setdefault(h, []).append(f"{phi:g}")
+    return "; ".join(f"h = {h:g} R at {', '.join(phis)}" for h, phis in by_h.items()) or "none"
 
 
-def pair_table(laws: Mapping[float, PairLaw]) -> list[str]:
+def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
     """Return what moves two balls on each layer."""
-    rows = [
+    return [
         {
             "h/R": h,
             "T/Q in touch": float(law.ratio[0]),
@@ -228,34 +170,25 @@ def pair_table(laws: Mapping[float, PairLaw]) -> list[str]:
         }
         for h, law in laws.items()
     ]
-    return ["Two balls alone (T > 0: attraction):", "", *markdown(rows, digits=3)]
 
 
-def growth_table(found: Sequence[Finished]) -> list[str]:
+def _growth(found: Sequence[Finished]) -> list[dict[str, Any]]:
     """Return the growth laws, with the spread between seeds where there are several."""
-    rows = []
     groups: dict[tuple[float, float, int], list[Growth]] = {}
     for done in found:
-        law = growth(done) if done.case.rolling == 0.0 else None
+        law = growth(done)
         if law is not None:
             groups.setdefault((done.case.thickness, done.case.fraction, done.case.count), []).append(law)
+    rows = []
     for (h, phi, count), laws in sorted(groups.items()):
         exponents = np.array([law.exponent for law in laws])
-        rows.append(
-            {
-                "h/R": h,
-                "area fraction": phi,
-                "balls": count,
-                "seeds": len(laws),
-                "exponent": float(np.mean(exponents)),
-                "error of the fit": float(np.sqrt(np.mean([law.error**2 for law in laws]))),
-                "spread of the seeds": float(np.std(exponents, ddof=1)) if len(laws) > 1 else None,
-                "clusters fitted": f"{min(g.sizes[0] for g in laws):.2g} to {max(g.sizes[1] for g in laws):.2g}",
-            }
-        )
-    if not rows:
-        return ["No run has clusters that grow by more than twice in the range of the fit."]
-    return ["Growth: mean cluster ~ path^exponent.", "", *markdown(rows, digits=2)]
+        rows.append({
+            "h/R": h, "area fraction": phi, "balls": count, "seeds": len(laws), "exponent": float(np.mean(exponents)),
+            "error of the fit": float(np.sqrt(np.mean([law.error**2 for law in laws]))),
+            "spread of the seeds": float(np.std(exponents, ddof=1)) if len(laws) > 1 else None,
+            "clusters fitted": f"{min(g.sizes[0] for g in laws):.2g} to {max(g.sizes[1] for g in laws):.2g}",
+        })  # fmt: skip
+    return rows
 
 
 PUBLISHED = ("map.svg", "ends.png", "growth.svg", "gathering.gif")

@@ -13,7 +13,6 @@ from runs.process.json_values import to_json
 from runs.studies.collective.cases import APPROACH, POISSON
 from runs.studies.framework.pair import pair
 from runs.studies.framework.study import read_json
-from runs.studies.framework.tables import markdown
 
 THICKNESSES = (1.6, 1.8, 2.0)
 ACCURACY = 0.05
@@ -52,8 +51,8 @@ def file_of(folder: Path, thickness: float) -> Path:
     return folder / f"touching-h{thickness:g}.json"
 
 
-def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the table, and the thickness where T vanishes in both models; nothing until all rows are there.
+def vanishing(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the thickness where T vanishes at small and at finite strain; nothing until all rows are there.
 
     The thickness is a parabola of T/Q through three points; its error is that of T and its difference from a line.
     """
@@ -65,14 +64,7 @@ def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
         ratio, error = (np.array([row[key] for row in rows]) for key in (name, f"error, {name}"))
         order = np.argsort(ratio)
         place = float(np.polyval(np.polyfit(ratio, h, 2), 0.0))
-        known = abs(place - float(np.interp(0.0, ratio[order], h[order]))) + float(
-            np.max(error / np.gradient(ratio, h))
-        )
+        line = float(np.interp(0.0, ratio[order], h[order]))
+        known = abs(place - line) + float(np.max(error / np.gradient(ratio, h)))
         ends.append(f"{place:.3f} +- {known:.3f} R")
-    return [
-        "",
-        "**Finite strain**: T of two touching balls, separating on thinner layers and attracting on thicker ones, "
-        f"vanishes at h = {ends[1]} instead of {ends[0]} (D = {APPROACH:g} R). T/Q of two touching balls:",
-        "",
-        *markdown(rows, digits=3),
-    ]
+    return ends

@@ -7,14 +7,14 @@ from typing import Any
 
 import linear_bem
 from linear_bem.errors import ThirdBodyError
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, error_bars, look, panels, save_figure
 from runs.process.files import write_csv
 from runs.studies.deep.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import as_seen_by
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found, pull
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 from runs.studies.stability.judging import work
 
 CREASE = 0.65
@@ -30,18 +30,18 @@ def present(found: Found, folder: Path) -> str:
     write_csv(folder / "deep.csv", [_plain(row) for scene in rows.values() for row in scene])
     with look():
         save_figure(_figure(rows), folder, "deep")
-    lines = ["# How deep can balls be pressed in?", ""]
-    for scene, path in rows.items():
-        finest = [row for row in path if row["level"] == path[-1]["level"]]
-        lines += [f"## {scene}", "", _sentence(path), "", f"Finest discretisation ({finest[0]['level']}):", ""]
-        lines += [*markdown(finest, {key: key for key in SHOWN}), ""]
-        ends = list({row["level"]: row for row in path}.values())
-        keys = ("level", "unknowns", *(key for key in SHOWN if key not in ("iterations", "S_Q")))
-        lines += ["Deepest state of each discretisation:", "", *markdown(ends, {key: key for key in keys}), ""]
-        lines += [
-            f"- {row['level']} ended at D = {row['D / R']:g} R: {row['stopped']}" for row in ends if row["stopped"]
-        ]
-    return "\n".join([*lines, "", "![Q, S_Q, smallest J and surface stretch over D](deep.png)"])
+    return render(
+        __file__, shown=SHOWN, of_ends=[key for key in SHOWN if key not in ("iterations", "S_Q")], crease=CREASE,
+        scenes={scene: _summary(path) for scene, path in rows.items()},
+    )  # fmt: skip
+
+
+def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the rows of the finest discretisation, the ends of all, and where the surface begins to crease."""
+    ends = list({row["level"]: row for row in path}.values())
+    finest = [row for row in path if row["level"] == ends[-1]["level"]]
+    creased = [row["D / R"] for row in finest if row["smallest surface stretch"] < CREASE]
+    return {"finest": finest, "ends": ends, "creased": creased, "least": min(row["D / R"] for row in ends)}
 
 
 def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
@@ -95,22 +95,6 @@ def _balance(steps: Sequence[Mapping[str, Any]]) -> float:
     return float(steps[-1]["record"]["strain_energy"]) / work(whole) - 1.0
 
 
-def _sentence(path: Sequence[Mapping[str, Any]]) -> str:
-    """Return in a sentence how deep the discretisations went, and what the surface and the film looked like there."""
-    ends = list({row["level"]: row for row in path}.values())
-    depths, last = [row["D / R"] for row in ends], ends[-1]
-    creased = [row["D / R"] for row in path if row["level"] == last["level"] and row[SHOWN[6]] < CREASE]
-    surface = (
-        f"the free surface is compressed below a stretch of {CREASE:g}, where it creases, from D = {creased[0]:g} R on"
-        if creased
-        else f"the surface is nowhere compressed below {last[SHOWN[6]]:.2f}: no crease"
-    )
-    return (
-        f"**{len(ends)} discretisations reach at least D = {min(depths):g} R; on the finest the smallest J "
-        f"there is {last['smallest J']:.2f}, and {surface}.**"
-    )
-
-
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row without pairs: value and error in columns of their own."""
     pairs = {key: value for key, value in row.items() if isinstance(value, tuple)}
@@ -131,11 +115,7 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     axes[1].axhline(CREASE, color="0.5", lw=0.8, ls=":")
     for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
         known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
-        if known:
-            value, error = zip(*(r["S_Q"] for r in known), strict=True)
-            axes[2].errorbar(
-                [r["D / R"] for r in known], value, error, color=color, marker="o", ms=3, capsize=2, label=scene
-            )
+        error_bars(axes[2], [(r["D / R"], *r["S_Q"]) for r in known], color=color, marker="o", ms=3, label=scene)
     for axis, title in zip(
         axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True
     ):

@@ -9,18 +9,20 @@ from runs.display.numbers import with_error
 
 def markdown(
     rows: Sequence[Mapping[str, Any]],
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | Sequence[str] | None = None,
     *,
     digits: int = 4,
     aligned: bool = True,
 ) -> list[str]:
-    """Return the lines of a table; ``columns`` maps keys to headings (default: the keys of the first row).
+    """Return the lines of a table; ``columns`` maps keys to headings, or lists keys that are headings.
 
-    A pair (value, error) is rounded to its error. ``aligned`` right-aligns numbers.
+    By default the columns are the keys of the first row. A pair (value, error) is rounded to its error. ``aligned``
+    right-aligns numbers.
     """
     if not rows:
         return ["(no rows yet)"]
     columns = columns or {key: key.replace("_", " ") if key.islower() else key for key in rows[0]}
+    columns = columns if isinstance(columns, Mapping) else dict(zip(columns, columns, strict=True))
     words = {key for row in rows for key, value in row.items() if isinstance(value, str)}
     sides = [("---" if not aligned else ":--" if key in words else "--:") for key in columns]
     lines = [f"| {' | '.join(columns.values())} |", f"|{'|'.join(sides)}|"]

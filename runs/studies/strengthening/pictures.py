@@ -7,7 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    error_bars,
+    legend_or_note,
+    look,
+    panels,
+    save_figure,
+    zero_line,
+)
 from runs.studies.framework.case import Case
 from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening.fitting import Fit
@@ -84,26 +96,21 @@ def _laws(chosen: Sequence[Case], rows: Mapping[str, Rows]) -> Any:
 def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
     for i, case in enumerate(case for case in found.cases if case.labels["group"] == "sign" and rows.get(case.name)):
         path = rows[case.name]
-        x = [math.sqrt(row["D"]) for row in path]
-        color = COLORS[i % 5]
-        finite = [row["T"] / row["Q"] ** 2 for row in path]
-        error = [row["T_error"] / row["Q"] ** 2 for row in path]
+        x, color = [math.sqrt(row["D"]) for row in path], COLORS[i % 5]
+        finite, error, linear = ([row[key] / row["Q"] ** 2 for row in path] for key in ("T", "T_error", "T_linear"))
         axis.errorbar(
             x, finite, error, color=color, marker=MARKS[i], ms=4, capsize=2, label=f"h / R = {case.labels['h']:g}"
         )
-        axis.plot(x, [row["T_linear"] / row["Q"] ** 2 for row in path], color=color, ls=":", lw=1.2)
-    axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
+        axis.plot(x, linear, color=color, ls=":", lw=1.2)
+    zero_line(axis)
     axis.set(xlabel="√(D/R)", ylabel="$T E_1 R^2 / Q^2$")
     axis.set_title("sign of T (dotted: small strain)")
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend()
+    legend_or_note(axis)
 
 
 def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
     known = [(math.sqrt(row["D"]) + shift, row[key], row[f"{key}_error"]) for row in path if row[key] is not None]
-    if known:
-        x, y, error = zip(*known, strict=True)
-        axis.errorbar(x, y, error, color=color, marker=marker, ms=4, capsize=2.5, lw=1.2, label=name)
+    error_bars(axis, known, color=color, marker=marker, capsize=2.5, lw=1.2, label=name)
 
 
 def _finish(axis: Any, path: Rows, title: str) -> None:
@@ -115,5 +122,4 @@ def _finish(axis: Any, path: Rows, title: str) -> None:
     if values:  # wide error bars of the smallest loads must not flatten the curves
         low, high = min(0.9, *values), max(1.1, *values)
         axis.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="upper left")
+    legend_or_note(axis, loc="upper left")

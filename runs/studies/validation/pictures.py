@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, error_bars, legend_or_note, look, panels, save_figure
 from runs.studies.validation import formulas, large_strain
 from runs.studies.validation.comparison import SECOND, Point
 
@@ -22,10 +22,7 @@ def draw(every: Mapping[str, Groups], folder: Path) -> None:
         _spheres(axes[1], {**every["long"], **every["shojaeifard"]}, every["lin"])
         _coated(axes[2], every["perriot"])
         for axis in axes:
-            if axis.has_data():
-                axis.legend(fontsize=8)
-            else:
-                axis.text(0.5, 0.5, "not there yet", ha="center", transform=axis.transAxes, color=GREY)
+            legend_or_note(axis, fontsize=8)
         save_figure(figure, folder, "validation")
 
 
@@ -63,8 +60,7 @@ def _spheres(axis: Any, groups: Groups, half_space: Groups) -> None:
 
 
 def _bars(axis: Any, points: Sequence[Point], color: str, label: str) -> None:
-    x, y, bars = ([getattr(point, name) for point in points] for name in ("x", "ours", "bar"))
-    axis.errorbar(x, y, bars, fmt="o", ms=4, capsize=2, color=color, label=label)
+    error_bars(axis, [(point.x, point.ours, point.bar) for point in points], fmt="o", color=color, label=label)
 
 
 def _coated(axis: Any, groups: Groups) -> None:

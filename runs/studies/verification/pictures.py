@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, save_figure
+from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, blank, error_bars, legend_or_note, look, save_figure
 from runs.studies.verification.part import Row
 
 COLORS = (BLUE, ORANGE, GREEN, PURPLE)
@@ -21,12 +21,7 @@ def draw(tables: Tables, folder: Path) -> None:
         _convergence(axes[2], tables["convergence"])
         _routes(axes[3], tables["routes"])
         for axis in axes:
-            if axis.has_data():
-                handles = axis.get_legend_handles_labels()[0]
-                if handles:
-                    axis.legend(fontsize=8)
-            else:
-                axis.text(0.5, 0.5, "not there yet", ha="center", transform=axis.transAxes, color=GREY)
+            legend_or_note(axis, fontsize=8)
         save_figure(figure, folder, "verification")
 
 
@@ -35,8 +30,7 @@ def _one_ball(axis: Any, rows: Sequence[Row]) -> None:
     for color, h in zip(COLORS, sorted({row["h"] for row in finite}), strict=False):
         mine = [row for row in finite if row["h"] == h]
         points = {row["D"]: row["ratio"] for row in mine}
-        values, errors = zip(*points.values(), strict=True)
-        axis.errorbar(list(points), values, errors, fmt="o", ms=4, color=color, capsize=2, label=f"h = {h:g} R")
+        error_bars(axis, [(d, *ratio) for d, ratio in points.items()], fmt="o", color=color, label=f"h = {h:g} R")
         known = [(row["D"], row["expected"]) for row in mine]
         axis.plot(
             *zip(*known, strict=True), ls="", marker="x", color=color, label=f"{mine[0]['reference']}, h = {h:g} R"
@@ -49,10 +43,8 @@ def _small_load(axis: Any, rows: Sequence[Row]) -> None:
     places = list(dict.fromkeys((row["h"], row["L"]) for row in rows))
     for shift, color, model in ((-0.12, BLUE, "small_strain"), (0.12, ORANGE, "finite_strain")):
         mine = [row for row in rows if row["model"] == model]
-        x = [places.index((row["h"], row["L"])) + shift for row in mine]
-        if mine:
-            values, errors = zip(*(row["ratio"] for row in mine), strict=True)
-            axis.errorbar(x, values, errors, fmt="o", ms=4, color=color, capsize=2, label=model)
+        points = [(places.index((row["h"], row["L"])) + shift, *row["ratio"]) for row in mine]
+        error_bars(axis, points, fmt="o", color=color, label=model)
     if rows:
         axis.axhspan(0.99, 1.01, color="0.9", zorder=0)
         axis.set_xticks(range(len(places)), [f"{h:g}\n{distance:g}" for h, distance in places])
