@@ -39,3 +39,9 @@ def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     write_text(target, text.getvalue())
+
+
+def read_csv(source: Path) -> list[dict[str, str]]:
+    """Return the rows of a file that `write_csv` wrote."""
+    with open(source, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))

@@ -1,6 +1,5 @@
 """What forms from a random start: table, phase map, pictures, growth laws, and the answer in a sentence."""
 
-import csv
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runs.process import signals
-from runs.process.files import write_csv
+from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
@@ -95,8 +94,8 @@ def read(case: Case, folder: Path) -> Finished | None:
     document = cases.saved(folder / case.name)
     if document is None:
         return None
-    with open(folder / case.name / "structure.csv", encoding="utf-8", newline="") as file:
-        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    table = read_csv(folder / case.name / "structure.csv")
+    rows = [{key: float(value) for key, value in row.items()} for row in table]
     return Finished(case, cases.summary(case, document, rows), rows)
 
 

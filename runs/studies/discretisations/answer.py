@@ -10,7 +10,7 @@ from runs.studies.discretisations.matrix import cases
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 
 BY_ITSELF, PAIRED, BAR = "error of T, unpaired [%]", "error of T, paired [%]", "error bar of T [%]"
 
@@ -19,13 +19,7 @@ def present(found: Found, folder: Path) -> str:
     """Write discretisations.csv; return the table as Markdown."""
     rows = [row for case in found.cases for row in _rows(case, found)]
     write_csv(folder / "discretisations.csv", rows)
-    text = (
-        "Finite strain at full load, for the ball with the largest T. *Unpaired* is T of the finite-strain problem "
-        "alone, *paired* T corrected by the small-strain problem on the same mesh; the reference for both is the "
-        "paired answer of the finest discretisation. Seconds are those of the load step, pair included; those of the "
-        "coarsest discretisation include the load path."
-    )
-    return "\n".join(["# Work against precision of the elements", "", text, "", *markdown(rows)])
+    return render(__file__, rows=rows)
 
 
 def _rows(case: Case, found: Found) -> list[dict[str, Any]]:

@@ -1,6 +1,5 @@
 """One table per number of ranks, saved as CSV, and the page that shows all of them."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from runs.process import ranks, signals
-from runs.process.files import write_csv
+from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study
-from runs.studies.framework.tables import markdown, written
+from runs.studies.framework.tables import written
+from runs.studies.framework.template import render
 from runs.studies.scaling import whole_runs
 from runs.studies.scaling.measuring import FORMS, measure, pressed, too_large
 
@@ -26,19 +26,6 @@ AHEAD = (1e7, 1e8)
 """Unknowns to which the fits are extrapolated."""
 FITTED_FROM = 40_000
 """Unknowns below which set-up once per mesh dominates the time of a first solve: smaller systems are not fitted."""
-HEADINGS = {
-    "form": "form",
-    "solver": "solver",
-    "unknowns": "unknowns",
-    "ranks": "ranks",
-    "assembly_seconds": "assembly [s]",
-    "first_seconds": "first solve [s]",
-    "solve_seconds": "next solve [s]",
-    "krylov_iterations": "Krylov iterations",
-    "fallbacks": "fallbacks to a direct solver",
-    "kilobytes_per_unknown": "memory [kB per unknown, all ranks]",
-    "load": "machine load",
-}
 
 
 def compute(folder: Path, options: Options) -> None:
@@ -82,30 +69,21 @@ def _fits(fault: str, comm: Any) -> bool:
 
 def read(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Return the rows of the existing files, sorted so that comparable rows are adjacent."""
-    rows: list[dict[str, Any]] = []
-    for file in files:
-        if not file.exists():
-            continue
-        with open(file, encoding="utf-8", newline="") as text:
-            for row in csv.DictReader(text):
-                words = {key: row.pop(key) for key in ("form", "solver")}
-                counts = {key: int(row.pop(key)) for key in COUNTS}
-                rows.append({**words, **counts, **{key: float(value) for key, value in row.items()}})
+    rows = []
+    for row in (row for file in files if file.exists() for row in read_csv(file)):
+        words = {key: row.pop(key) for key in ("form", "solver")}
+        counts = {key: int(row.pop(key)) for key in COUNTS}
+        rows.append({**words, **counts, **{key: float(value) for key, value in row.items()}})
     return sorted(rows, key=lambda row: (row["form"], row["unknowns"], row["solver"], row["ranks"]))
 
 
 def page(folder: Path, quick: bool) -> str:
     """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
-    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in _numbers(file)]
+    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file)]
+    whole = [{key: float(value) for key, value in row.items()} for row in whole]
     whole.sort(key=lambda row: (row["unknowns"], row["fraction"]))
-    said = ["", "Whole runs, two load steps:", "", *markdown(whole, whole_runs.HEADINGS)] if whole else []
-    return "\n".join([*markdown(rows, HEADINGS), *powers(rows), *said])
-
-
-def _numbers(file: Path) -> list[dict[str, float]]:
-    with open(file, encoding="utf-8", newline="") as text:
-        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(text)]
+    return render(__file__, rows=rows, whole=whole, fits=powers(rows))
 
 
 def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -127,7 +105,7 @@ def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
         )
         range_ = f"{taken[0]['unknowns']} to {taken[-1]['unknowns']} unknowns"
         measured = f"{form}, multigrid on {ranks_} ranks, {range_}: {growth}"
-        lines += ["", f"{measured}. Extrapolated, with the same levels: {ahead}."]
+        lines.append(f"{measured}. Extrapolated, with the same levels: {ahead}.")
     return lines
 
 

@@ -21,21 +21,8 @@ BYTES = 1.6e4
 """Memory per unknown on all ranks: both models keep their matrices and levels."""
 ACCURACY = 0.02
 """Of the domain and of linear_bem; the mesh is given."""
-HEADINGS = {
-    "unknowns": "unknowns",
-    "ranks": "ranks",
-    "fraction": "load",
-    "iterations": "Newton iterations",
-    "tangents": "tangents",
-    "linear_iterations": "Krylov iterations",
-    "linear_fallbacks": "fallbacks",
-    "seconds": "time [s]",
-    "processor_seconds": "processor time of the whole run [s]",
-    "gigabytes": "memory at most [GB]",
-    "normal_force": "Q",
-    "tangential_force": "T",
-    "error": "error of T",
-}
+KEPT = ("unknowns", "fraction", "iterations", "tangents", "linear_iterations", "linear_fallbacks", "seconds")
+"""What the rows have of a load step's record."""
 
 
 def too_large(target: int) -> str:
@@ -63,7 +50,7 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
         ball = step.balls[0]
         seen.append(
             {
-                **{key: step.record[key] for key in HEADINGS if key in step.record},
+                **{key: step.record[key] for key in KEPT if key in step.record},
                 "target": target,
                 "ranks": comm.size,
                 "processor_seconds": spent,

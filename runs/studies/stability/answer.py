@@ -1,5 +1,6 @@
 """The study's page: outcome and cost of every case, and whether the error bars hold along the load."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -7,16 +8,10 @@ from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import ENDED, Found
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.template import render
 from runs.studies.stability.bars import path_bars, sentence
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
-
-BARS = (
-    "T of small_strain at every load step, compared with linear_bem at the same approach (or force), whose error is at "
-    "most a tenth of the bar. The requested accuracy applies at full load; at earlier steps a contact may be only a "
-    "few elements wide, and the mesh too coarse for a reliable error bar."
-)
 
 
 def present(found: Found, folder: Path) -> str:
@@ -26,18 +21,9 @@ def present(found: Found, folder: Path) -> str:
     pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
     write_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
     write_csv(folder / "bars.csv", bars)
-    ended = [row["ended"] for row in rows]
-    counts = ", ".join(f"{ended.count(word)} {word}" for word in dict.fromkeys(ended))
-    numbers = {key: key for key in rows[0] if key not in ("why", "words")}
-    return "\n".join(
-        [
-            "# Hard cases: a right answer or a named refusal", "",
-            f"**Of {len(rows)} cases times models: {counts}.** {sentence(bars)}", "",
-            "## Cost", "", *markdown(rows, numbers), "",
-            "## Cases and checks", "",
-            *markdown(rows, {"case": "case", "words": "difficulty", "ended": "ended", "why": "check"}), "",
-            "## Error bars along the load", "", BARS, "", *markdown(bars),
-        ]
+    return render(
+        __file__, rows=rows, counts=Counter(row["ended"] for row in rows), said=sentence(bars), bars=bars,
+        numbers=[key for key in rows[0] if key not in ("why", "words")],
     )  # fmt: skip
 
 
