@@ -7,9 +7,8 @@ up to there: a polynomial is fitted to the squared pressure well inside the cont
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from linear_bem.arrays import Array
 
 DEGREES = (2, 4, 6)
 """Degrees of polynomials that are tried: nodal values rattle, and a higher one follows that outside."""

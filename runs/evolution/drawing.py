@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from runs.display.style import BLUE, GREY, ORANGE, blank, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
 from runs.process.files import replacing
 
-Array = NDArray[np.float64]
 Document = Mapping[str, Any]
 
 STEEL, EDGE = "#c9d3dc", "#3a4650"

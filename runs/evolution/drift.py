@@ -22,13 +22,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged
 from runs.evolution.forces import Forces, State
 from runs.evolution.hard_balls import HardBalls, Pairs, resistances
-
-Array = NDArray[np.float64]
 
 LONGEST = 0.25
 """Largest displacement in one step, over the smallest touching distance."""
@@ -62,7 +60,7 @@ class _Neighbours:
 
     which: Pairs
     gaps: Array
-    open: NDArray[np.bool_]
+    open: Mask
     first: float
 
 

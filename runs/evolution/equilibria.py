@@ -20,15 +20,13 @@ for overlapping balls.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals, null_space
 from scipy.optimize import brentq, linprog, nnls
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from runs.evolution.forces import Forces
 from runs.evolution.hard_balls import HardBalls, Pairs, resistances
-
-Array = NDArray[np.float64]
 
 BALANCED = 1e-7
 """Largest (T + pushes)/Q of an equilibrium."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from runs.evolution import outcome, showing, structure
 from runs.evolution.drift import Drift, Moment
@@ -25,8 +25,6 @@ from runs.scene.scene_file import Scene
 from runs.session.output_folder import PATH
 from runs.session.progress import print_status
 from runs.session.session import Options, Session, conduct
-
-Array = NDArray[np.float64]
 
 FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""

@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from linear_bem import ContactSequence
+from linear_bem.arrays import Array
 from linear_bem.problem import Problem
 from runs.evolution.hard_balls import HardBalls
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,18 +16,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from runs.evolution.motion import Contacts, moved
 from runs.evolution.pair_list import wrapped
 
-Array = NDArray[np.float64]
-Pairs = NDArray[np.intp]
+Pairs = Indices
 """Numbers of pairs, rising, shape (pairs,)."""
 
 TOUCHING = 1e-9
@@ -84,7 +83,7 @@ class HardBalls:
         i, j = np.triu_indices(len(self.radii), 1)
         return np.asarray(i * len(self.radii) + j)
 
-    def pairs(self, which: Pairs) -> NDArray[np.intp]:
+    def pairs(self, which: Pairs) -> Indices:
         """Return the balls of the pairs numbered ``which``, shape (pairs, 2)."""
         return np.stack(np.divmod(which, len(self.radii)), axis=1)
 

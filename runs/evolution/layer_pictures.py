@@ -5,14 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, blank, look, panels, save_figure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import wrapped
-
-Array = NDArray[np.float64]
 
 SHOWN = 6
 """Moments in a picture."""

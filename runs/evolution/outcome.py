@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from runs.evolution import equilibria
@@ -15,8 +15,6 @@ from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.record import Record, arrays, positions_at
 from runs.process.json_values import Document
-
-Array = NDArray[np.float64]
 
 COARSER = 10.0
 """Tolerance of a second run over that of the first; their difference is the error of the positions."""

@@ -22,17 +22,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
+from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
 from runs.evolution.pair_list import CORRECTED, CUT, CutLaw, PairList
-
-Array = NDArray[np.float64]
 
 
 class SingleBall:

@@ -19,15 +19,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
 Law = Callable[[Array], tuple[Array, Array]]
 """Distances [m] in; influence [m/N] and pull [1/N] out."""
 
@@ -110,16 +108,16 @@ class Listed:
     ``_columns``, ``_ends`` and ``_order`` are the pattern of a symmetric sparse matrix with an entry for each pair.
     """
 
-    first: Whole
-    second: Whole
+    first: Indices
+    second: Indices
     shift: Array
     count: int
-    _columns: Whole
-    _ends: Whole
-    _order: Whole
+    _columns: Indices
+    _ends: Indices
+    _order: Indices
 
     @classmethod
-    def of(cls, first: Whole, second: Whole, shift: Array, count: int) -> Listed:
+    def of(cls, first: Indices, second: Indices, shift: Array, count: int) -> Listed:
         """Return the pairs of ``count`` balls with the pattern of their matrix."""
         rows, columns = np.concatenate([first, second]), np.concatenate([second, first])
         order = np.argsort(rows, kind="stable")
@@ -161,7 +159,7 @@ class PairList:
         assert self._made is not None
         return 2.0 * float(np.max(np.hypot(*(x - self._made).T))) > self._skin
 
-    def _list(self, x: Array) -> tuple[Whole, Whole, Array]:
+    def _list(self, x: Array) -> tuple[Indices, Indices, Array]:
         radius = self.reach + self._skin
         if self.cell is None:
             return self._open(x, radius)
@@ -185,7 +183,7 @@ class PairList:
         first, second, number = first[once][order], second[once][order], number[once][order]
         return first, second, cell * shifts[number] - home[second] + home[first]
 
-    def _open(self, x: Array, radius: float) -> tuple[Whole, Whole, Array]:
+    def _open(self, x: Array, radius: float) -> tuple[Indices, Indices, Array]:
         count = len(x)
         extent = float(np.hypot(*np.ptp(x, axis=0)))
         if extent <= radius:

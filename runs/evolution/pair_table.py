@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
@@ -28,7 +28,6 @@ from runs.process.files import write_text
 from runs.process.json_values import Document, plain, to_json
 from runs.scene.effects.finite_strain import effect_identity
 
-Array = NDArray[np.float64]
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
 """Problem, folder for the restart files of a run of minutes, load fractions to be solved."""
 

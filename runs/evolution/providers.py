@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
@@ -20,8 +18,6 @@ from runs.models import Model, Run, planned_runs
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
-
-Array = NDArray[np.float64]
 
 PAIR_ACCURACY = 1e-3
 """Relative accuracy of T in a linear table if the scene states none."""

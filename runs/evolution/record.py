@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from runs.evolution import saved_path
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls, Pairs
 from runs.process.json_values import Document
-
-Array = NDArray[np.float64]
 
 WORTH_KEEPING, OF_MANY = 0.02, 0.25
 """Displacement since the last kept moment, over the smallest touching distance, from which the next one is kept: of few

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 from scipy.special import j0
 
+from linear_bem.arrays import Array, Indices
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import wrapped
-
-Array = NDArray[np.float64]
 
 WAVES = 48
 """Rings of wave numbers, from 0 to two over the smallest touching distance, times 2 pi."""
@@ -31,7 +30,7 @@ def nearest_distances(x: Array, cell: Array | None) -> Array:
     return np.asarray(cKDTree(inside, boxsize=cell).query(inside, k=2)[0][:, 1])
 
 
-def cluster_sizes(balls: HardBalls, x: Array) -> NDArray[np.intp]:
+def cluster_sizes(balls: HardBalls, x: Array) -> Indices:
     """Return the numbers of balls of the clusters, largest first: balls in contact belong together."""
     return np.array(sorted((len(group) for group in balls.groups(x)), reverse=True))
 

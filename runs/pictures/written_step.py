@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.errors import MissingDependency, OutputUnusable
 
-Array = NDArray[np.float64]
 _MIRRORED = {8: [4, 5, 6, 7, 0, 1, 2, 3], 4: [1, 0, 2, 3]}
 """Corners of a hexahedron and of a tetrahedron in VTK's order after a mirror has turned them inside out."""
 

@@ -3,8 +3,9 @@
 import contextlib
 import csv
 import io
+import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,16 @@ def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     write_text(target, text.getvalue())
 
 
-def read_csv(source: Path) -> list[dict[str, str]]:
-    """Return the rows of a file that `write_csv` wrote."""
+def read_csv(source: Path, cell: Callable[[str], Any] = str) -> list[dict[str, Any]]:
+    """Return the rows of a file that `write_csv` wrote, each cell converted by ``cell``."""
     with open(source, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        return [{key: cell(text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+def read_json(source: Path) -> dict[str, Any] | None:
+    """Return the JSON object in a file; None if it is missing, damaged or not an object."""
+    try:
+        data = json.loads(source.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return None
+    return data if isinstance(data, dict) else None

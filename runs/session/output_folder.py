@@ -1,7 +1,6 @@
 """The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
 
 import fcntl
-import json
 import shutil
 import time
 from collections.abc import Iterable, Mapping
@@ -9,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from linear_bem.errors import OutputUnusable
-from runs.process.files import write_csv, write_text
+from runs.process.files import read_json, write_csv, write_text
 from runs.process.json_values import plain, to_json
 
 MARK = "run.json"
@@ -56,7 +55,7 @@ class OutputFolder:
             raise OutputUnusable(f"{self.path}: is a file, not a folder; name another --out")
         self.path.mkdir(parents=True, exist_ok=True)
         self._take_lock()
-        mark = self._mark()
+        mark = read_json(self.path / MARK)
         # a run on a full disk may have left only its first files, complete or not
         strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
         damaged = mark is None and (self.path / MARK).exists()
@@ -76,7 +75,7 @@ class OutputFolder:
                 f"{self.path}: holds another run ({difference(mark.get('identity'), self.identity)}); "
                 "name another --out, or replace that run with --fresh"
             )
-        if self._mark() is None:
+        if read_json(self.path / MARK) is None:
             self._write_mark("running")
         write_text(self.path / "scene.toml", scene_text)
 
@@ -98,26 +97,16 @@ class OutputFolder:
             if name != ".lock":
                 (self.path / name).unlink(missing_ok=True)
 
-    def _mark(self) -> dict[str, Any] | None:
-        return self._read_json(MARK)
-
-    def _read_json(self, name: str) -> dict[str, Any] | None:
-        try:
-            data = json.loads((self.path / name).read_text(encoding="utf-8"))
-        except (FileNotFoundError, ValueError):
-            return None
-        return data if isinstance(data, dict) else None
-
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""
-        return self._read_json("result.json")
+        return read_json(self.path / "result.json")
 
     def finished(self) -> dict[str, Any] | None:
         """Return the saved document of a complete run."""
-        mark = self._mark()
+        mark = read_json(self.path / MARK)
         return self.saved() if mark is not None and mark.get("state") == "finished" else None
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:

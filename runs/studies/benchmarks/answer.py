@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from runs.process import signals
-from runs.process.files import write_csv, write_text
+from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
-from runs.studies.framework.study import Study, read_json
+from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown
 
 GRIDS = (256, 512, 1024)

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from linear_bem import Layer, solve_height_field
-
-Array = NDArray[np.float64]
+from linear_bem.arrays import Array
 
 RADIUS, CONTACT, SIDE = 1.0, 0.3, 1.0
 """Sphere's radius, Hertz's contact radius and the grid's side, with a contact modulus of 1."""

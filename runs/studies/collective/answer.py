@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runs.process import signals
 from runs.process.files import read_csv, write_csv
@@ -17,8 +16,6 @@ from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
 from runs.studies.framework.template import render
-
-Array = NDArray[np.float64]
 
 SHOWN = Case(6.0, 0.3, 200, 1)
 """The run of the animation."""
@@ -94,8 +91,7 @@ def read(case: Case, folder: Path) -> Finished | None:
     document = cases.saved(folder / case.name)
     if document is None:
         return None
-    table = read_csv(folder / case.name / "structure.csv")
-    rows = [{key: float(value) for key, value in row.items()} for row in table]
+    rows = read_csv(folder / case.name / "structure.csv", float)
     return Finished(case, cases.summary(case, document, rows), rows)
 
 

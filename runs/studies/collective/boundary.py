@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from linear_bem import Elastic, solve
-from runs.process.files import write_text
+from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
 from runs.studies.collective.cases import APPROACH, POISSON
 from runs.studies.framework.pair import pair
-from runs.studies.framework.study import read_json
 
 THICKNESSES = (1.6, 1.8, 2.0)
 ACCURACY = 0.05

@@ -6,19 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from linear_bem.problem import Ball, Layer, Load, Problem
 from runs.evolution.evolving import TABLES, Evolution, open_session
 from runs.evolution.forces import Forces
 from runs.evolution.providers import provider
 from runs.models import MODELS
-from runs.process.files import write_text
+from runs.process.files import read_json, write_text
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
-from runs.studies.framework.study import read_json
-
-Array = NDArray[np.float64]
 
 POISSON, APPROACH = 0.48, 0.1
 """Poisson's ratio of the layer; approach over R."""

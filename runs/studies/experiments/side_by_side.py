@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from runs.evolution import equilibria
 from runs.evolution.pair_table import PairTable
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES
 from runs.studies.experiments.points import Documents
-
-Array = NDArray[np.float64]
 
 KINDS = ("line of six, 25 mm", "pair, 16 mm balls", "pair, 10 mm balls", "pair, 7 mm balls")
 """One case for every kind of ball and layer."""

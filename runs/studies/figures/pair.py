@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 from scipy.optimize import brentq
 
 from linear_bem import BallResult, Elastic, Problem, solve
+from linear_bem.arrays import Array
 from runs.scene.scene_file import Scene, read_scene
-
-Array = NDArray[np.float64]
 
 SCENE = Path(__file__).parent / "pair.toml"
 CURVES = 1e-3

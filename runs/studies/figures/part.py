@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 import linear_bem
-from runs.process.files import write_csv, write_text
+from runs.process.files import read_json, write_csv, write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import code_of
-from runs.studies.framework.study import read_json
 
 Columns = Mapping[str, Sequence[float] | np.ndarray]
 

@@ -10,15 +10,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from linear_bem import Elastic
+from linear_bem.arrays import Array
 from linear_bem.layer.kernel import smooth_kernel
 from linear_bem.layer.response import LayerResponse
 from runs.studies.figures.part import Columns
-
-Array = NDArray[np.float64]
 
 NEAREST, FARTHEST = 0.25, 400.0
 """Range of L/h in which sign changes are looked for."""

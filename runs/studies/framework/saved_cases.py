@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import attraction
-from runs.process.files import write_text
+from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
-from runs.studies.framework.study import CASES, read_json
+from runs.studies.framework.study import CASES
 
 DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
 """States of a record; all others say how the case ended without an answer."""

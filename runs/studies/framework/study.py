@@ -1,6 +1,5 @@
 """What every study does: compute answers into a folder, and make a page from those that exist."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 from linear_bem.errors import OutputUnusable
 from runs.process import ranks
-from runs.process.files import write_text
+from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
 from runs.session.output_folder import MARK, difference
 from runs.session.progress import print_status
@@ -56,15 +55,6 @@ def run(study: Study, options: Options) -> None:
 def command(name: str, quick: bool) -> str:
     """Return the command that makes the study's page."""
     return f"thirdbody study {name}{' --quick' if quick else ''}"
-
-
-def read_json(path: Path) -> dict[str, Any] | None:
-    """Return the JSON object in a file; None if it is missing or incomplete."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return data if isinstance(data, dict) else None
 
 
 def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:

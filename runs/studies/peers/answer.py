@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from runs.process.files import write_csv
+from runs.process.files import read_json, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
-from runs.studies.framework.study import Study, read_json
+from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown
 
 SIZES = ("2x1", "3x1", "4x1")

@@ -80,8 +80,7 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 def page(folder: Path, quick: bool) -> str:
     """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
-    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file)]
-    whole = [{key: float(value) for key, value in row.items()} for row in whole]
+    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file, float)]
     whole.sort(key=lambda row: (row["unknowns"], row["fraction"]))
     return render(__file__, rows=rows, whole=whole, fits=powers(rows))
 

@@ -13,11 +13,10 @@ from typing import Any
 from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import compare_steps
 from runs.display.numbers import attraction
-from runs.process.files import write_text
+from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
 from runs.studies.framework.saved_cases import Found
-from runs.studies.framework.study import read_json
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""
