@@ -27,7 +27,7 @@ OVER_SYSTEM_PYTHON = f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv && .
 INSTALL_PICTURES = "bash runs/setup.sh render"
 OPTIONAL = {
     "clarabel": ("many balls in contact and rolling resistance need it in `thirdbody evolve`", "pip install clarabel"),
-    "jinja2": ("`thirdbody study` needs it for most pages", "pip install jinja2"),
+    "jinja2": ("`thirdbody report` needs it, and `thirdbody study` for most pages", "pip install jinja2"),
     "pyvista": ("`thirdbody render` needs it", INSTALL_PICTURES),
 }
 """Packages that some commands need: which, and how to install the package."""

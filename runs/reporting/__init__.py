@@ -2,14 +2,15 @@
 
 import importlib.metadata
 import tomllib
-from html import escape
 from pathlib import Path
+from typing import Any
 
+from runs.display.rows import LEGEND
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
-from runs.reporting.markup import code, folded, paragraph, section, tag
+from runs.reporting.markup import render
 from runs.reporting.pictures import figure, pictures_of
 from runs.session.terminal import print_status
 
@@ -37,47 +38,24 @@ def report_folder(path: Path, out: Path | None = None) -> None:
 
 def page_of(folder: Folder) -> str:
     """Return the whole page: nothing in it refers to another file or to the network."""
-    if folder.command == "study":
-        title, parts = _study(folder)
+    is_study = folder.command == "study"
+    pictures = pictures_of(folder.path)
+    study, run, shown = dict[str, Any](), dict[str, Any](), list[Path]()
+    if is_study:
+        words = folder.words()
+        text = words.read_text(encoding="utf-8") if words is not None else ""
+        html, shown = study_page.answer(folder, text)
+        pictures = [path for path in pictures if path not in shown and "cases" not in path.parts]
+        title = study_page.title(text) or str(folder.identity["study"])
+        study = {"html": html, "cases": study_page.cases(folder)}
     else:
-        title, parts = _run(folder)
-    kind = KINDS.get(folder.command, folder.command)
-    state = "" if folder.finished or folder.command == "study" else "unfinished: the same command continues it"
-    head = tag("p", escape(kind), class_="kind") + tag("h1", escape(title))
-    head += paragraph(state, class_="note") if state else ""
-    parts.append(section("Reproduce", code(folder.repeat()), _scene(folder)))
-    if folder.log:
-        parts.append(section("Log", folded("Messages of the run", code(folder.log))))
-    version = importlib.metadata.version("thirdbody")
-    foot = paragraph(f"Written by thirdbody {version} report. Forces are those on the ball; T > 0 is attraction.")
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n<body>\n"
-        f"<header>{head}</header>\n<main>\n{chr(10).join(part for part in parts if part)}\n</main>\n"
-        f"<footer>{foot}</footer>\n</body>\n</html>\n"
-    )
-
-
-def _study(folder: Folder) -> tuple[str, list[str]]:
-    words = folder.words()
-    text = words.read_text(encoding="utf-8") if words is not None else ""
-    name = str(folder.identity["study"])
-    if not text:
-        waiting = paragraph("The study has not come to its tables yet; `--tables` makes them.", class_="note")
-        return name, [waiting, study_page.account(folder)]
-    html, shown = study_page.answer(folder, text)
-    left = [path for path in pictures_of(folder.path) if path not in shown and "cases" not in path.parts]
-    more = "".join(figure(path, number) for number, path in enumerate(left, start=len(shown) + 1))
-    return study_page.title(text) or name, [html, section("More figures", more), study_page.account(folder)]
-
-
-def _run(folder: Folder) -> tuple[str, list[str]]:
-    parts = run_page.content(folder)
-    figures = "".join(figure(path, number) for number, path in enumerate(pictures_of(folder.path), start=1))
-    after = next((i for i, part in enumerate(parts) if part.startswith("<section")), len(parts))
-    parts.insert(after, section("Figures", figures))
-    return _title(folder), parts
+        title, run = _title(folder), run_page.content(folder)
+    return render(
+        title=title, kind=KINDS.get(folder.command, folder.command), unfinished=not (folder.finished or is_study),
+        study=study, run=run, pictures=[figure(path, n) for n, path in enumerate(pictures, start=len(shown) + 1)],
+        signs=LEGEND, repeat=folder.repeat(), scene=folder.scene_text, log=folder.log,
+        style=STYLE.read_text(encoding="utf-8"), version=importlib.metadata.version("thirdbody"),
+    )  # fmt: skip
 
 
 def _title(folder: Folder) -> str:
@@ -86,7 +64,3 @@ def _title(folder: Folder) -> str:
     except tomllib.TOMLDecodeError:
         title = ""
     return str(title) or folder.path.resolve().name
-
-
-def _scene(folder: Folder) -> str:
-    return folded("The scene as given", code(folder.scene_text)) if folder.scene_text.strip() else ""

@@ -6,7 +6,6 @@ import re
 from html import escape
 from pathlib import Path
 
-from runs.reporting.markup import tag
 from runs.session.output_folder import PICTURES
 
 SHOWN = {
@@ -45,9 +44,9 @@ def figure(path: Path, number: int, words: str = "") -> str:
         data = path.read_bytes()
         source = f"data:{KINDS[path.suffix]};base64,{base64.b64encode(data).decode()}"
         content, ratio = f'<img src="{source}" alt="{escape(words)}">', _ratio(data)
-    shape = "picture wide" if ratio >= WIDE else "picture tall"
-    inside = tag("div", content, class_=shape, tabindex="0", role="group", aria_label=words)
-    return tag("figure", inside + tag("figcaption", escape(words)))
+    shape, words = "wide" if ratio >= WIDE else "tall", escape(words)
+    inside = f'<div class="picture {shape}" tabindex="0" role="group" aria-label="{words}">{content}</div>'
+    return f"<figure>{inside}<figcaption>{words}</figcaption></figure>"
 
 
 def said_of(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Sections of the report on a run: results, accuracy, versions."""
+"""What the report on a run shows: results, accuracy, versions."""
 
 import math
 import tomllib
@@ -7,14 +7,14 @@ from typing import Any
 
 from runs.comparison import sensitivity
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
-from runs.display.rows import LEGEND, RATIO, SIZE_RATIO, ball_rows, comparison_rows, path_rows
+from runs.display.rows import RATIO, SIZE_RATIO, ball_rows, comparison_rows, path_rows
 from runs.display.tables import mesh_words
+from runs.process.json_values import Document
 from runs.reporting.folder import Folder
-from runs.reporting.markup import facts, paragraph, section, table
 from runs.scene.scene_file import Tables
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
-"""Keys of a document that other sections or the figures show."""
+"""Keys of a document that other parts of the page or the figures show."""
 MOST_ROWS = 100
 STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approach"))
 
@@ -26,103 +26,100 @@ def scale_of(folder: Folder) -> Scale:
     return Scale.from_numbers(radii, float(problem["layer"]["young"]), folder.document.get("scene"))
 
 
-def content(folder: Folder) -> list[str]:
-    """Return the sections of a solved scene, of a comparison, or of any other run."""
+def content(folder: Folder) -> dict[str, Any]:
+    """Return what the page shows of a solved scene, of a comparison, or of any other run; nothing without results."""
     document = folder.document
     if not document:
-        return [paragraph("Nothing is saved yet: the run has not come to its first result.", class_="note")]
+        return {}
     if folder.command == "compare":
         return _comparison(folder, document)
     if document.get("balls") and "tangential_force" in document["balls"][0]:
-        return [*_solution(folder, document), *_tables(document)]
+        return _solution(folder, document)
     return _anything(document)
 
 
-def _solution(folder: Folder, document: Mapping[str, Any]) -> list[str]:
+def _common(
+    balls: Sequence[Mapping[str, Any]], ball: int, solved: Mapping[str, Any], scale: Scale, more: dict[str, str],
+    *, periodic: bool = False,
+) -> Document:  # fmt: skip
+    """Return what the pages of a solution and of a comparison share; ``more`` are facts about the ``ball`` shown."""
+    return {
+        "ball": ball,
+        "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
+        "notes": list(solved["notes"]),
+        "balls": ball_rows(balls, scale, periodic=periodic),
+        "legend": scale.legend(),
+        "accuracy": _accuracy(solved),
+        "versions": _versions(solved),
+    }
+
+
+def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
     scale, balls = scale_of(folder), document["balls"]
-    leading = leading_ball(balls)
+    leading, unit = leading_ball(balls), scale.units.force
     periodic = "periodic" in (document.get("scene") or {})
-    state = _state(balls, leading, scale, document["solved"], periodic=periodic)
-    parts = [facts(state | _account(document["solved"])), _notes(document["solved"]["notes"])]
-    parts.append(_balls(balls, scale, periodic=periodic))
-    if len(document["steps"]) > 1:
-        path = path_rows(document["steps"], leading, scale)
-        parts.append(section("Load path", table(path, f"Ball {leading}; {LEGEND}; {scale.legend()}")))
-    routes = balls[leading].get("tangential_force_routes") or {}
-    if routes:
-        unit = scale.units.force
-        heads = unit.heading("Tx"), unit.heading("Ty")
-        rows = [
-            {"route": name.replace("_", " "), **{h: v / unit.size for h, v in zip(heads, route, strict=True)}}
-            for name, route in routes.items()
-        ]
-        parts.append(section("T by several formulas", table(rows, "The same force by other routes")))
-    parts += [_accuracy(document["solved"]), _versions(document["solved"])]
-    return parts
-
-
-def _comparison(folder: Folder, document: Mapping[str, Any]) -> list[str]:
-    scale, finite = scale_of(folder), document["finite"]
-    balls = finite["balls"]
-    ball = leading_ball(balls)
-    state = _state(balls, ball, scale, finite["solved"])
-    rows = [row for row in document["comparison"] if row["ball"] == ball]
-    if rows:
-        for name, key in STRENGTHS:
-            state[f"{name}, at full load"] = with_error(rows[-1][key], rows[-1][f"{key}_error"])
-    shown = comparison_rows(document["comparison"], balls, ball, scale)
-    notes = dict.fromkeys([*finite["solved"]["notes"], *document["linear"]["solved"]["notes"]])
-    return [
-        paragraph(document["answer"], class_="answer"),
-        facts(state | _account(finite["solved"])),
-        _notes(list(notes)),
-        section("Finite against small strain", table(shown, f"Ball {ball}; {LEGEND}; S: finite over linear T")),
-        paragraph(scale.legend()),
-        _sensitivity(folder, document, balls[ball], scale),
-        _balls(balls, scale),
-        _accuracy(finite["solved"]),
-        _versions(finite["solved"]),
+    found = _common(balls, leading, document["solved"], scale, {}, periodic=periodic)
+    heads = unit.heading("Tx"), unit.heading("Ty")
+    found["path"] = path_rows(document["steps"], leading, scale) if len(document["steps"]) > 1 else []
+    found["routes"] = [
+        {"route": name.replace("_", " "), **{h: v / unit.size for h, v in zip(heads, route, strict=True)}}
+        for name, route in (balls[leading].get("tangential_force_routes") or {}).items()
     ]
+    return found | {"tables": _tables(document)}
 
 
-def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str, Any], scale: Scale) -> str:
+def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
+    scale, finite = scale_of(folder), document["finite"]
+    ball = leading_ball(finite["balls"])
+    rows = [row for row in document["comparison"] if row["ball"] == ball]
+    strengths = {
+        f"{name}, at full load": with_error(rows[-1][key], rows[-1][f"{key}_error"]) for name, key in STRENGTHS if rows
+    }
+    found = _common(finite["balls"], ball, finite["solved"], scale, strengths)
+    found["notes"] = list(dict.fromkeys([*found["notes"], *document["linear"]["solved"]["notes"]]))
+    found["answer"] = document["answer"]
+    found["compared"] = comparison_rows(document["comparison"], finite["balls"], ball, scale)
+    return found | _sensitivity(folder, document, finite["balls"][ball], scale)
+
+
+def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str, Any], scale: Scale) -> Document:
     found, size = document.get("sensitivity"), math.hypot(*ball["tangential_force"])
     if found is None or size == 0.0:
-        return ""
+        return {}
     problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
     rows = sensitivity.rows(found, problem, scale, ball["tangential_force_error"] / size)
-    return section("What the inputs do to T", table(rows, sensitivity.check(found)))
+    return {"inputs": rows, "inputs_checked": sensitivity.check(found)}
 
 
-def _anything(document: Mapping[str, Any]) -> list[str]:
-    """Return sections for the document of any other command: single values as facts, lists of rows as tables."""
+def _anything(document: Mapping[str, Any]) -> Document:
+    """Return the document of any other command: single values as facts, lists of rows as tables."""
     single = {
         key.replace("_", " "): number(value) if isinstance(value, float) else str(value)
         for key, value in document.items()
         if isinstance(value, str | int | float | bool) and key != "format"
     }
-    parts = [facts({k: v for k, v in single.items() if len(v) < 40})]
-    parts += [paragraph(v, class_="answer") for v in single.values() if len(v) >= 40]
-    parts += _tables(document)
     solved = document.get("solved") or {}
-    if solved:
-        parts.insert(1, facts(_account(solved)))
-        parts.append(_notes(solved.get("notes", [])))
-        parts.append(_versions(solved))
-    return parts
+    return {
+        "facts": {k: v for k, v in single.items() if len(v) < 40},
+        "account": _account(solved),
+        "texts": [v for v in single.values() if len(v) >= 40],
+        "tables": _tables(document),
+        "notes": solved.get("notes", []),
+        "versions": _versions(solved),
+    }
 
 
-def _tables(document: Mapping[str, Any]) -> list[str]:
-    """Return a table for each list of rows that no other section shows."""
-    parts = []
+def _tables(document: Mapping[str, Any]) -> list[tuple[str, list[Document], str]]:
+    """Return title, rows and caption for each list of rows that nothing else shows."""
+    found = []
     for key, value in document.items():
         rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
         flat = [flat for row in rows if isinstance(row, dict) and (flat := _flat(row))]
         if flat and key not in SHOWN_ELSEWHERE:
             title = key.replace("_", " ").capitalize()
             limited = f" (the first {MOST_ROWS} of {len(flat)})" if len(flat) > MOST_ROWS else ""
-            parts.append(section(title, table(flat[:MOST_ROWS], title + limited)))
-    return parts
+            found.append((title, flat[:MOST_ROWS], title + limited))
+    return found
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -184,40 +181,27 @@ def _account(solved: Mapping[str, Any]) -> dict[str, str]:
     return shown
 
 
-def _notes(notes: Sequence[str]) -> str:
-    return "".join(paragraph(f"Note: {note}", class_="note") for note in notes)
-
-
-def _balls(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False) -> str:
-    words = f"State at full load; forces are those on the ball; {scale.legend()}"
-    return section("Balls", table(ball_rows(balls, scale, periodic=periodic), words))
-
-
-def _accuracy(solved: Mapping[str, Any]) -> str:
-    """Return the required and the reached accuracy and the meshes; empty for models that do not refine."""
+def _accuracy(solved: Mapping[str, Any]) -> Document:
+    """Return the required and the reached accuracy and the meshes; nothing for models that do not refine."""
     accuracy = solved.get("accuracy") or {}
     if not accuracy:
-        return ""
-    asked, reached = (f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached"))
-    met = "met" if accuracy.get("met") else "not met"
-    words = paragraph(
-        f"Asked for T: {asked}; reached: {reached} ({met}). It ended there because: {accuracy['stopped']}."
-    )
-    terms = error_terms(accuracy)
-    if terms:
-        words += paragraph(f"The error of T at full load, the root of the sum of squares: {terms}.")
-    rows = [
-        {
-            "mesh": mesh_words(mesh),
-            "unknowns": mesh["unknowns"],
-            "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
-            "seconds": mesh["seconds"],
-        }
-        for mesh in accuracy.get("meshes", [])
-    ]
-    return section("Accuracy", words, table(rows, "Meshes used") if rows else "")
+        return {}
+    return {
+        **{key: f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached")},
+        "met": "met" if accuracy.get("met") else "not met",
+        "stopped": accuracy["stopped"],
+        "terms": error_terms(accuracy),
+        "meshes": [
+            {
+                "mesh": mesh_words(mesh),
+                "unknowns": mesh["unknowns"],
+                "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
+                "seconds": mesh["seconds"],
+            }
+            for mesh in accuracy.get("meshes", [])
+        ],
+    }
 
 
-def _versions(solved: Mapping[str, Any]) -> str:
-    rows = [{"library": name, "version": str(version)} for name, version in (solved.get("versions") or {}).items()]
-    return section("Versions", table(rows, "Libraries that the answer was made with")) if rows else ""
+def _versions(solved: Mapping[str, Any]) -> list[Document]:
+    return [{"library": name, "version": str(version)} for name, version in (solved.get("versions") or {}).items()]

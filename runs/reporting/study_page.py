@@ -7,7 +7,7 @@ from typing import Any
 
 from runs.display.numbers import duration
 from runs.reporting.folder import Folder
-from runs.reporting.markup import box, section, table
+from runs.reporting.markup import box
 from runs.reporting.pictures import figure
 
 
@@ -46,9 +46,9 @@ def _without_title(text: str) -> str:
     return "\n".join(line for i, line in enumerate(lines) if i != first)
 
 
-def account(folder: Folder) -> str:
-    """Return the table of a study's cases: state, load steps, processor time, reason."""
-    rows = [
+def cases(folder: Folder) -> list[dict[str, Any]]:
+    """Return a row for each of a study's cases: state, load steps, processor time, reason."""
+    return [
         {
             "case": record["name"],
             "model": record["model"],
@@ -60,4 +60,3 @@ def account(folder: Folder) -> str:
         }
         for record in folder.cases()
     ]
-    return section("Cases", table(rows, "Every case of the study and how it ended")) if rows else ""

@@ -16,8 +16,8 @@ from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows
 from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
+from runs.reporting import page_of
 from runs.reporting.folder import Folder
-from runs.reporting.run_page import content
 from runs.scene.scene_file import Scene, read_scene
 from runs.scene.units import Unit, Units
 
@@ -124,7 +124,8 @@ def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> N
         "command": "solve",
         "problem": {"balls": [{"radius": b.radius} for b in read.problem.balls], "layer": {"young": 57.4e3}},
     }
-    page = "".join(content(Folder(tmp_path, identity, True, result.to_dict(read.data), SCENE, "")))
+    page = page_of(Folder(tmp_path, identity, True, result.to_dict(read.data), SCENE, ""))
+    page = page[page.index("</style>") :]
     for words in ("0.3 mm (0.12 R)", "500 mN", "its radius", "R = 2.5 mm: radius of ball 0", "Q [mN]", "peak p [kPa]"):
         assert words in page, words
     # one number for what is known of T, above and below: the largest error over the balls
