@@ -54,6 +54,7 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
     return [float(c) for c in np.interp(wanted, moved[rising], cycle[rising])]
 
 
+@look()
 def draw_top_views(
     folder: Path,
     document: Document,
@@ -65,22 +66,22 @@ def draw_top_views(
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
     cycles = chosen_cycles(path, 6, balls)
-    with look():
-        figure, axes = _grid(len(cycles), _frame(path, radii))
-        force = _arrow_scale(path, radii)
-        for axis, cycle in zip(axes, cycles, strict=True):
-            nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
-            _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
-            _set_frame(axis, path, radii)
-            axis.set_title(f"{nearest['cycle']:.3g} cycles", fontsize=9)
-        _draw_direction(axes[0], direction)
-        figure.suptitle(
-            "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
-            fontsize=9, x=0.01, ha="left",
-        )  # fmt: skip
-        save_figure(figure, folder, stem)
+    figure, axes = _grid(len(cycles), _frame(path, radii))
+    force = _arrow_scale(path, radii)
+    for axis, cycle in zip(axes, cycles, strict=True):
+        nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
+        _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
+        _set_frame(axis, path, radii)
+        axis.set_title(f"{nearest['cycle']:.3g} cycles", fontsize=9)
+    _draw_direction(axes[0], direction)
+    figure.suptitle(
+        "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
+        fontsize=9, x=0.01, ha="left",
+    )  # fmt: skip
+    save_figure(figure, folder, stem)
 
 
+@look()
 def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b."""
     from matplotlib import colormaps  # noqa: PLC0415
@@ -89,28 +90,28 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     cycle = np.array([m["cycle"] for m in path])
     pairs = starting_neighbours(np.array(path[0]["positions"]), balls, NEIGHBOURS)
     distance = np.array([np.hypot(*balls.between(np.array(m["positions"]), pairs).T) for m in path])
-    with look():
-        figure = blank(5.6, 3.8)
-        axis = figure.subplots()
-        colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
-        for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
-            axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
-        axis.axhline(1e3 * balls.smallest, color="0.55", lw=0.8, ls=":", zorder=0)
-        axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
-        axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
-        top, bottom = 1e3 * float(np.max(distance)), 1e3 * balls.smallest
-        axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
-        axis.annotate(
-            "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
-            xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
-        )  # fmt: skip
-        if len(pairs) <= NAMED:
-            axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(pairs) > 4 else 1, loc="best")
-        else:
-            axis.set_title(f"{len(pairs)} pairs of neighbours and next neighbours", fontsize=9)
-        save_figure(figure, folder, "distances")
+    figure = blank(5.6, 3.8)
+    axis = figure.subplots()
+    colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
+    for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
+        axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
+    axis.axhline(1e3 * balls.smallest, color="0.55", lw=0.8, ls=":", zorder=0)
+    axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
+    axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
+    top, bottom = 1e3 * float(np.max(distance)), 1e3 * balls.smallest
+    axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
+    axis.annotate(
+        "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
+        xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
+    )  # fmt: skip
+    if len(pairs) <= NAMED:
+        axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(pairs) > 4 else 1, loc="best")
+    else:
+        axis.set_title(f"{len(pairs)} pairs of neighbours and next neighbours", fontsize=9)
+    save_figure(figure, folder, "distances")
 
 
+@look()
 def draw_animation(folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float]) -> None:
     """Write evolution.gif: the path in equal steps of cycles."""
     from matplotlib.animation import PillowWriter  # noqa: PLC0415
@@ -120,38 +121,37 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     cycles = np.linspace(0.0, last, FRAMES)
     sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
     x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
-    with look():
-        figure = blank(*_size(_frame(path, radii), 3.6))
-        axis = figure.subplots()
-        _set_frame(axis, path, radii)
-        writer = PillowWriter(fps=round(FRAMES / SECONDS))
-        with replacing(folder / "evolution.gif") as draft:
-            shown = draft.with_suffix(".part.gif")
-            with writer.saving(figure, str(shown), dpi=80):
-                for k in [*range(FRAMES), *[FRAMES - 1] * 8]:
-                    for artist in [*axis.patches, *axis.texts]:
-                        artist.remove()
-                    _draw_balls(axis, x[k], radii)
-                    _draw_direction(axis, direction)
-                    axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
-                    writer.grab_frame()
-                    figure.set_layout_engine("none")  # the first frame fixes the layout of all
-            shown.replace(draft)
+    figure = blank(*_size(_frame(path, radii), 3.6))
+    axis = figure.subplots()
+    _set_frame(axis, path, radii)
+    writer = PillowWriter(fps=round(FRAMES / SECONDS))
+    with replacing(folder / "evolution.gif") as draft:
+        shown = draft.with_suffix(".part.gif")
+        with writer.saving(figure, str(shown), dpi=80):
+            for k in [*range(FRAMES), *[FRAMES - 1] * 8]:
+                for artist in [*axis.patches, *axis.texts]:
+                    artist.remove()
+                _draw_balls(axis, x[k], radii)
+                _draw_direction(axis, direction)
+                axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
+                writer.grab_frame()
+                figure.set_layout_engine("none")  # the first frame fixes the layout of all
+        shown.replace(draft)
 
 
+@look()
 def draw_ensemble(folder: Path, document: Document, radii: Sequence[float]) -> None:
     """Write ensemble.png and .svg: how the first nine members ended; nothing for a single run."""
     members = document["ensemble"][:9]
     if len(members) < 2:
         return
     ends = [{"positions": m["positions"]} for m in members]
-    with look():
-        figure, axes = _grid(len(members), _frame(ends, radii))
-        for axis, member in zip(axes, members, strict=True):
-            _draw_balls(axis, np.array(member["positions"]), radii)
-            _set_frame(axis, ends, radii)
-            axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
-        save_figure(figure, folder, "ensemble")
+    figure, axes = _grid(len(members), _frame(ends, radii))
+    for axis, member in zip(axes, members, strict=True):
+        _draw_balls(axis, np.array(member["positions"]), radii)
+        _set_frame(axis, ends, radii)
+        axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
+    save_figure(figure, folder, "ensemble")
 
 
 def _draw_balls(

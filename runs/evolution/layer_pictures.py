@@ -22,20 +22,20 @@ def some(moments: Sequence[Moment], count: int = SHOWN) -> list[Moment]:
     return [moments[k] for k in at]
 
 
+@look()
 def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
     """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
     chosen = some(moments)
-    with look():
-        columns = min(3, len(chosen))
-        lines = -(-len(chosen) // columns)
-        figure = blank(3.1 * columns, 3.2 * lines)
-        axes = figure.subplots(lines, columns, squeeze=False).ravel()
-        for axis, moment in zip(axes, chosen, strict=False):
-            draw_layer(axis, moment.positions, balls)
-            axis.set_title(f"{cycles(moment.sigma):.3g} cycles", fontsize=9)
-        for axis in axes[len(chosen) :]:
-            axis.set_axis_off()
-        save_figure(figure, folder, stem)
+    columns = min(3, len(chosen))
+    lines = -(-len(chosen) // columns)
+    figure = blank(3.1 * columns, 3.2 * lines)
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for axis, moment in zip(axes, chosen, strict=False):
+        draw_layer(axis, moment.positions, balls)
+        axis.set_title(f"{cycles(moment.sigma):.3g} cycles", fontsize=9)
+    for axis in axes[len(chosen) :]:
+        axis.set_axis_off()
+    save_figure(figure, folder, stem)
 
 
 def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
@@ -72,6 +72,7 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
     axis.set_ylabel("y [mm]", fontsize=8)
 
 
+@look()
 def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write structure.png and .svg: cluster size and coordination, and hexatic order, over cycles."""
     cycle = np.array([row["cycle"] for row in rows])
@@ -79,14 +80,13 @@ def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     def column(name: str) -> Array:
         return np.array([row[name] for row in rows])
 
-    with look():
-        figure, (clusters, order) = panels(4.6, 4.6, height=3.4)
-        clusters.plot(cycle, column("cluster_mean"), color=BLUE, label="balls in the cluster of a ball, mean")
-        clusters.plot(cycle, 1.0 + column("coordination"), color=ORANGE, label="1 + contacts of a ball, mean")
-        clusters.set(xlabel="cycles", yscale="log")
-        clusters.legend()
-        order.plot(cycle, column("hexatic_local"), color=GREEN, label="mean of |psi_6|")
-        order.plot(cycle, column("hexatic_global"), color=PURPLE, label="|mean of psi_6|")
-        order.set(xlabel="cycles", ylim=(0.0, 1.0))
-        order.legend()
-        save_figure(figure, folder, "structure")
+    figure, (clusters, order) = panels(4.6, 4.6, height=3.4)
+    clusters.plot(cycle, column("cluster_mean"), color=BLUE, label="balls in the cluster of a ball, mean")
+    clusters.plot(cycle, 1.0 + column("coordination"), color=ORANGE, label="1 + contacts of a ball, mean")
+    clusters.set(xlabel="cycles", yscale="log")
+    clusters.legend()
+    order.plot(cycle, column("hexatic_local"), color=GREEN, label="mean of |psi_6|")
+    order.plot(cycle, column("hexatic_global"), color=PURPLE, label="|mean of psi_6|")
+    order.set(xlabel="cycles", ylim=(0.0, 1.0))
+    order.legend()
+    save_figure(figure, folder, "structure")

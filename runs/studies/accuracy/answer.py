@@ -33,18 +33,12 @@ def present(found: Found, folder: Path) -> str:
     usual, one = by_case.get(USUAL_CASE), by_case.get(ON_ONE)
     ranks = next((row for row in rows if row["parameter"] == ALL_RANKS), None)
     judged = _judged(rows)
-    columns = {
-        "model": "model", "parameter": "parameter", "value": "value", OWN: OWN, TRUE: TRUE, "estimate": "own estimate",
-        "steps": "steps", "iterations": "iterations", "unknowns": "unknowns", "ranks": "ranks",
-        "seconds": "CPU seconds", "wall": "wall seconds",
-    }  # fmt: skip
     return render(
-        __file__, rows=rows, columns=columns,
+        __file__, rows=rows, own=OWN, against=TRUE,
         approach=found.cases[0].problem.load.values[0],
         references=[r for model in ("finite_strain", "linear_bem") if (r := _reference(found, model)) is not None],
         cheapest=[("T at finite strain", advice(rows, TRUE)), ("T of a given model", advice(rows, OWN))],
         asked=_asked(rows),
-        asked_columns={"asked of": "asked of", "error": OWN, "estimate": "own estimate", "seconds": "CPU seconds"},
         usual=usual, usual_error=usual and usual[OWN], changed=_changed(rows, usual) if usual else [], all_ranks=ranks,
         one_rank=one, change_by_ranks=_relative(ranks["force"], one["force"]) if ranks and one else None,
         judged=judged, beyond=sum(share > 1.0 for share, _ in judged),

@@ -19,33 +19,33 @@ LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 """Lower limits of the plot: the process clock does not resolve shorter times; smaller errors are drawn here."""
 
 
+@look()
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     """Write pareto.svg and .png; fronts end at the reference's own error."""
-    with look():
-        figure, (*axes, key) = panels(5.6, 5.6, 2.2, height=4.6)
-        key.set_axis_off()
-        for axis, column in zip(axes, (OWN, TRUE), strict=True):
-            known = [row for row in rows if row[column] is not None]
-            if not known:  # no reference yet
-                axis.set_axis_off()
-                continue
-            for model, (color, marker) in STYLES.items():
-                _points(axis, [row for row in known if row["model"] == model], column, (color, marker, model))
-            groups = [(color, [model]) for model, (color, _) in STYLES.items()]
-            for color, models in groups if column == OWN else [(GREY, list(STYLES))]:
-                best = front([row for row in known if row["model"] in models], column)
-                axis.plot(*_places(best, column, known=True), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
-            _mark_reference(axis, known, column)
-            axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
-            axis.set_title(TITLES[column])
-            axis.margins(x=0.12, y=0.08)
-            for wanted in (0.1, 0.01, 0.001):
-                axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
-        axes[0].set_ylabel("relative error of T")
-        words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
-        handles, names = axes[0].get_legend_handles_labels()
-        key.legend(handles, names, fontsize=8, loc="center left", title=words, title_fontsize=8, alignment="left")
-        save_figure(figure, folder, "pareto")
+    figure, (*axes, key) = panels(5.6, 5.6, 2.2, height=4.6)
+    key.set_axis_off()
+    for axis, column in zip(axes, (OWN, TRUE), strict=True):
+        known = [row for row in rows if row[column] is not None]
+        if not known:  # no reference yet
+            axis.set_axis_off()
+            continue
+        for model, (color, marker) in STYLES.items():
+            _points(axis, [row for row in known if row["model"] == model], column, (color, marker, model))
+        groups = [(color, [model]) for model, (color, _) in STYLES.items()]
+        for color, models in groups if column == OWN else [(GREY, list(STYLES))]:
+            best = front([row for row in known if row["model"] in models], column)
+            axis.plot(*_places(best, column, known=True), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
+        _mark_reference(axis, known, column)
+        axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
+        axis.set_title(TITLES[column])
+        axis.margins(x=0.12, y=0.08)
+        for wanted in (0.1, 0.01, 0.001):
+            axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
+    axes[0].set_ylabel("relative error of T")
+    words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
+    handles, names = axes[0].get_legend_handles_labels()
+    key.legend(handles, names, fontsize=8, loc="center left", title=words, title_fontsize=8, alignment="left")
+    save_figure(figure, folder, "pareto")
 
 
 def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:

@@ -18,58 +18,58 @@ COLORS = {"gathers": BLUE, "small groups": PURPLE, "orders": GREEN, "stays": GRE
 CURVES = (BLUE, ORANGE, GREEN, PURPLE, GREY)
 
 
+@look()
 def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]], laws: Mapping[float, PairLaw]) -> None:
     """Write map.svg and .png: outcomes over thickness and area fraction, and the pair law of each thickness."""
-    with look():
-        figure, (outcomes, pair) = panels(5.0, 5.0, height=3.9)
-        seen = set()
-        for case, row, outcome in found:
-            if case.seed != 1 or (case.thickness, case.fraction) in seen:
-                continue
-            seen.add((case.thickness, case.fraction))
-            outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
-            grouped = outcome in ("gathers", "small groups")
-            text = f"{row['cluster_mean']:.3g}" if grouped else f"{row['hexatic_end']:.2f}"
-            outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
-                              ha="center", fontsize=8)  # fmt: skip
-        for name, color in COLORS.items():
-            outcomes.plot([], [], "o", color=color, label=name)
-        thicknesses = sorted(laws)
-        outcomes.set(
-            xscale="log", xlabel="h / R", ylabel="area fraction", xlim=(0.7 * thicknesses[0], 1.4 * thicknesses[-1]),
-            ylim=(0.0, 0.75), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
-        )  # fmt: skip
-        outcomes.minorticks_off()
-        outcomes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.0))
-        outcomes.set_title("Balls in a cluster, or |psi_6|, at the end", pad=14)
-        for (h, law), color in zip(laws.items(), CURVES, strict=False):
-            pair.plot(DISTANCES, 1e3 * law.ratio, color=color, label=f"h = {h:g} R")
-        pair.axhline(0.0, color="0.55", lw=0.8, zorder=0)
-        pair.set(xlabel="distance of two balls / R", ylabel="1000 T/Q", xlim=(2.0, 12.0))
-        pair.set_title("Two balls: T > 0 attracts", pad=14)
-        pair.legend()
-        save_figure(figure, folder, "map")
+    figure, (outcomes, pair) = panels(5.0, 5.0, height=3.9)
+    seen = set()
+    for case, row, outcome in found:
+        if case.seed != 1 or (case.thickness, case.fraction) in seen:
+            continue
+        seen.add((case.thickness, case.fraction))
+        outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
+        grouped = outcome in ("gathers", "small groups")
+        text = f"{row['cluster_mean']:.3g}" if grouped else f"{row['hexatic_end']:.2f}"
+        outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
+                          ha="center", fontsize=8)  # fmt: skip
+    for name, color in COLORS.items():
+        outcomes.plot([], [], "o", color=color, label=name)
+    thicknesses = sorted(laws)
+    outcomes.set(
+        xscale="log", xlabel="h / R", ylabel="area fraction", xlim=(0.7 * thicknesses[0], 1.4 * thicknesses[-1]),
+        ylim=(0.0, 0.75), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
+    )  # fmt: skip
+    outcomes.minorticks_off()
+    outcomes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.0))
+    outcomes.set_title("Balls in a cluster, or |psi_6|, at the end", pad=14)
+    for (h, law), color in zip(laws.items(), CURVES, strict=False):
+        pair.plot(DISTANCES, 1e3 * law.ratio, color=color, label=f"h = {h:g} R")
+    pair.axhline(0.0, color="0.55", lw=0.8, zorder=0)
+    pair.set(xlabel="distance of two balls / R", ylabel="1000 T/Q", xlim=(2.0, 12.0))
+    pair.set_title("Two balls: T > 0 attracts", pad=14)
+    pair.legend()
+    save_figure(figure, folder, "map")
 
 
+@look()
 def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
     """Write ends.png: the layer at the end of every run, a column per thickness."""
     few = [(case, place) for case, place in found if case.count == min(c.count for c, _ in found)]
     columns = sorted({case.thickness for case, _ in few})
     lines = sorted({case.fraction for case, _ in few}, reverse=True)
-    with look():
-        figure = blank(2.3 * len(columns), 2.45 * len(lines))
-        axes = figure.subplots(len(lines), len(columns), squeeze=False)
-        for axis in axes.ravel():
-            axis.set_axis_off()
-        for case, place in few:
-            axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
-            axis.set_axis_on()
-            run = place / case.name
-            last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
-            draw_layer(axis, last.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
-            axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
-            axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
-        save_figure(figure, folder, "ends", ("png",))
+    figure = blank(2.3 * len(columns), 2.45 * len(lines))
+    axes = figure.subplots(len(lines), len(columns), squeeze=False)
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    for case, place in few:
+        axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
+        axis.set_axis_on()
+        run = place / case.name
+        last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
+        draw_layer(axis, last.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
+        axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
+    save_figure(figure, folder, "ends", ("png",))
 
 
 def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> None:
@@ -93,20 +93,20 @@ def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> Non
         save_gif(sheets, folder / "gathering.gif")
 
 
+@look()
 def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, float]]]]) -> None:
     """Write growth.svg and .png: mean cluster and hexatic order over the path at one area fraction."""
     chosen = [(case, rows) for case, rows in found if case.fraction == 0.3 and case.seed == 1]
     thicknesses = sorted({case.thickness for case, _ in chosen})
-    with look():
-        figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
-        for case, rows in sorted(chosen, key=lambda c: (c[0].count, c[0].thickness)):
-            color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
-            style = "-" if case.count < 1000 else "--"
-            path = np.array([row["cycle"] for row in rows])
-            label = f"h = {case.thickness:g} R" + (", 1000 balls" if case.count >= 1000 else "")
-            clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], style, color=color, label=label)
-            order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], style, color=color, label=label)
-        clusters.set(xscale="log", yscale="log", xlabel="path", ylabel="balls in the cluster of a ball, mean")
-        order.set(xscale="log", xlabel="path", ylabel="mean of |psi_6|", ylim=(0.2, 1.0))
-        clusters.legend(fontsize=8)
-        save_figure(figure, folder, "growth")
+    figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
+    for case, rows in sorted(chosen, key=lambda c: (c[0].count, c[0].thickness)):
+        color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
+        style = "-" if case.count < 1000 else "--"
+        path = np.array([row["cycle"] for row in rows])
+        label = f"h = {case.thickness:g} R" + (", 1000 balls" if case.count >= 1000 else "")
+        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], style, color=color, label=label)
+        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], style, color=color, label=label)
+    clusters.set(xscale="log", yscale="log", xlabel="path", ylabel="balls in the cluster of a ball, mean")
+    order.set(xscale="log", xlabel="path", ylabel="mean of |psi_6|", ylim=(0.2, 1.0))
+    clusters.legend(fontsize=8)
+    save_figure(figure, folder, "growth")

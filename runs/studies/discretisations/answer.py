@@ -40,12 +40,7 @@ def _row(
     off = math.dist(ball["tangential_force"], truth)
     return {
         "scene": case.labels["scene"],
-        "order": record["order"],
-        "fineness": record["fineness"],
-        "unknowns": record["unknowns"],
-        "iterations": record["iterations"],
-        "tangents": record["tangents"],
-        "seconds": record["seconds"],
+        **{key: record[key] for key in ("order", "fineness", "unknowns", "iterations", "tangents", "seconds")},
         BY_ITSELF: 100.0 * math.dist(ball["tangential_force_routes"]["domain_without_pair"], truth) / size,
         PAIRED: None if is_finest else 100.0 * off / size,
         BAR: 100.0 * ball["tangential_force_error"] / size,

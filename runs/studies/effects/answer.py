@@ -111,12 +111,6 @@ def _row(effect: Effect, without: Account, with_: Account, names: Sequence[str],
 
 def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
     """Return the answer as Markdown."""
-    price = {
-        "effect": "effect", "called for by": "requested by", "unknowns without": "unknowns without",
-        "unknowns with": "with", "forms without": "forms without", "forms of its own": "forms of its own",
-        "expressions of its own": "expressions",
-        "seconds without": "seconds without", "seconds with": "with", "MB without": "MB without", "MB with": "with",
-    }  # fmt: skip
     brought = {
         "modules": "modules of its own", "functions in other modules": "functions of its own elsewhere",
         "libraries": "libraries of its own", "result": "result entries of its own",
@@ -133,7 +127,7 @@ def report(rows: Sequence[dict[str, Any]], *, quick: bool) -> str:
         for row in rows
     ]
     return render(
-        __file__, rows=rows, price=price, own=own, proof=proof, quick=quick,
+        __file__, rows=rows, own=own, proof=proof, quick=quick,
         paying=[row["effect"] for row in rows if not row["pays nothing without"]],
         bare=[r["effect"] for r in rows if not r["modules of its own"] and not r["functions of its own elsewhere"]],
         spread=max((row["spread of seconds"] for row in rows), default=0.0), repeats=REPEATS,

@@ -23,6 +23,11 @@ from runs.studies.framework.template import render
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}
+OF_MEMBERS = (
+    "seed", "at_rest", "cycles_end", "cycles_one_group", "contacts", "groups", "first_pairs", "neighbours_kept",
+    "neighbours", "narrow_over_wide",
+)  # fmt: skip
+"""Columns of the table of ensemble members."""
 
 
 class Judged(NamedTuple):
@@ -179,16 +184,9 @@ def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:
         {
             "model": model,
             "case": case,
-            "seed": member["seed"],
-            "at_rest": member["at_rest"],
-            "cycles_end": member["cycles_end"],
-            "cycles_one_group": member["cycles_one_group"],
-            "contacts": member["contacts"],
+            **{key: member[key] for key in OF_MEMBERS},
             "groups": " ".join(map(str, member["groups"])),
             "first_pairs": " ".join(f"{i}-{j}" for i, j in member["first_pairs"]),
-            "neighbours_kept": member["neighbours_kept"],
-            "neighbours": member["neighbours"],
-            "narrow_over_wide": member["narrow_over_wide"],
         }
         for model in MODELS
         for case, document in found[model].items()
@@ -196,30 +194,30 @@ def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:
     ]
 
 
+@look()
 def draw(folder: Path, found: Mapping[str, Documents]) -> None:
     """Write experiments.png and .svg: distances over cycles of a line of four and of the three pairs."""
-    with look():
-        figure, (four, pair) = panels(5.0, 5.0, height=3.9)
-        for model in MODELS:
-            document = found[model].get("line of four, 30 mm")
-            if document is not None:
-                for (i, j), color in zip(((0, 1), (1, 2), (2, 3)), (BLUE, ORANGE, GREEN), strict=True):
-                    cycle, distance = distances(document, i, j)
-                    label = f"balls {i} - {j}" if model == "linear_bem" else None
-                    four.plot(cycle, 1e3 * distance, STYLES[model], color=color, label=label)
-            _draw_pairs(pair, found[model], model)
-        four.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 300.0))
-        four.set_title("Line of four balls, 30 mm apart, on foam")
-        four.legend()
-        pair.axhline(50.0, color=GREY, lw=0.8, ls=":")
-        pair.annotate(
-            "16 mm balls in the experiment", (1.0, 50.0), xycoords=("axes fraction", "data"), xytext=(-2, 4),
-            textcoords="offset points", ha="right", fontsize=8, color=GREY,
-        )  # fmt: skip
-        pair.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 200.0), ylim=(0.0, 75.0))
-        pair.set_title("Pairs on thin rubber" + (" (dashed: finite strain)" if found["finite_strain"] else ""))
-        pair.legend(loc="center right", bbox_to_anchor=(1.0, 0.45))
-        save_figure(figure, folder, "experiments")
+    figure, (four, pair) = panels(5.0, 5.0, height=3.9)
+    for model in MODELS:
+        document = found[model].get("line of four, 30 mm")
+        if document is not None:
+            for (i, j), color in zip(((0, 1), (1, 2), (2, 3)), (BLUE, ORANGE, GREEN), strict=True):
+                cycle, distance = distances(document, i, j)
+                label = f"balls {i} - {j}" if model == "linear_bem" else None
+                four.plot(cycle, 1e3 * distance, STYLES[model], color=color, label=label)
+        _draw_pairs(pair, found[model], model)
+    four.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 300.0))
+    four.set_title("Line of four balls, 30 mm apart, on foam")
+    four.legend()
+    pair.axhline(50.0, color=GREY, lw=0.8, ls=":")
+    pair.annotate(
+        "16 mm balls in the experiment", (1.0, 50.0), xycoords=("axes fraction", "data"), xytext=(-2, 4),
+        textcoords="offset points", ha="right", fontsize=8, color=GREY,
+    )  # fmt: skip
+    pair.set(xlabel="cycles", ylabel="distance of the axes [mm]", xlim=(0.0, 200.0), ylim=(0.0, 75.0))
+    pair.set_title("Pairs on thin rubber" + (" (dashed: finite strain)" if found["finite_strain"] else ""))
+    pair.legend(loc="center right", bbox_to_anchor=(1.0, 0.45))
+    save_figure(figure, folder, "experiments")
 
 
 def draw_gathering(folder: Path, found: Mapping[str, Documents]) -> None:

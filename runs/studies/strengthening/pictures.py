@@ -30,14 +30,14 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
 
 
+@look()
 def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
     """Write strengthening, parameters and laws as .svg and .png."""
-    with look():
-        save_figure(_headline(rows, fits), folder, "strengthening")
-        save_figure(_parameters(found, rows), folder, "parameters")
-        laws = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
-        if laws:
-            save_figure(_laws(laws, rows), folder, "laws")
+    save_figure(_headline(rows, fits), folder, "strengthening")
+    save_figure(_parameters(found, rows), folder, "parameters")
+    laws = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
+    if laws:
+        save_figure(_laws(laws, rows), folder, "laws")
 
 
 def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:

@@ -14,16 +14,16 @@ COLORS = (BLUE, ORANGE, GREEN, PURPLE)
 Groups = Mapping[str, Sequence[Point]]
 
 
+@look()
 def draw(every: Mapping[str, Groups], folder: Path) -> None:
     """Write validation.svg and .png; a panel without points says so."""
-    with look():
-        figure, axes = panels(4.4, 4.4, 4.4, height=4.0)
-        _bonded(axes[0], every["lebedev"])
-        _spheres(axes[1], {**every["long"], **every["shojaeifard"]}, every["lin"])
-        _coated(axes[2], every["perriot"])
-        for axis in axes:
-            legend_or_note(axis, fontsize=8)
-        save_figure(figure, folder, "validation")
+    figure, axes = panels(4.4, 4.4, 4.4, height=4.0)
+    _bonded(axes[0], every["lebedev"])
+    _spheres(axes[1], {**every["long"], **every["shojaeifard"]}, every["lin"])
+    _coated(axes[2], every["perriot"])
+    for axis in axes:
+        legend_or_note(axis, fontsize=8)
+    save_figure(figure, folder, "validation")
 
 
 def _bonded(axis: Any, groups: Groups) -> None:

@@ -9,21 +9,11 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.pair import PAPER_LOAD
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import ENDED, Found
-from runs.studies.framework.tables import markdown
 from runs.studies.framework.template import render
-from runs.studies.verification import (
-    convergence,
-    experiments,
-    one_ball,
-    pictures,
-    routes,
-    small_load,
-)
+from runs.studies.verification import convergence, experiments, one_ball, pictures, routes, small_load
 from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WIDEST, WRONG, Part, Row
 
-PARTS = (
-    one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART,
-)  # fmt: skip
+PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART)
 """In the order of the page."""
 
 
@@ -43,15 +33,10 @@ def present(found: Found, folder: Path) -> str:
     return render(
         __file__, counts=", ".join(f"{count} {word}" for word, count in every.items()),
         widest=WIDEST, verdicts=[_verdict(part, tables[part.name], found) for part in PARTS],
-        rows={part.name: _shown(part, tables[part.name]) for part in PARTS}, title={p.name: p.title for p in PARTS},
-        paper_load=PAPER_LOAD, band=convergence.BAND, floor=convergence.FLOOR, distance=routes.DISTANCE,
-        shift=routes.SHIFT,
+        rows={name: [{**row, "verdict": row["verdict"] or "-"} for row in rows] for name, rows in tables.items()},
+        title={p.name: p.title for p in PARTS}, paper_load=PAPER_LOAD, band=convergence.BAND,
+        floor=convergence.FLOOR, distance=routes.DISTANCE, shift=routes.SHIFT,
     )  # fmt: skip
-
-
-def _shown(part: Part, rows: Sequence[Row]) -> str:
-    columns = {**part.columns, "verdict": "verdict"}
-    return "\n".join(markdown([{**row, "verdict": row["verdict"] or "-"} for row in rows], columns))
 
 
 def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:

@@ -75,13 +75,4 @@ def _value(step: Any, quantity: str) -> float:
     return force if quantity == "Q" else float(pull(step["balls"])[0] / np.square(force))
 
 
-PART = Part(
-    NAME,
-    "Order of convergence",
-    cases,
-    rows,
-    {
-        "nu": "nu", "quantity": "quantity", "resolution": "order times fineness", "errors": "errors [%]",
-        "order": "observed order",
-    },
-)  # fmt: skip
+PART = Part(NAME, "Order of convergence", cases, rows)

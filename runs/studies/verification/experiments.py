@@ -72,14 +72,4 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
     return row
 
 
-PART = Part(
-    NAME,
-    "The paper's experiments at full approach",
-    cases,
-    rows,
-    {
-        "scene": "scene", "ended": "ended", "D": "D / R", "Q": "Q", "T": "T", "T/Q": "T / Q", "steps": "steps",
-        "cuts": "cut-backs", "iterations": "iterations", "J": "J", "penetration": "penetration", "balance": "balance",
-        "cpu": "CPU minutes", "why": "checks",
-    },
-)  # fmt: skip
+PART = Part(NAME, "The paper's experiments at full approach", cases, rows)

@@ -129,13 +129,4 @@ def extrapolation_weights(x: np.ndarray) -> np.ndarray:
     return np.array([x[1], -x[0]]) / (x[1] - x[0])
 
 
-PART = Part(
-    NAME,
-    "One ball",
-    cases,
-    rows,
-    {
-        "model": "model", "h": "h / R", "nu": "nu", "D": "D / R", "ratio": "Q / Q Hertz", "reference": "reference",
-        "expected": "there", "off": "off [%]", "bar": "own bar [%]", "band": "reference's band [%]",
-    },
-)  # fmt: skip
+PART = Part(NAME, "One ball", cases, rows)

@@ -25,14 +25,13 @@ def claimed(holds: bool, bar: float = 0.0) -> str | None:
 class Part:
     """One question: ``cases`` of the quick or the full version, and the ``rows`` of its table.
 
-    A row's "verdict" is one of those above; ``columns`` are shown.
+    A row's "verdict" is one of those above.
     """
 
     name: str
     title: str
     cases: Callable[[bool], list[Case]]
     rows: Callable[[Found], list[dict[str, Any]]]
-    columns: Mapping[str, str]
 
 
 def worded(found: Found, case: Case, ended: str) -> str | None:

@@ -11,18 +11,18 @@ COLORS = (BLUE, ORANGE, GREEN, PURPLE)
 Tables = Mapping[str, Sequence[Row]]
 
 
+@look()
 def draw(tables: Tables, folder: Path) -> None:
     """Write verification.svg and .png; a panel without rows says so."""
-    with look():
-        figure = blank(9.0, 7.6)
-        axes = figure.subplots(2, 2).ravel()
-        _one_ball(axes[0], tables["one-ball"])
-        _small_load(axes[1], tables["small-load"])
-        _convergence(axes[2], tables["convergence"])
-        _routes(axes[3], tables["routes"])
-        for axis in axes:
-            legend_or_note(axis, fontsize=8)
-        save_figure(figure, folder, "verification")
+    figure = blank(9.0, 7.6)
+    axes = figure.subplots(2, 2).ravel()
+    _one_ball(axes[0], tables["one-ball"])
+    _small_load(axes[1], tables["small-load"])
+    _convergence(axes[2], tables["convergence"])
+    _routes(axes[3], tables["routes"])
+    for axis in axes:
+        legend_or_note(axis, fontsize=8)
+    save_figure(figure, folder, "verification")
 
 
 def _one_ball(axis: Any, rows: Sequence[Row]) -> None:

@@ -88,13 +88,4 @@ def _row(step: Mapping[str, Any], slope: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-PART = Part(
-    NAME,
-    "Three routes to T along the load",
-    cases,
-    rows,
-    {
-        "D": "D / R", "Q": "Q / E1 R²", "domain": "domain integral", "traction": "traction", "energy": "energy",
-        "worst": "deviation of energy / error bar",
-    },
-)  # fmt: skip
+PART = Part(NAME, "Three routes to T along the load", cases, rows)

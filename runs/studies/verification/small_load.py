@@ -82,13 +82,4 @@ def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, f
     return pull(step["balls"])[0] / size, error / abs(size)
 
 
-PART = Part(
-    NAME,
-    "T against the linear model as the load goes to 0",
-    cases,
-    rows,
-    {
-        "model": "model", "h": "h / R", "L": "L / R", "D": "D / R", "T/Q": "linear T / Q", "ratio": "T / T linear",
-        "off": "off [%]", "of scale": "off, of the larger [%]", "bar": "own bar [%]", "in bar": "within its bar",
-    },
-)  # fmt: skip
+PART = Part(NAME, "T against the linear model as the load goes to 0", cases, rows)
