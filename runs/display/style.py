@@ -53,6 +53,17 @@ def panels(*widths: float, height: float = 4.2) -> tuple[Any, Any]:
     return figure, axes
 
 
+def grid(count: int, width: float, height: float) -> tuple[Any, list[Any]]:
+    """Return a figure of ``count`` panels in up to three columns, each ``width`` by ``height`` inches."""
+    columns = min(3, count)
+    lines = -(-count // columns)
+    figure = blank(columns * width, lines * height)
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for spare in axes[count:]:
+        spare.set_axis_off()
+    return figure, list(axes[:count])
+
+
 def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("svg", "png")) -> None:
     """Write STEM.svg and STEM.png, or only some kinds; the SVG contains no date."""
     for kind in kinds:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from runs.display.style import BLUE, GREY, ORANGE, blank, look, save_figure
+from runs.display.style import BLUE, GREY, ORANGE, blank, grid, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
 from runs.process.files import replacing
@@ -66,7 +66,7 @@ def draw_top_views(
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
     cycles = chosen_cycles(path, 6, balls)
-    figure, axes = _grid(len(cycles), _frame(path, radii))
+    figure, axes = grid(len(cycles), *_size(_frame(path, radii), 2.3))
     force = _arrow_scale(path, radii)
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
@@ -146,7 +146,7 @@ def draw_ensemble(folder: Path, document: Document, radii: Sequence[float]) -> N
     if len(members) < 2:
         return
     ends = [{"positions": m["positions"]} for m in members]
-    figure, axes = _grid(len(members), _frame(ends, radii))
+    figure, axes = grid(len(members), *_size(_frame(ends, radii), 2.3))
     for axis, member in zip(axes, members, strict=True):
         _draw_balls(axis, np.array(member["positions"]), radii)
         _set_frame(axis, ends, radii)
@@ -218,17 +218,6 @@ def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:
     extent = frame[1] - frame[0]
     scale = math.sqrt(width * width / (extent[0] * extent[1]))
     return float(scale * extent[0]) + 0.6, float(scale * extent[1]) + 0.7
-
-
-def _grid(count: int, frame: tuple[Array, Array]) -> tuple[Any, list[Any]]:
-    columns = min(3, count)
-    lines = math.ceil(count / columns)
-    width, height = _size(frame, 2.3)
-    figure = blank(columns * width, lines * height)
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    for spare in axes[count:]:
-        spare.set_axis_off()
-    return figure, list(axes[:count])
 
 
 def _digits(last: float) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, blank, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, grid, look, panels, save_figure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import wrapped
@@ -26,15 +26,10 @@ def some(moments: Sequence[Moment], count: int = SHOWN) -> list[Moment]:
 def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
     """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
     chosen = some(moments)
-    columns = min(3, len(chosen))
-    lines = -(-len(chosen) // columns)
-    figure = blank(3.1 * columns, 3.2 * lines)
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    for axis, moment in zip(axes, chosen, strict=False):
+    figure, axes = grid(len(chosen), 3.1, 3.2)
+    for axis, moment in zip(axes, chosen, strict=True):
         draw_layer(axis, moment.positions, balls)
         axis.set_title(f"{cycles(moment.sigma):.3g} cycles", fontsize=9)
-    for axis in axes[len(chosen) :]:
-        axis.set_axis_off()
     save_figure(figure, folder, stem)
 
 

@@ -1,11 +1,12 @@
 """Figure 8: where, and how far, the surface bulges out beside a uniformly loaded square."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from linear_bem import Layer, deepest_bulge, uniform_square_displacement
+from linear_bem import Elastic, Layer, deepest_bulge, uniform_square_displacement
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
 from runs.studies.figures.pair import extremum, halved, scene
 from runs.studies.figures.part import Findings, Part
@@ -16,20 +17,24 @@ OFF_AXIS = 1e-3
 """y*/a beyond which the deepest bulge has left the axis."""
 
 
+def _solids(thickness: float) -> tuple[Layer, Elastic | None]:
+    """Return a layer of another thickness with its substrate."""
+    base = scene().problem
+    return replace(base.layer, thickness=thickness), base.substrate
+
+
 def on_axis(thickness: float) -> tuple[float, float]:
     """Return x*/a and w* on the axis y = 0 for h/a = ``thickness``."""
-    base = scene().problem
-    return deepest_bulge(Layer(base.layer.young, base.layer.poisson, thickness), base.substrate)
+    return deepest_bulge(*_solids(thickness))
 
 
 def anywhere(thickness: float) -> tuple[float, float, float]:
     """Return x*/a, y*/a and w* of the deepest bulge beside the edge x = a, wherever on the surface it is."""
-    base = scene().problem
-    layer = Layer(base.layer.young, base.layer.poisson, thickness)
+    layer, substrate = _solids(thickness)
 
     def displacement(place: Any) -> float:
         x, y = 1.0 + np.exp(place[0]), place[1]
-        return float(uniform_square_displacement(layer, base.substrate, 1.0, 1.0, x, y)) * layer.young
+        return float(uniform_square_displacement(layer, substrate, 1.0, 1.0, x, y)) * layer.young
 
     axis = np.log(on_axis(thickness)[0] - 1.0)
     scan = np.linspace(0.0, 1.0, 26)
@@ -76,12 +81,11 @@ def _leaving(halvings: int) -> float:
 
 def _vanishing() -> float:
     """Return h/a where the deepest point on the axis is level with the unloaded surface."""
-    base = scene().problem
 
     def lowest(thickness: float) -> float:
-        layer = Layer(base.layer.young, base.layer.poisson, thickness)
+        layer, substrate = _solids(thickness)
         x = 1.0 + thickness * np.linspace(0.3, 0.9, 60)
-        return float(np.min(uniform_square_displacement(layer, base.substrate, 1.0, 1.0, x))) * layer.young
+        return float(np.min(uniform_square_displacement(layer, substrate, 1.0, 1.0, x))) * layer.young
 
     return float(brentq(lowest, 0.005, 0.02, rtol=1e-5))
 

@@ -50,12 +50,8 @@ class Pair:
     def problem(self) -> Problem:
         """Return the contact problem."""
         base = scene().problem
-        layer = replace(
-            base.layer,
-            thickness=base.layer.thickness if self.thickness is None else self.thickness,
-            young=base.layer.young if self.young is None else self.young,
-            poisson=base.layer.poisson if self.poisson is None else self.poisson,
-        )
+        given: dict[str, Any] = {key: getattr(self, key) for key in ("thickness", "young", "poisson")}
+        layer = replace(base.layer, **{key: value for key, value in given.items() if value is not None})
         substrate = base.substrate
         if substrate is not None and self.ratio is not None:
             substrate = Elastic(layer.young / self.ratio, substrate.poisson)

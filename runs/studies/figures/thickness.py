@@ -68,7 +68,8 @@ def draw(found: Findings) -> Any:
     limit = 1e7 * n["limit_thick"]
     main.axhline(limit, color="0.5", lw=0.8, ls=":")
     main.annotate(f"half-space of the layer's material: {limit:.6f}", (0.055, limit + 0.1), fontsize=9, color="0.35")
-    feature(main, n["h_of_minimum"], 1e7 * n["minimum"], _named("minimum", n["h_of_minimum"], n["minimum"]), (-30, -8))
+    place, value = n["h_of_minimum"], 1e7 * n["minimum"]
+    feature(main, place, value, f"minimum {value:.5f}\nat $h'$ = {place:.4f}", (-30, -8))
     for change, offset in zip(n["sign_changes"], ((4, 34), (24, -12)), strict=True):
         feature(main, change, 0.0, f"T = 0 at $h'$ = {change:.6f}", offset)
     peak = n["limit_thick"] * (1.0 + n["overshoot_at_approach"])
@@ -94,10 +95,6 @@ def draw(found: Findings) -> Any:
     thin.set(xscale="log", xlim=(2e-3, 0.3), ylim=(-2.0, 6.4), xlabel="$h'$", ylabel="$10^{10}\\,T'$")
     thin.set_title("(b) thin layers, fixed force")
     return figure
-
-
-def _named(what: str, place: float, value: float) -> str:
-    return f"{what} {1e7 * value:.5f}\nat $h'$ = {place:.4f}"
 
 
 PART = Part("figure_10_thickness", "Figure 10: T over the layer's thickness", compute, draw)
