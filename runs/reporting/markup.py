@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
-from linear_bem.errors import MissingDependency
 from runs.display.numbers import number, with_error
+from runs.display.templates import environment
 
 LONG = 60
 """Characters from which a cell's text may wrap."""
@@ -14,16 +13,9 @@ LONG = 60
 
 def render(**values: Any) -> str:
     """Return the page of the template beside this module."""
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined  # noqa: PLC0415  (may be absent)
-    except ImportError as error:
-        raise MissingDependency(f"report needs jinja2: {error}; install it by `pip install jinja2`") from None
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"columns": columns, "cell": cell}
-    return environment.get_template("page.html.jinja").render(values)
+    jinja = environment(__file__, "report", autoescape=True)
+    jinja.filters |= {"columns": columns, "cell": cell}
+    return jinja.get_template("page.html.jinja").render(values)
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, bool]]:
