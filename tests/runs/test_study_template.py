@@ -37,5 +37,6 @@ def test_templates_and_data_are_in_the_package() -> None:
     ]
     packed = {file for pattern in patterns["runs"] for file in (ROOT / "runs").glob(pattern)}
     beside = {file for file in (ROOT / "runs" / "studies").rglob("*") if file.suffix in (".jinja", ".toml", ".inp")}
+    beside |= set((ROOT / "runs" / "reporting").glob("*.jinja"))
     assert len(beside) > 10
     assert beside <= packed
