@@ -60,9 +60,9 @@ class Scale:
         return f"R = {size}: radius of {whose}; E = {modulus}: Young's modulus of the layer"
 
 
-def leading_ball(balls: Sequence[Mapping[str, Any]], key: str = "tangential_force") -> int:
+def leading_ball(balls: Sequence[Mapping[str, Any]]) -> int:
     """Return the index of the ball with the largest tangential force; the first if several are equal."""
-    sizes = [math.hypot(*ball[key]) for ball in balls]
+    sizes = [math.hypot(*ball["tangential_force"]) for ball in balls]
     return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
 
 

@@ -251,7 +251,7 @@ def _judged(
     return Equilibrium(x, held, pushes, residual, basis.shape[1], growth, verdict)
 
 
-def of_pair(forces: Forces, touch: float, furthest: float, count: int = 240) -> list[tuple[float, str]]:
+def of_pair(forces: Forces, touch: float, furthest: float) -> list[tuple[float, str]]:
     """Return the distances [m] at which two balls rest, with "stable" or "unstable", from contact to ``furthest``.
 
     T > 0 on the left ball attracts; a pair in contact that attracts rests there.
@@ -260,7 +260,7 @@ def of_pair(forces: Forces, touch: float, furthest: float, count: int = 240) -> 
     def pull(distance: float) -> float:
         return float(forces(np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])).tangential[0, 0])
 
-    at = np.geomspace(touch, furthest, count)
+    at = np.geomspace(touch, furthest, 240)
     values = np.array([pull(d) for d in at])
     found = [(touch, "stable")] if values[0] > 0.0 else []
     for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0):

@@ -31,6 +31,8 @@ Pairs = Indices
 
 TOUCHING = 1e-9
 """Gap over touching distance up to which a pair is in contact."""
+CONNECTED = 1e-3
+"""Gap over touching distance up to which a pair belongs to one group."""
 OVERLAP = 1e-12
 """Overlap over touching distance that is roundoff."""
 FEW = 40
@@ -163,10 +165,10 @@ class HardBalls:
         contacts = self._contacts(x, which, -gaps / size)
         return x + size * moved(np.zeros_like(x), resistances(load), contacts)[0]
 
-    def groups(self, x: Array, reach: float = 1e-3) -> list[list[int]]:
-        """Return the balls of each connected group; pairs closer than ``reach`` touching distances are connected."""
-        which = self.near(x, reach * 2.0 * float(np.max(self.radii)))
-        i, j = self.pairs(which[self.gaps(x, which) <= reach * self.distances(which)]).T
+    def groups(self, x: Array) -> list[list[int]]:
+        """Return the balls of each connected group; pairs with a gap of up to `CONNECTED` are connected."""
+        which = self.near(x, CONNECTED * 2.0 * float(np.max(self.radii)))
+        i, j = self.pairs(which[self.gaps(x, which) <= CONNECTED * self.distances(which)]).T
         count = len(x)
         number, label = connected_components(
             coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)), directed=False

@@ -16,9 +16,9 @@ SHOWN = 6
 """Moments in a picture."""
 
 
-def some(moments: Sequence[Moment], count: int = SHOWN) -> list[Moment]:
-    """Return at most ``count`` moments from first to last, at equal numbers of kept moments: about equal paths."""
-    at = np.unique(np.round(np.linspace(0, len(moments) - 1, count)).astype(int))
+def some(moments: Sequence[Moment]) -> list[Moment]:
+    """Return at most `SHOWN` moments from first to last, at equal numbers of kept moments: about equal paths."""
+    at = np.unique(np.round(np.linspace(0, len(moments) - 1, SHOWN)).astype(int))
     return [moments[k] for k in at]
 
 

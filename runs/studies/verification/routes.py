@@ -45,9 +45,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
     return [_row(step, slopes[step["record"]["fraction"]]) for step in finest if step["record"]["fraction"] in slopes]
 
 
-def energy_slopes(
-    apart: Sequence[Mapping[str, Any]], together: Sequence[Mapping[str, Any]], shift: float = SHIFT
-) -> dict[float, float]:
+def energy_slopes(apart: Sequence[Mapping[str, Any]], together: Sequence[Mapping[str, Any]]) -> dict[float, float]:
     """Return dU/dL [N] by load fraction; omitted where only one of the runs has multipliers."""
     others = {step["record"]["fraction"]: step for step in together}
     found = {}
@@ -55,7 +53,7 @@ def energy_slopes(
         other = others.get(step["record"]["fraction"])
         if other is not None and step["record"]["augmented"] == other["record"]["augmented"]:
             # each ball moves by the shift, so the distance changes by four shifts between the two runs
-            found[step["record"]["fraction"]] = (_energy(step) - _energy(other)) / (4.0 * shift)
+            found[step["record"]["fraction"]] = (_energy(step) - _energy(other)) / (4.0 * SHIFT)
     return found
 
 
