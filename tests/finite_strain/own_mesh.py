@@ -15,19 +15,20 @@ import finite_strain
 from finite_strain.compat import read_mesh
 from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
 from tests.finite_strain.scenes import COARSER
-from tests.finite_strain.test_own_mesh import SMALL, Z, block
+from tests.finite_strain.test_own_mesh import SMALL, block
 
 layer = Layer(young=1.0, poisson=0.3, thickness=1.16)
 balls = tuple(Ball((x, 0.0), 1.0, "sphere") for x in (-1.0, 1.0))
 problem = Problem(layer, balls, Load("approach", (0.1, 0.1)), finite_strain=FiniteStrain())
 comm = MPI.COMM_WORLD
 folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else "", root=0))
-answers = {"scene": finite_strain.solve(problem, tangential_force=0.3, folder=folder, numerics=COARSER)}
+given: dict[str, Any] = {"tangential_force": 0.3, "numerics": COARSER}
+answers = {"scene": finite_strain.solve(problem, folder=folder, **given)}
 
-answers["file"] = finite_strain.solve(problem, tangential_force=0.3, mesh=folder / "mesh_1.msh")
+answers["file"] = finite_strain.solve(problem, mesh=folder / "mesh_1.msh", **given)
 
 mesh, cell_tags, facet_tags = read_mesh(folder / "mesh_1.msh", comm)
-answers["dolfinx"] = finite_strain.solve(problem, tangential_force=0.3, mesh=(mesh, cell_tags, facet_tags))
+answers["dolfinx"] = finite_strain.solve(problem, mesh=(mesh, cell_tags, facet_tags), **given)
 
 
 def all_on_the_first(comm: Any, ranks: int, dimension: int, cells: Any, *_: Any) -> Any:
@@ -37,7 +38,7 @@ def all_on_the_first(comm: Any, ranks: int, dimension: int, cells: Any, *_: Any)
 
 
 options = {"ghost_mode": dolfinx.mesh.GhostMode.none, "partitioner": all_on_the_first}
-meshed = block(z=Z[::2], comm=comm, **options)
+meshed = block(comm=comm, **options)
 cells = comm.allgather(meshed[0].topology.index_map(3).size_local)
 for name, solver in (("factors", {}), ("multigrid", {"direct_up_to": "0"})):
     answers[name] = finite_strain.solve(
