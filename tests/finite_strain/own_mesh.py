@@ -1,28 +1,49 @@
-"""An own mesh: the mesh of a scene's run, written to a file or handed over by DOLFINx, gives the scene's answer."""
+"""Own meshes on several ranks: that of a scene's run, as a file or from DOLFINx, and one on the first rank alone."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
+import dolfinx
+import numpy as np
 from mpi4py import MPI
 
 import finite_strain
 from finite_strain.compat import read_mesh
 from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
+from tests.finite_strain.scenes import COARSER
+from tests.finite_strain.test_own_mesh import SMALL, block
 
 layer = Layer(young=1.0, poisson=0.3, thickness=1.16)
 balls = tuple(Ball((x, 0.0), 1.0, "sphere") for x in (-1.0, 1.0))
 problem = Problem(layer, balls, Load("approach", (0.1, 0.1)), finite_strain=FiniteStrain())
 comm = MPI.COMM_WORLD
 folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else "", root=0))
-answers = {"scene": finite_strain.solve(problem, tangential_force=0.3, folder=folder)}
+given: dict[str, Any] = {"tangential_force": 0.3, "numerics": COARSER}
+answers = {"scene": finite_strain.solve(problem, folder=folder, **given)}
 
-answers["file"] = finite_strain.solve(problem, tangential_force=0.3, mesh=folder / "mesh_1.msh")
+answers["file"] = finite_strain.solve(problem, mesh=folder / "mesh_1.msh", **given)
 
 mesh, cell_tags, facet_tags = read_mesh(folder / "mesh_1.msh", comm)
-answers["dolfinx"] = finite_strain.solve(problem, tangential_force=0.3, mesh=(mesh, cell_tags, facet_tags))
+answers["dolfinx"] = finite_strain.solve(problem, mesh=(mesh, cell_tags, facet_tags), **given)
+
+
+def all_on_the_first(comm: Any, ranks: int, dimension: int, cells: Any, *_: Any) -> Any:
+    """Return the rank of each cell."""
+    corners = cells[0] if isinstance(cells, list) else cells.array
+    return dolfinx.cpp.graph.AdjacencyList_int32(np.zeros((len(corners) // 8, 1), dtype=np.int32))
+
+
+options = {"ghost_mode": dolfinx.mesh.GhostMode.none, "partitioner": all_on_the_first}
+meshed = block(comm=comm, **options)
+cells = comm.allgather(meshed[0].topology.index_map(3).size_local)
+for name, solver in (("factors", {}), ("multigrid", {"direct_up_to": "0"})):
+    answers[name] = finite_strain.solve(
+        SMALL, mesh=meshed, model="small_strain", tangential_force=0.3, solver_options=solver
+    )
 
 if comm.rank == 0:
-    print(json.dumps({name: answer.to_dict() for name, answer in answers.items()}))
+    print(json.dumps({"cells": cells, **{name: answer.to_dict() for name, answer in answers.items()}}))

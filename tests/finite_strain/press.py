@@ -1,4 +1,7 @@
-"""Solve the light pair as a program on any number of ranks: ``FOLDER [last step | fail]``."""
+"""Solve the light pair as a program on any number of ranks, each run in its own folder: ``FOLDER NAME...``.
+
+A run named "stopped" ends after its first step, one named "failing" does not converge.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,6 @@ from tests.finite_strain.scenes import COARSER, Recorder, light_pair
 
 ACCURACY = 0.3
 STEPS = (0.5, 1.0)
-STOPPED = 3
 
 
 class Stopped(Exception):
@@ -35,26 +37,27 @@ class StopAfter(Recorder):
             raise Stopped
 
 
-def main() -> None:
-    folder, *rest = sys.argv[1:]
+def job(name: str, folder: str) -> Any:
+    """Return what one run of the light pair said: its answer, or its error on every rank (None but on rank 0)."""
     comm = MPI.COMM_WORLD
-    observer = StopAfter(int(rest[0]) if rest and rest[0].isdigit() else 0)
+    observer = StopAfter(1 if name == "stopped" else 0)
     hasty = replace(COARSER, shortest_step=0.4, newton_iterations=1)
     try:
         result = finite_strain.solve(
             light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS,
-            numerics=hasty if "fail" in rest else COARSER,
+            numerics=hasty if name == "failing" else COARSER,
         )  # fmt: skip
-    except Stopped:
-        raise SystemExit(STOPPED) from None
-    except ThirdBodyError as error:
-        said = comm.gather(f"rank {comm.rank}: {type(error).__name__}: {error}", root=0)
-        if said is not None:  # a launcher mixes the lines of several ranks
-            print("\n".join(said), flush=True)
-        raise SystemExit(1) from None
-    if comm.rank == 0:
-        meshes = sorted({attempt["mesh"] for attempt in observer.attempts})
-        print(json.dumps({**result.to_dict(), "resumed": observer.info["resumed_steps"], "meshes_run": meshes}))
+    except (Stopped, ThirdBodyError) as error:
+        return comm.gather(f"{type(error).__name__}: {error}", root=0)
+    meshes = sorted({attempt["mesh"] for attempt in observer.attempts})
+    return {**result.to_dict(), "resumed": observer.info["resumed_steps"], "meshes_run": meshes}
+
+
+def main() -> None:
+    folder, *names = sys.argv[1:]
+    answers = {name: job(name, f"{folder}/{name}") for name in names}
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(answers))
 
 
 if __name__ == "__main__":

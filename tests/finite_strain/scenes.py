@@ -115,11 +115,12 @@ def coarse_plan(
     steps: Sequence[float] | None = (1.0,),
     extent: Extent | None = NEAR,
     accuracy: float = 0.3,
+    numerics: Numerics = COARSER,
 ) -> RunPlan:
     """Return the plan of a model's run in a box of the given ``extent`` (None: the extent that the accuracy needs)."""
     effect = problem.finite_strain or FiniteStrain()
     problem = replace(problem, finite_strain=effect) if model == "finite_strain" else at_small_strain(problem)
-    plan = plan_run(problem, accuracy, model, None, steps)
+    plan = plan_run(problem, accuracy, model, None, steps, numerics)
     if extent is None:
         return plan
     return replace(plan, extent=replace(extent, depth=0.0) if problem.substrate is None else extent)

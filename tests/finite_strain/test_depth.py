@@ -19,10 +19,12 @@ from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
 from finite_strain.force.distortion import distortion
 from finite_strain.geometry.estimates import PENETRATION
+from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
+    COARSER,
     CUBIC,
     QUADRATIC,
     STIFF_SUBSTRATE,
@@ -83,7 +85,7 @@ def test_the_surface_under_a_deep_ball_stays_smooth(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    rig = coarse_rig(coarse_plan(pair(0.8)), tmp_path_factory.mktemp("deep"))
+    rig = coarse_rig(coarse_plan(pair(0.8), numerics=DEFAULT), tmp_path_factory.mktemp("deep"))
     *_, last = rig.path.steps(rig.plan.path)
     pull = rig.meter.domain(rig.contact_radii())[0, 0]
     return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
@@ -146,7 +148,7 @@ def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> Non
 
 @pytest.fixture(scope="module")
 def ball_on_layer() -> Any:
-    return finite_strain.solve(single(0.3), tangential_force=0.3, steps=STEPS)
+    return finite_strain.solve(single(0.3), tangential_force=0.3, steps=STEPS, numerics=COARSER)
 
 
 def test_a_single_ball_feels_no_in_plane_force_at_any_depth(ball_on_layer: Any) -> None:
@@ -194,7 +196,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
 def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() -> None:
     balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid")
     problem = at_small_strain(on_layer(balls, Load("approach", (0.2,) * 3), poisson=0.3))
-    result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9)
+    result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9, numerics=COARSER)
     linear = linear_bem.solve(problem)
     total, error = np.zeros(2), 0.0
     for ball, reference in zip(result.balls, linear.balls, strict=True):
@@ -207,8 +209,8 @@ def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() 
     assert result.steps[-1].record["imbalance"] == relatively(float(np.linalg.norm(total)), 1e-9)
 
 
-def rig_of(problem: Problem, folder: Path) -> Rig:
-    return coarse_rig(coarse_plan(problem), folder, QUADRATIC)
+def rig_of(problem: Problem, folder: Path, numerics: Numerics = COARSER) -> Rig:
+    return coarse_rig(coarse_plan(problem, numerics=numerics), folder, QUADRATIC)
 
 
 def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path: Path) -> None:
@@ -252,11 +254,11 @@ def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
 def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_came_from(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"))
+    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"), DEFAULT)
     known.press()
     good, source = known.path.history[-1], known.path.source
     useless = tuple(-values for values in good.values)
-    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"))
+    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"), DEFAULT)
     (record,) = rig.path.steps([1.0], lambda _: State(1.0, useless, good.approaches, source))
     assert not record.augmented
     assert record.cuts == 0
@@ -301,7 +303,7 @@ def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_
 
 
 def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.2, poisson=0.3), tmp_path)
+    rig = rig_of(pair(0.2, poisson=0.3), tmp_path, DEFAULT)
     *_, last = rig.press()
     assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
     assert rig.path.augment(last)
@@ -332,7 +334,8 @@ def test_a_deformable_substrate_matches_the_linear_model(tmp_path: Path) -> None
     soft = on_layer(
         (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (0.05,)), 0.8, linear_bem.Elastic(2.0, 0.3), 0.3
     )
-    rig = coarse_rig(coarse_plan(soft, "small_strain", extent=None, accuracy=0.02), tmp_path)
+    plan = coarse_plan(soft, "small_strain", extent=None, accuracy=0.02, numerics=DEFAULT)
+    rig = coarse_rig(plan, tmp_path)
     *_, last = rig.press()
     rig.path.augment(last)
     (reference,) = linear_bem.solve(at_small_strain(soft)).balls

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from finite_strain import Numerics
 from finite_strain.equilibrium import linear_solver
 from finite_strain.equilibrium.solver_options import choose, given_in, solver_notes
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
-from tests.finite_strain.scenes import coarse_plan, coarse_rig, in_form, pair, relatively
+from tests.finite_strain.scenes import COARSER, coarse_plan, coarse_rig, in_form, pair, relatively
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -75,13 +75,13 @@ def test_a_plan_reads_the_users_options_where_petsc_does() -> None:
     assert given_in("") == {}  # no options is the usual case
 
 
-def rig_of(problem: Problem, folder: Path, name: str, **numerics: int) -> Rig:
+def rig_of(problem: Problem, folder: Path, name: str, **numerics: Any) -> Rig:
     path = folder / name
     path.mkdir()
-    return coarse_rig(replace(coarse_plan(problem), numerics=Numerics(**numerics)), path)
+    return coarse_rig(coarse_plan(problem, numerics=replace(COARSER, **numerics)), path)
 
 
-def deep_rig(form: str, poisson: float, folder: Path, name: str, **numerics: int) -> Rig:
+def deep_rig(form: str, poisson: float, folder: Path, name: str, **numerics: Any) -> Rig:
     return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name, **numerics)
 
 
@@ -223,13 +223,13 @@ def test_a_direct_solver_replaces_a_failing_krylov_method_and_the_record_says_so
     tmp_path: Path, options: Callable[[str, str], None]
 ) -> None:
     problem = pair(0.05, poisson=0.3)
-    rig = rig_of(problem, tmp_path, "factors")
+    rig = rig_of(problem, tmp_path, "factors", growth=1.0)
     rig.press()
     expected = rig.normal_forces()[0]
     rig.solver.close()
     options("direct_up_to", "0")
     options("ksp_max_it", "2")
-    rig = rig_of(problem, tmp_path, "krylov")
+    rig = rig_of(problem, tmp_path, "krylov", growth=1.0)
     rig.press()
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
     count = rig.solver.effort.linear_fallbacks

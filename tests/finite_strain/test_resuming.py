@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.light import press, solve
-from tests.finite_strain.press import ACCURACY, STEPS, STOPPED, StopAfter, Stopped
+from tests.finite_strain.press import ACCURACY, STEPS, StopAfter, Stopped
 from tests.finite_strain.scenes import COARSER, Recorder, light_pair, relatively
 
 PARALLEL = 1e-6
@@ -44,29 +45,46 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
             assert np.abs(x - y).max() <= tolerance * np.abs(x).max(), name
 
 
+@pytest.fixture(scope="module")
+def on_two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
+    """What three runs on two ranks said, and the folder of their folders."""
+    base = tmp_path_factory.mktemp("two")
+    (base / "unreadable").mkdir()
+    (base / "unreadable" / NAME).write_bytes(b"")
+    return press(2, base, "whole", "failing", "unreadable"), base
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run on four ranks that was stopped after its first step."""
+    base = tmp_path_factory.mktemp("four")
+    assert press(4, base, "stopped") == {"stopped": ["Stopped: "] * 4}
+    return base / "stopped"
+
+
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, tmp_path: Path) -> None:
-    found = press(2, tmp_path)
+def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, on_two: tuple[Any, Path]) -> None:
+    found, other = on_two[0]["whole"], on_two[1] / "whole"
     assert found["solved"]["ranks"] == 2
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert "main" in found["meshes_run"]
     for number in (0, 1):
         name = f"mesh_{number}.msh"
-        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+        assert (other / name).read_bytes() == (folder / name).read_bytes()
     assert_same_answer(found, result.to_dict(), PARALLEL)
     for number in range(1, len(STEPS) + 1):
-        same_fields(folder / f"step_{number:04d}.h5", tmp_path / f"step_{number:04d}.h5", PARALLEL)
+        same_fields(folder / f"step_{number:04d}.h5", other / f"step_{number:04d}.h5", PARALLEL)
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
 def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
-    result: Any, folder: Path, tmp_path: Path
+    result: Any, folder: Path, stopped: Path, tmp_path: Path
 ) -> None:
-    press(4, tmp_path, "1", code=STOPPED)
-    same_fields(folder / "step_0001.h5", tmp_path / "step_0001.h5", PARALLEL)
-    assert not (tmp_path / "step_0002.h5").exists()
+    same_fields(folder / "step_0001.h5", stopped / "step_0001.h5", PARALLEL)
+    assert not (stopped / "step_0002.h5").exists()
+    shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
@@ -105,10 +123,9 @@ def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damaged", [NAME, "state_1_own_001.npz"])
 def test_a_damaged_file_costs_a_load_step_and_not_the_run(
-    damaged: str, result: Any, folder: Path, tmp_path: Path
+    damaged: str, result: Any, stopped: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(Stopped):
-        solve(tmp_path, StopAfter(1))
+    shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     whole = (tmp_path / damaged).read_bytes()
     (tmp_path / damaged).write_bytes(whole[: len(whole) // 2])
     again = Recorder()
@@ -128,18 +145,19 @@ def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path)
 
 
 @pytest.mark.mpi
-def test_an_unreadable_file_stops_every_rank(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes(b"")
-    said = press(2, tmp_path, code=1)
-    assert said.count("OutputUnusable") == 2
-    assert said.count(NAME) == 2
+def test_an_unreadable_file_stops_every_rank(on_two: tuple[Any, Path]) -> None:
+    said = on_two[0]["unreadable"]
+    assert len(said) == 2
+    for words in said:
+        assert words.startswith("OutputUnusable")
+        assert NAME in words
 
 
 @pytest.mark.mpi
-def test_a_run_that_does_not_converge_says_so_on_every_rank(tmp_path: Path) -> None:
-    lines = [line for line in press(2, tmp_path, "fail", code=1).splitlines() if line.startswith("rank ")]
-    assert [line.split(":")[0] for line in lines] == ["rank 0", "rank 1"]
-    for line in lines:
-        assert "NotConverged" in line
-        assert "DIVERGED_MAX_IT" in line
-        assert "last good state is at 0 of the full load" in line
+def test_a_run_that_does_not_converge_says_so_on_every_rank(on_two: tuple[Any, Path]) -> None:
+    said = on_two[0]["failing"]
+    assert len(said) == 2
+    for words in said:
+        assert words.startswith("NotConverged")
+        assert "DIVERGED_MAX_IT" in words
+        assert "last good state is at 0 of the full load" in words

@@ -20,7 +20,7 @@ from tests.launch import ROOT, STAND_IN, environment, thirdbody
 from tests.runs.test_command_line import strict
 from tests.scenes import thin_pair
 
-SCENE = ROOT / "runs" / "scenes" / "paper_thin_pair.toml"
+SCENE = ROOT / "tests" / "runs" / "light_pair.toml"
 RANKS = [1, pytest.param(2, marks=pytest.mark.mpi)]
 
 
@@ -49,11 +49,11 @@ def test_the_document_holds_both_models_and_a_row_per_step_and_ball(compared: tu
     assert len(document["comparison"]) == 2 * len(document["finite"]["steps"]) == 8
     row = document["comparison"][-1]
     # the stand-in multiplies the linear force at equal approach by 1 + D / R
-    assert row["strengthening_at_approach"] == pytest.approx(1.32, rel=1e-4)
-    assert row["strengthening_at_approach_error"] == pytest.approx(0.005 * 1.32, rel=0.02)  # as the scene asks
+    assert row["strengthening_at_approach"] == pytest.approx(1.1, rel=1e-4)
+    assert row["strengthening_at_approach_error"] == pytest.approx(0.005 * 1.1, rel=0.02)  # as the scene asks
     assert row["normal_force_linear_at_approach"] == pytest.approx(row["normal_force"], rel=1e-6)
     assert row["approach_linear_at_force"] == pytest.approx(row["approach"], rel=1e-4)
-    assert "makes the separation force 1.320 ± 0.007 times" in document["answer"]
+    assert "makes the separation force 1.100 ± 0.006 times" in document["answer"]
     assert document["sensitivity"]["lengths"] == pytest.approx(2.0, abs=0.01)
     page = page_of(read_folder(out))
     assert "What the inputs do to T" in page
@@ -76,7 +76,7 @@ def test_the_folder_holds_scene_log_and_figures(compared: tuple[dict[str, Any], 
     assert (out / "scene.toml").read_text(encoding="utf-8") == SCENE.read_text(encoding="utf-8")
     log = (out / "run.log").read_text(encoding="utf-8")
     assert "numpy" in log
-    assert "D = 0.32 R (100 %)" in log
+    assert "D = 0.1 R (100 %)" in log
     for name in ("tangential_force.png", "tangential_force.svg", "surface.png"):
         assert (out / name).stat().st_size > 10_000, name
     assert not list(out.glob(".part*"))
@@ -92,7 +92,7 @@ def test_a_complete_run_is_shown_again_without_solving(compared: tuple[dict[str,
     shown = run(1, "compare", out)
     assert document["answer"] in shown.stdout
     assert "1 % more" in shown.stdout
-    assert "1.320 ± 0.007" in shown.stdout
+    assert "1.100 ± 0.006" in shown.stdout
 
 
 def test_a_folder_is_refused_to_another_run(compared: tuple[dict[str, Any], Path]) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from tests.launch import mpirun
 
-DISTANCES = (1.0, 1.6)
+DISTANCES, DEPTHS = (1.0, 1.6), (0.3, 0.55, 0.85, 1.05)
 SCENE = """
 [layer]
 thickness = 2.5
@@ -63,13 +64,16 @@ def test_two_ranks_make_a_table_and_follow_the_balls_to_rest(tmp_path: Path) -> 
 
 
 def main() -> None:
-    """Run the command line with little of a table, kept beside the scene."""
+    """Run the command line with little of a table, kept beside the scene, and elements that grow fast."""
+    import finite_strain  # noqa: PLC0415
     from runs import cli  # noqa: PLC0415
     from runs.evolution import evolving, pair_table  # noqa: PLC0415
 
     pair_table.FEW = DISTANCES
+    pair_table.DEPTHS = DEPTHS
     pair_table.ARRANGEMENTS = {"three in a line": pair_table.ARRANGEMENTS["three in a line"]}
     evolving.TABLES = Path(sys.argv[2]).parent / "tables"
+    finite_strain.Numerics = partial(finite_strain.Numerics, growth=4.0)  # type: ignore[misc, assignment]
     cli.main()
 
 

@@ -70,7 +70,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     made = {name: base / name for name in ("solve", "compare", "study")}
     commands = {
         "solve": ("solve", "runs/scenes/paper_thin_pair_linear.toml"),
-        "compare": ("compare", "runs/scenes/paper_thin_pair.toml"),
+        "compare": ("compare", "tests/runs/light_pair.toml"),
         "study": ("study", "strengthening", "--quick", "--shard", "1/2"),
     }
     for name, folder in made.items():
@@ -126,7 +126,7 @@ def test_the_pages_say_what_the_runs_found(runs: dict[str, Path]) -> None:
     page = Page((runs["compare"] / "report.html").read_text(encoding="utf-8"))
     text = " ".join(page.text)
     assert document["answer"] in text
-    assert "Thin pair: two touching balls" in text
+    assert "Light pair: two touching balls" in text
     assert "poisson = 0.48" in text
     assert "thirdbody compare" in text
     assert f"{document['comparison'][0]['approach']:.4g}" in text

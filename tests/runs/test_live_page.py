@@ -1,0 +1,125 @@
+"""The live page of the handbook meets the solver, in Python and in a browser."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+from linear_bem import solve_contact
+from runs.handbook.live import table, widget
+from runs.handbook.live.chebyshev import Axis, interpolate
+from tests.launch import headless_browser
+
+
+def test_chebyshev_interpolation_is_exact_for_polynomials() -> None:
+    axes = (Axis("x", 1.0, 3.0, "linear", 4), Axis("y", 0.5, 8.0, "log", 3))
+
+    def f(x: Any, y: Any) -> Any:
+        return (x**3 - x) * (1.0 + np.log(y) ** 2)
+
+    values = f(axes[0].nodes()[:, None], axes[1].nodes()[None, :])
+    for at in ((1.0, 0.5), (2.2, 3.0), (3.0, 8.0), (float(axes[0].nodes()[1]), 2.0)):
+        assert interpolate(axes, values, at) == pytest.approx(f(*at), rel=1e-12)
+
+
+def test_the_live_table_meets_the_solver_within_the_error_that_it_states() -> None:
+    shipped = table.read()
+    for at in ((0.48, 1.16, 2.0, 0.3), (0.5, 0.6, 2.2, 0.2), (0.3, 6.0, 3.0, 0.5), (0.1, 11.0, 7.5, 0.05)):
+        stated = shipped.data["errors"][int(at[1] > table.BREAK)]["largest"]
+        assert max(stated["tangential"], stated["normal"]) < 5e-3
+        tangential, normal, section = table.difference(shipped, *at)
+        assert tangential <= stated["tangential"]
+        assert normal <= stated["normal"]
+        assert section <= stated["section"]
+
+
+def test_the_factors_of_the_live_page_are_the_published_ones() -> None:
+    cases = widget.strengthening(widget.STUDY.read_text(encoding="utf-8"))
+    thin = next(c for c in cases if (c["thickness"], c["distance"], c["poisson"]) == (1.16, 2.0, 0.48))
+    assert [0.32, 1.2809, 0.0016] in thin["points"]
+    assert len(cases) >= 14
+    with pytest.raises(ValueError, match="thin layer"):
+        widget.strengthening("# an empty page")
+
+
+def test_the_live_page_is_small_and_needs_no_other_file() -> None:
+    page = widget.html()
+    assert len(page.encode()) < 1e6
+    assert not re.findall(r"(?:src|href)=|https?://|fetch\(|import ", page)
+
+
+SCRIPT = """<script>
+const answers = [];
+for (const values of %s) {
+  document.getElementById("live").dispatchEvent(new CustomEvent("set-values", {detail: values}));
+  const text = (name) => document.querySelector(`[data-shows="${name}"]`).textContent;
+  answers.push({...JSON.parse(document.getElementById("live").dataset.values),
+    shown: text("tangential"), kind: text("kind"), factor: text("strengthening")});
+}
+document.body.innerHTML = "<pre id=answers></pre>";
+document.getElementById("answers").textContent = JSON.stringify(answers);
+</script>"""
+
+
+def in_browser(points: list[dict[str, float]], folder: Path) -> list[dict[str, Any]]:
+    """Return what the live page computes and shows with its sliders at ``points``."""
+    browser = headless_browser()
+    if browser is None:
+        pytest.skip("no headless browser here (apt-get install chromium-headless-shell)")
+    page = folder / "live.html"
+    script = SCRIPT % json.dumps(points)
+    page.write_text(f"<!doctype html><meta charset=utf-8>{widget.html()}{script}", encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+    command = [browser, *options, f"--user-data-dir={folder / 'browser'}", "--dump-dom", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120.0)
+    found = re.search(r'<pre id="answers">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert found, done.stdout[-2000:]
+    answers: list[dict[str, Any]] = json.loads(html.unescape(found[1]))
+    return answers
+
+
+def test_the_live_page_meets_the_solver_at_random_points_in_a_browser(tmp_path: Path) -> None:
+    random = np.random.default_rng(7)
+    shipped = table.read()
+    points, scaled = [], []
+    for poisson, thickness, distance, approach in table.random_points(8, seed=7):
+        radius, young = float(random.uniform(0.5, 20.0)), float(random.uniform(0.05, 10.0))
+        lengths = {"thickness": thickness * radius, "distance": distance * radius, "approach": approach * radius}
+        points.append({"radius": radius, "young": young, "poisson": poisson, "friction": 0.3, **lengths})
+        scaled.append((poisson, thickness, distance, approach))
+    for answer, values, at in zip(in_browser(points, tmp_path), points, scaled, strict=True):
+        assert answer["at"] == pytest.approx(at, rel=1e-9)
+        unit = values["young"] * values["radius"] ** 2
+        ball = solve_contact(table.pair(*at), 1e-4).result().balls[0]
+        tangential, error = ball.tangential_force[0] * unit, ball.tangential_force_error * unit
+        assert abs(answer["Q"] - ball.normal_force * unit) <= answer["normalError"]
+        assert abs(answer["T"] - tangential) <= answer["error"] + error
+        normal, by_table = shipped.pair_forces(*at)
+        assert (answer["Q"], answer["T"]) == pytest.approx((normal * unit, by_table * unit), rel=1e-6)
+        if abs(tangential) > 2.0 * answer["error"]:
+            assert answer["kind"] == ("attraction" if tangential > 0.0 else "separation")
+
+
+def test_the_live_page_shows_published_factors_and_no_others(tmp_path: Path) -> None:
+    thin = {"radius": 2.0, "young": 1.0, "poisson": 0.48, "thickness": 2.32, "distance": 4.0, "approach": 0.64}
+    known, unknown = in_browser([thin, {**thin, "thickness": 2.6}], tmp_path)
+    assert known["factor"].startswith("1.281 ± 0.002")
+    assert unknown["factor"] == "not known here"
+
+
+def test_the_drift_of_the_live_page_is_that_of_the_forces(tmp_path: Path) -> None:
+    nu, h, distance, approach = 0.3, 6.0, 3.0, 0.3
+    values = {"poisson": nu, "thickness": h, "distance": distance, "approach": approach}
+    (answer,) = in_browser([{"radius": 1.0, "young": 1.0, "friction": 0.3, **values}], tmp_path)
+    steps = np.linspace(2.0, distance, 7)
+    balls = [solve_contact(table.pair(nu, h, float(d), approach), 1e-3).result().balls[0] for d in steps]
+    slowness = np.array([b.normal_force / (2.0 * b.tangential_force[0]) for b in balls])
+    assert answer["drift"]["path"] == pytest.approx(float(simpson(slowness, x=steps)), rel=2e-3)
