@@ -186,7 +186,7 @@ class Refinement:
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
         """Return the answer of a discretisation at its present step (collective)."""
-        answers = Answers(self.plan, self.records[max(number - 2, 0) : number + 1])
+        answers = Answers(self.plan, self.records[number - 1 : number + 1])
         truth = on_root(self.comm, partial(answers.truth, account.fraction))
         answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
         return replace(answer, mesh=number)
@@ -256,7 +256,7 @@ class Refinement:
             record.reached = last.balls[worst].tangential_force_error / record.scale
         else:
             record.reached = 0.0
-        if record.rows[-1].own.fraction < self.plan.goals[-1]:
+        if last.fraction < self.plan.goals[-1]:
             record.reached = math.inf
 
     def _save(self) -> None:
