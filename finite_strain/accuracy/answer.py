@@ -65,13 +65,7 @@ class Answers:
         solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
         size, squared = np.linalg.norm(now.tangential_force, axis=1), now.normal_force**2
         none, follows = np.zeros_like(size), getattr(now, self.follows)
-        apart, moved = none, none
-        if truth is None or self.plan.is_paired:  # else the error is known
-            change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
-            apart = self._change("R", account.fraction, change)
-            moved = self._change(
-                "Q", account.fraction, np.abs(ratio(getattr(before, self.follows), follows, empty=1.0) - 1.0)
-            )
+        apart, moved = self._changed(account.fraction, now, before, truth)
         at_force = Terms(squared * apart, none, squared * now.transfer, solver)
         if self.forces_given:
             terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
@@ -136,12 +130,28 @@ class Answers:
         share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
 
+    def compare(self, fraction: float, said: LinearTruth | str) -> None:
+        """Store the changes from the coarser discretisation at a load without an answer; see `answer`."""
+        truth = None if isinstance(said, str) else said
+        _, now, before = self._at(fraction, truth)
+        self._changed(fraction, now, before, truth)
+
+    def _changed(
+        self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the discretisation errors (balls,) of T / Q^2 [1/N] and, relative, of the force or approach."""
+        if truth is not None and not self.plan.is_paired:  # the error is known
+            return np.zeros(len(now.normal_force)), np.zeros(len(now.normal_force))
+        change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
+        share = np.abs(ratio(getattr(before, self.follows), getattr(now, self.follows), empty=1.0) - 1.0)
+        return self._change("R", fraction, change), self._change("Q", fraction, share)
+
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
-        """Return the discretisation error (balls,) from the changes up to a load; store this one for later steps."""
+        """Return the discretisation error (balls,) from the changes up to a load; store this one for later loads."""
         path = self.fine.changes.setdefault(name, [])
         near, before = (
-            [np.array(value) for value, step in zip(record.changes.get(name, ()), record.steps, strict=False)
-             if NEARBY * fraction <= step.fraction <= fraction]
+            [np.array(value) for value, row in zip(record.changes.get(name, ()), record.rows, strict=False)
+             if NEARBY * fraction <= row.own.fraction <= fraction]
             for record in (self.fine, self.coarse)
         )  # fmt: skip
         path.append(change.tolist())

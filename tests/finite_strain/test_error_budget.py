@@ -12,7 +12,7 @@ import pytest
 
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
-from finite_strain.planning.records import Discretisation, Record, save_records, saved_records
+from finite_strain.planning.records import Discretisation, Record, Row, save_records, saved_records
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
 from tests.finite_strain.test_pairs import state
@@ -78,7 +78,7 @@ def test_changes_at_much_smaller_loads_do_not_count() -> None:
     factor = gain(CUBIC, QUADRATIC)
     for fraction, change, counted in ((0.1, 5.0, 5.0), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
         assert answers._change("R", fraction, np.array([change])) == relatively([counted * factor], ROUNDOFF)
-        answers.fine.steps.append(SimpleNamespace(fraction=fraction))  # type: ignore[arg-type]
+        answers.fine.rows.append(Row(SimpleNamespace(fraction=fraction)))  # type: ignore[arg-type]
 
 
 def test_penetration_acts_like_a_smaller_approach() -> None:
