@@ -15,6 +15,9 @@ class Numerics:
     More changes T by less than 0.1 % (`thirdbody study accuracy`)."""
     growth: float = 1.0
     """Growth of element sizes, less one, over that of `meshes.box`; 2 gives equal results (study `stability`)."""
+    more_loads: tuple[float, ...] = (0.7, 0.85)
+    """Loads over the full one at which the discretisations are compared besides those of a run with fewer than three
+    answers: at a single load two meshes may agree by chance (`python -m tests.finite_strain.bars`)."""
     largest_step: float = 0.07
     """Largest increment of the approach over the radius: Newton's method converges, even from the undeformed layer.
     The answer does not depend on it (`thirdbody study accuracy`, and the whole load in one step in `stability`)."""

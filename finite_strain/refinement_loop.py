@@ -83,7 +83,7 @@ class Refinement:
             notes += [f"{fault}: {again}" for fault in faults if fault]
             record.rows.pop()
             record.steps = [step for step in record.steps if step.fraction < fraction]
-            record.changes = {name: path[: len(record.steps)] for name, path in record.changes.items()}
+            record.changes = {name: path[: len(record.rows)] for name, path in record.changes.items()}
         return records, notes
 
     def run(self) -> Result:
@@ -153,11 +153,11 @@ class Refinement:
         self._resume(run, record, number)
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
-        path = [f for f in plan.path if f > reached and (coarse is None or f in plan.goals or f > found)]
+        path = [f for f in plan.path if f > reached and (coarse is None or f in plan.loads or f > found)]
         taken, mark = list[StepRecord](), time.monotonic()
         for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
             taken.append(done)
-            if done.fraction not in plan.goals:
+            if done.fraction not in plan.loads:
                 continue
             run.own.path.augment(done)
             is_last = number > 0 and done.fraction == plan.goals[-1]
@@ -169,6 +169,10 @@ class Refinement:
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
             if coarse is None or coarse.at(done.fraction) is None:
+                self._save()
+                continue
+            if done.fraction not in plan.goals:
+                self._compare(number, done.fraction)
                 self._save()
                 continue
             answer = self._answer(number, run.account(taken, pair, own, mark), run.own.solver.tolerance)
@@ -184,9 +188,14 @@ class Refinement:
                 on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
+    def _compare(self, number: int, fraction: float) -> None:
+        """Record the change from the coarser discretisation at a load without an answer (collective)."""
+        answers = Answers(self.plan, self.records[number - 1 : number + 1])
+        answers.compare(fraction, on_root(self.comm, partial(answers.truth, fraction)))
+
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
         """Return the answer of a discretisation at its present step (collective)."""
-        answers = Answers(self.plan, self.records[max(number - 2, 0) : number + 1])
+        answers = Answers(self.plan, self.records[number - 1 : number + 1])
         truth = on_root(self.comm, partial(answers.truth, account.fraction))
         answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
         return replace(answer, mesh=number)
@@ -218,14 +227,14 @@ class Refinement:
         })  # fmt: skip
 
     def _file(self, number: int, model: str, fraction: float) -> Path:
-        return self.folder / f"state_{number}_{model}_{self.plan.goals.index(fraction) + 1:03d}.npz"
+        return self.folder / f"state_{number}_{model}_{self.plan.loads.index(fraction) + 1:03d}.npz"
 
     def _keep(self, snapshot: Snapshot, number: int, model: str) -> None:
         on_root(self.comm, lambda: snapshot.save(self._file(number, model, snapshot.fraction)))
 
     def _predicted(self, run: ModelRun, number: int, model: str, fraction: float) -> State | None:
         """Return the coarser discretisation's state at a load fraction, if it has one."""
-        if number == 0 or fraction not in self.plan.goals:
+        if number == 0 or fraction not in self.plan.loads:
             return None
         file = self._file(number - 1, model, fraction)
         there = self.comm.bcast(self.comm.rank == 0 and file.exists() and not Snapshot.fault(file), root=0)
@@ -256,7 +265,7 @@ class Refinement:
             record.reached = last.balls[worst].tangential_force_error / record.scale
         else:
             record.reached = 0.0
-        if record.rows[-1].own.fraction < self.plan.goals[-1]:
+        if last.fraction < self.plan.goals[-1]:
             record.reached = math.inf
 
     def _save(self) -> None:

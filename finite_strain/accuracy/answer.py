@@ -1,12 +1,12 @@
 """The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.error_budget import NEARBY, Terms, discretisation, enforcement, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
@@ -27,12 +27,11 @@ LEAST, MOST = 1.5, 3.0
 class Answers:
     """Turns results of discretisations into answers for the balls of the scene, step by step along a load path.
 
-    ``records`` are the last two or more discretisations, the finest last.
+    ``records`` are the last two discretisations, the finer one last.
     """
 
     def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
         self.plan, self.fine, self.coarse = plan, records[-1], records[-2]
-        self._older = records[-3] if len(records) > 2 else None
         load = prescribed(plan.problem)
         self.forces_given, self.follows = load.forces_given, load.follows
 
@@ -60,31 +59,24 @@ class Answers:
         ``said`` is what `truth` returned, ``tolerance`` [N] the solver's residual.
         """
         truth = None if isinstance(said, str) else said
-        fine, now, before, older = self._at(account.fraction, truth)
+        fine, now, before = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         share = enforcement(fine.own, fine.small, weight, account.augmented)
         solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
-        size = np.linalg.norm(now.tangential_force, axis=1)
-        floor, squared = np.maximum(size, self._scale(now.normal_force)), now.normal_force**2
-
-        def change(name: str, value: Callable[[Paired], np.ndarray], scale: np.ndarray) -> np.ndarray:
-            """Return the discretisation error of a value (balls, k) of the paired answers; zero for a known error."""
-            if truth is not None and not self.plan.is_paired:
-                return np.zeros_like(scale)
-            return self._change(name, value(now), value(before), None if older is None else value(older), scale)
-
-        none = np.zeros_like(size)
-        rest = change("R", lambda answer: squared[:, None] * answer.per_squared_force, floor)
-        at_force = Terms(rest, none, squared * now.transfer, solver)
-        follows = getattr(now, self.follows)
-        changed = change("Q", lambda answer: getattr(answer, self.follows)[:, None], follows)
+        size, squared = np.linalg.norm(now.tangential_force, axis=1), now.normal_force**2
+        none, follows = np.zeros_like(size), getattr(now, self.follows)
+        apart, moved = self._changed(account.fraction, now, before, truth)
+        at_force = Terms(squared * apart, none, squared * now.transfer, solver)
         if self.forces_given:
             terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
             adds = np.hypot if self.plan.is_paired else np.add  # known errors with one cause add linearly
-            moved = adds(at_force.transfer, 2.0 * size * now.force_transfer)
-            rest = change("T", lambda answer: answer.tangential_force, floor)
-            terms, left, rate = Terms(rest, 2.0 * MOST * size * share, moved, solver), MOST * share, np.ones_like(size)
+            terms = Terms(
+                np.hypot(squared * apart, 2.0 * size * moved), 2.0 * MOST * size * share,
+                adds(at_force.transfer, 2.0 * size * now.force_transfer), solver,
+            )  # fmt: skip
+            left, rate = MOST * share, np.ones_like(size)
+        changed = follows * moved
         through = Terms(changed, np.abs(follows) * left, np.abs(follows) * now.force_transfer, tolerance * rate).total
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
         return Answer(
@@ -97,16 +89,15 @@ class Answers:
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
         )  # fmt: skip
 
-    def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired, Paired | None]:
-        """Return the finest row, and the paired answers of the finest, the one before, and the one before that."""
+    def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired]:
+        """Return the finest row, and the paired answers of the finest and of the one before."""
         fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
         assert fine is not None and coarse is not None  # noqa: PT018
-        last = None if self._older is None else self._older.at(fraction)
         now, before = self._paired(fine, truth), self._paired(coarse, truth)
         if self.plan.is_paired:
             levels = self.fine.level, self.coarse.level
             now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
-        return fine, now, before, None if last is None else self._paired(last, truth)
+        return fine, now, before
 
     def _balls(self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray) -> tuple[BallResult, ...]:
         """Return the state of every ball of the scene; ``error`` (balls,) [N] is that of T."""
@@ -139,16 +130,32 @@ class Answers:
         share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
 
-    def _change(
-        self, name: str, now: np.ndarray, before: np.ndarray, older: np.ndarray | None, size: np.ndarray
-    ) -> np.ndarray:
-        """Return the discretisation error, and store it in its record for later steps."""
-        path, last = self.fine.changes.setdefault(name, []), np.linalg.norm(now - before, axis=1)
-        observed = None if older is None else ratio(last, np.linalg.norm(before - older, axis=1), empty=np.inf)
-        factor = gain(self.fine.level, self.coarse.level, observed)
-        error = discretisation(now, before, factor, path, size)
-        path.append(ratio(factor * last, size).tolist())
-        return error
+    def compare(self, fraction: float, said: LinearTruth | str) -> None:
+        """Store the changes from the coarser discretisation at a load without an answer; see `answer`."""
+        truth = None if isinstance(said, str) else said
+        _, now, before = self._at(fraction, truth)
+        self._changed(fraction, now, before, truth)
+
+    def _changed(
+        self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the discretisation errors (balls,) of T / Q^2 [1/N] and, relative, of the force or approach."""
+        if truth is not None and not self.plan.is_paired:  # the error is known
+            return np.zeros(len(now.normal_force)), np.zeros(len(now.normal_force))
+        change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
+        share = np.abs(ratio(getattr(before, self.follows), getattr(now, self.follows), empty=1.0) - 1.0)
+        return self._change("R", fraction, change), self._change("Q", fraction, share)
+
+    def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
+        """Return the discretisation error (balls,) from the changes up to a load; store this one for later loads."""
+        path = self.fine.changes.setdefault(name, [])
+        near, before = (
+            [np.array(value) for value, row in zip(record.changes.get(name, ()), record.rows, strict=False)
+             if NEARBY * fraction <= row.own.fraction <= fraction]
+            for record in (self.fine, self.coarse)
+        )  # fmt: skip
+        path.append(change.tolist())
+        return discretisation([*near, change], before, self.fine.level, self.coarse.level)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

@@ -143,7 +143,8 @@ class Record:
     """One discretisation of a run: its definition, its results at each load step, and its cost.
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
-    load; ``changes`` are the relative errors (balls,) by change of T, Q and R = T / Q^2 at the answered steps so far.
+    load; ``changes`` are those (balls,) from the coarser discretisation at the rows: R of T / Q^2 [1/N], Q of
+    the force or approach that was not given, relative.
     """
 
     level: Discretisation

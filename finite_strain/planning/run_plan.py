@@ -26,6 +26,8 @@ MOST_AT_FIRST = 5e5
 """Largest number of unknowns of the first answering discretisation where no budget is stated."""
 LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
+ENOUGH = 3
+"""Number of load steps with output from which on their changes alone show the error."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 RANKS = 2
@@ -46,7 +48,10 @@ class GivenMesh:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """The parts of a run: ``goals`` are the load fractions with output."""
+    """The parts of a run: ``goals`` are the load fractions with output.
+
+    ``loads`` are those at which discretisations are compared: the goals, and more of them where there are few.
+    """
 
     problem: Problem
     reduction: Reduction
@@ -80,9 +85,15 @@ class RunPlan:
         return max(depth / ball.radius for ball, (depth, _, _) in zip(self.problem.balls, self.expected, strict=True))
 
     @property
+    def loads(self) -> tuple[float, ...]:
+        """The load fractions at which every discretisation has results, rising."""
+        few = len(self.goals) < ENOUGH
+        return tuple(sorted({*self.goals, *(f * self.goals[-1] for f in self.numerics.more_loads if few)}))
+
+    @property
     def path(self) -> tuple[float, ...]:
         """The load fractions of the path finder."""
-        return prescribed(self.problem).fractions(self.deepest, self.goals, self.numerics.largest_step)
+        return prescribed(self.problem).fractions(self.deepest, self.loads, self.numerics.largest_step)
 
     def box(self, level: Discretisation) -> Box:
         """Return the box that a discretisation meshes, with a block under each ball of the reduced scene."""
@@ -135,14 +146,14 @@ class RunPlan:
         box = self.box(PATH_FINDER)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
-        path, goals = len(self.path), len(self.goals)
+        path, loads = len(self.path), len(self.loads)
         finder, first = (
-            Mesh(n, level.order, count, goals * self.is_paired, solver.direct, searches=level == PATH_FINDER)
-            for n, level, count, solver in zip(unknowns, self.first, (path, goals), solvers, strict=True)
+            Mesh(n, level.order, count, loads * self.is_paired, solver.direct, searches=level == PATH_FINDER)
+            for n, level, count, solver in zip(unknowns, self.first, (path, loads), solvers, strict=True)
         )
         speed = ranks ** math.log2(SPEEDUP)
         largest = Mesh(
-            most, HIGHEST, goals, goals * self.is_paired, choose(most, "mixed" in forms.values(), given).direct
+            most, HIGHEST, loads, loads * self.is_paired, choose(most, "mixed" in forms.values(), given).direct
         )
         seconds = [START_SECONDS + finder.seconds, first.seconds]
         return {

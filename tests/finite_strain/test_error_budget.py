@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
-from finite_strain.planning.records import Discretisation, Record, save_records, saved_records
+from finite_strain.planning.records import Discretisation, Record, Row, save_records, saved_records
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
 from tests.finite_strain.test_pairs import state
@@ -34,14 +35,13 @@ def test_a_change_bounds_the_error_of_values_that_converge_with_the_slowest_orde
     coarse: Discretisation, fine: Discretisation
 ) -> None:
     def value(level: Discretisation, order: float) -> np.ndarray:
-        return np.array([[2.0 + 0.1 * (level.order * level.fineness) ** -order, 0.0]])
+        return np.array([2.0 + 0.1 * (level.order * level.fineness) ** -order])
 
     def error(order: float) -> np.ndarray:
-        size = np.array([1.0])
-        return discretisation(value(fine, order), value(coarse, order), gain(fine, coarse), [], size)
+        return discretisation([value(coarse, order) - value(fine, order)], [], fine, coarse)
 
-    assert error(SLOWEST) == relatively(np.abs(value(fine, SLOWEST)[:, 0] - 2.0), 1e-9)
-    assert error(SLOWEST + 1.0) > abs(value(fine, SLOWEST + 1.0)[0, 0] - 2.0)
+    assert error(SLOWEST) == relatively(value(fine, SLOWEST) - 2.0, 1e-9)
+    assert error(SLOWEST + 1.0) > value(fine, SLOWEST + 1.0) - 2.0
 
 
 def test_an_observed_ratio_of_changes_is_limited_to_the_slowest_and_fastest_orders() -> None:
@@ -58,18 +58,27 @@ def test_an_observed_ratio_of_changes_is_limited_to_the_slowest_and_fastest_orde
 
 
 def test_a_correction_small_by_chance_is_bounded_below_by_the_coarser_one_and_its_convergence() -> None:
-    now, before = np.array([0.001, 0.03]), np.array([0.08, 0.08])
-    assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-FASTEST, 0.03], ROUNDOFF)
-    assert transfer(now, before, FINER, CUBIC) == relatively([0.08 * 1.5**-SLOWEST, 0.03], ROUNDOFF)
+    now, before = np.array([0.001, 0.04]), np.array([0.08, 0.08])
+    assert transfer(now, before, QUARTIC, QUADRATIC) == relatively([0.08 * 2.0**-FASTEST, 0.04], ROUNDOFF)
+    assert transfer(now, before, FINER, CUBIC) == relatively([0.08 * 1.5**-SLOWEST, 0.04], ROUNDOFF)
     assert transfer(now, before, CUBIC, CUBIC) == relatively(now, ROUNDOFF)  # same resolution: no bound from before
 
 
-def test_a_chance_agreement_at_one_step_does_not_give_zero_error() -> None:
-    same, size = np.array([[2.0, 0.0]]), np.array([2.0])
-    path = [[0.01], [0.03]]
-    assert discretisation(same, same, 1.0, path, size) == relatively([0.02], ROUNDOFF)
-    # a larger change is added in quadrature; an earlier one does not increase it
-    assert discretisation(same, same + 0.5, 1.0, path, size) == relatively([math.hypot(0.5, 0.5)], ROUNDOFF)
+def test_the_largest_change_of_nearby_load_steps_counts() -> None:
+    path, before = [np.array([0.3, 0.0]), np.array([0.0, 0.1])], [np.array([0.6, 0.0]), np.array([0.2, 0.0])]
+    alone = gain(CUBIC, QUADRATIC)
+    assert discretisation(path, [], CUBIC, QUADRATIC) == relatively([0.3 * alone, 0.1 * alone], ROUNDOFF)
+    # the largest changes of two refinements show what is left of the error; without an earlier one the slowest order
+    slowest = gain(QUARTIC, CUBIC)
+    assert discretisation(path, before, QUARTIC, CUBIC) == relatively([0.3 * 0.5 / 0.5, 0.1 * slowest], ROUNDOFF)
+
+
+def test_changes_at_much_smaller_loads_do_not_count() -> None:
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    factor = gain(CUBIC, QUADRATIC)
+    for fraction, change, counted in ((0.1, 5.0, 5.0), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
+        assert answers._change("R", fraction, np.array([change])) == relatively([counted * factor], ROUNDOFF)
+        answers.fine.rows.append(Row(SimpleNamespace(fraction=fraction)))  # type: ignore[arg-type]
 
 
 def test_penetration_acts_like_a_smaller_approach() -> None:
@@ -96,11 +105,9 @@ def test_an_imbalance_of_forces_increases_the_error() -> None:
     assert answers._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)
 
 
-def test_a_resumed_run_restores_the_relative_changes_of_earlier_steps(tmp_path: Path) -> None:
+def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> None:
     plan, records = plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)]
-    large, size = np.array([[2.0, 0.0]]), np.array([2.0])
-    Answers(plan, records)._change("T", large, 0.5 * large, None, size)
+    Answers(plan, records)._change("R", 0.5, np.array([0.2]))
     save_records(tmp_path, "key", records)
     resumed, _ = saved_records(tmp_path, "key")
-    errors = [Answers(plan, each)._change("T", large, large, None, size)[0] for each in (records, resumed)]
-    assert errors[0] == errors[1] > 0.0  # of a step without a change of its own
+    assert resumed[-1].changes == {"R": [[0.2]]}

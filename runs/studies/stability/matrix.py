@@ -20,7 +20,7 @@ from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-ONE_STEP = {"largest_step": 10.0}
+ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
 """Twice the default growth of element sizes."""
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
