@@ -149,13 +149,12 @@ class Answers:
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes up to a load; store this one for later loads."""
         path = self.fine.changes.setdefault(name, [])
-        near, before = (
-            [np.array(value) for value, row in zip(record.changes.get(name, ()), record.rows, strict=False)
-             if NEARBY * fraction <= row.own.fraction <= fraction]
-            for record in (self.fine, self.coarse)
-        )  # fmt: skip
+        near = [
+            np.array(value) for value, row in zip(path, self.fine.rows, strict=False)
+            if row.own.fraction >= NEARBY * fraction
+        ]  # fmt: skip
         path.append(change.tolist())
-        return discretisation([*near, change], before, self.fine.level, self.coarse.level)
+        return discretisation([*near, change], self.fine.level, self.coarse.level)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

@@ -43,20 +43,16 @@ class Terms:
         return np.asarray(np.sqrt(sum(term**2 for term in vars(self).values())))
 
 
-def gain(fine: Discretisation, coarse: Discretisation, observed: np.ndarray | None = None) -> np.ndarray | float:
+def gain(fine: Discretisation, coarse: Discretisation) -> float:
     """Return the factor on the change from one discretisation to a finer one that bounds the finer one's error.
 
     If refinement reduces an error by a factor q, it changes by 1 - q of itself, and q / (1 - q) of that change remains.
-    ``observed`` (balls,) is the largest change of a load path over that to the coarser discretisation, an estimate of
-    q; it is limited to the range between the fastest and the slowest order.
+    The ratio of two successive changes is no estimate of q: either may be small by chance.
     """
     ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
     if ratio <= 1.0:
         return 1.0
     q = ratio**-SLOWEST
-    if observed is not None:
-        fastest = FASTEST if fine.order > coarse.order else SLOWEST
-        q = np.clip(observed, ratio**-fastest, q)
     return q / (1.0 - q)
 
 
@@ -71,19 +67,12 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
     return np.maximum(now, left * before) if ratio > 1.0 else now
 
 
-def discretisation(
-    path: Sequence[np.ndarray], before: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation
-) -> np.ndarray:
-    """Return the error of a value (balls,) from its changes (balls,) at the nearby load steps, this one included.
+def discretisation(path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation) -> np.ndarray:
+    """Return the error of a value (balls,) from its changes (balls,) at the nearby loads, the present one included.
 
-    ``before`` are the changes to the coarser discretisation, if there were any. A change vanishes by chance at some
-    load steps, so the largest counts.
+    A change vanishes by chance at some loads, so the largest counts.
     """
-    largest = np.max(path, axis=0)
-    if not len(before):
-        return np.asarray(gain(fine, coarse) * largest)
-    older = np.max(before, axis=0)
-    return gain(fine, coarse, np.divide(largest, older, out=np.full(len(older), np.inf), where=older > 0.0)) * largest
+    return np.asarray(gain(fine, coarse) * np.max(path, axis=0))
 
 
 def enforcement(

@@ -15,7 +15,7 @@ from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
-from finite_strain.planning.refinement import HIGHEST, PATH_FINDER, Budget, answering
+from finite_strain.planning.refinement import FIRST, HIGHEST, PATH_FINDER, Budget
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
@@ -134,7 +134,7 @@ class RunPlan:
     @property
     def first(self) -> tuple[Discretisation, Discretisation]:
         """The path finder and the first discretisation that answers."""
-        return PATH_FINDER, answering(self.accuracy, self.budget, self.unknowns)
+        return PATH_FINDER, FIRST
 
     def describe(self, ranks: int = RANKS) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units; seconds and memory up to the first answer.

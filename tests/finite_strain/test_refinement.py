@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from finite_strain.planning.records import (
     saved_records,
 )
 from finite_strain.planning.refinement import (
-    FINE,
+    FIRST,
     MOST_LEVELS,
     PATH_FINDER,
     STEP,
@@ -36,9 +37,10 @@ from finite_strain.planning.refinement import (
     decide,
 )
 from finite_strain.planning.run_plan import plan_run
+from finite_strain.refinement_loop import Refinement
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import BallResult
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, light_pair, relatively
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, light_pair, pair, relatively
 from tests.finite_strain.test_pairs import state
 
 FREE = Budget(unknowns=1e9)
@@ -81,10 +83,19 @@ def test_an_error_estimate_needs_two_discretisations() -> None:
     assert chosen(0.5, [record(QUADRATIC)]) == CUBIC
 
 
-def test_a_high_accuracy_takes_the_highest_order_at_once_if_the_budget_allows() -> None:
-    assert chosen(2.0 * FINE, [record(QUADRATIC)]) == CUBIC
-    assert chosen(FINE, [record(QUADRATIC)]) == QUARTIC
-    assert chosen(FINE, [record(QUADRATIC)], Budget(unknowns=0.99 * size(QUARTIC))) == CUBIC
+def test_the_second_discretisation_does_not_depend_on_the_accuracy() -> None:
+    assert FIRST == CUBIC
+    assert [chosen(asked, [record(QUADRATIC)]) for asked in (1e-4, 0.5)] == [CUBIC] * 2
+
+
+def test_a_mesh_that_goes_beyond_the_coarser_one_is_refined_because_full_load_has_no_error() -> None:
+    plan = plan_run(pair(0.1), 0.1, "finite_strain", steps=(0.5, 1.0))
+    half = replace(ANSWER, fraction=0.5, error_terms={"discretisation": [4e-4]})
+    rows = [Row(replace(state(1.0, 0.1, (0.01, 0.0)), fraction=f)) for f in (0.5, 1.0)]
+    beyond = Record(CUBIC, 10, 1.0, True, rows, [half])
+    Refinement._judge(SimpleNamespace(plan=plan), beyond)  # type: ignore[arg-type]
+    assert beyond.reached == math.inf
+    assert chosen(0.1, [record(QUADRATIC), beyond]) == QUARTIC
 
 
 def test_an_accuracy_that_is_met_ends_the_refinement() -> None:
@@ -242,4 +253,4 @@ def test_a_run_with_other_numerics_has_another_key(tmp_path: Path) -> None:
 
     assert key(Numerics()) == key(Numerics(newton_iterations=25))
     changed = {name: 2 * value for name, value in vars(Numerics()).items()}
-    assert len({key(Numerics(**{name: value})) for name, value in changed.items()} | {key(Numerics())}) == 8  # type: ignore[arg-type]
+    assert len({key(Numerics(**{name: value})) for name, value in changed.items()} | {key(Numerics())}) == 9  # type: ignore[arg-type]
