@@ -70,8 +70,8 @@ def main(folder: Path, unknowns: float = 200e3) -> None:
     for name in "TQ":
         ratio = np.array([row[f"bar of {name}"] / row[f"error of {name}"] for row in table], dtype=float)  # type: ignore[operator]
         print(
-            f"{name}: {np.mean(ratio >= 1.0):.0%} of {len(ratio)} bars hold; bar over error: smallest {ratio.min():.2g}, "
-            f"median {np.median(ratio):.2g}"
+            f"{name}: {np.mean(ratio >= 1.0):.0%} of {len(ratio)} bars hold; "
+            f"bar over error: smallest {ratio.min():.2g}, median {np.median(ratio):.2g}"
         )
     for order in (3, 4):
         left = [row["error of T / Q^2 over its largest change"] for row in table if row["order"] == order]
