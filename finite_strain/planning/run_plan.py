@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
@@ -26,6 +26,8 @@ MOST_AT_FIRST = 5e5
 """Largest number of unknowns of the first answering discretisation where no budget is stated."""
 LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
+FINE, SECOND = 0.005, replace(FIRST, order=HIGHEST)
+"""Required accuracy up to which a plan counts on order 4, too."""
 ENOUGH = 3
 """Number of load steps with output from which on their changes alone show the error."""
 _SHARED_NODES = 1.35
@@ -132,38 +134,45 @@ class RunPlan:
         return nodes * (3.0 + pressures)
 
     @property
-    def first(self) -> tuple[Discretisation, Discretisation]:
-        """The path finder and the first discretisation that answers."""
-        return PATH_FINDER, FIRST
+    def likely(self) -> tuple[Discretisation, ...]:
+        """The discretisations that the accuracy will probably take: an answer of order 3 seldom reaches `FINE`."""
+        levels = (PATH_FINDER, FIRST)
+        if self.accuracy > FINE or self.unknowns(SECOND) > self.budget.most_unknowns:
+            return levels
+        return (*levels, SECOND)
 
     def describe(self, ranks: int = RANKS) -> dict[str, Any]:
-        """Return the plan in words and numbers: SI units; seconds and memory up to the first answer.
+        """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
-        ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are path finder's and first answer's.
+        ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are those of each discretisation.
         """
-        unknowns = [self.unknowns(level) for level in self.first]
+        unknowns = [self.unknowns(level) for level in self.likely]
         most = self.budget.most_unknowns
         box = self.box(PATH_FINDER)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
         solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
         path, loads = len(self.path), len(self.loads)
-        finder, first = (
-            Mesh(n, level.order, count, loads * self.is_paired, solver.direct, searches=level == PATH_FINDER)
-            for n, level, count, solver in zip(unknowns, self.first, (path, loads), solvers, strict=True)
-        )
+        meshes = [
+            Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct,
+                 searches=level == PATH_FINDER)
+            for n, level, solver in zip(unknowns, self.likely, solvers, strict=True)
+        ]  # fmt: skip
         speed = ranks ** math.log2(SPEEDUP)
         largest = Mesh(
             most, HIGHEST, loads, loads * self.is_paired, choose(most, "mixed" in forms.values(), given).direct
         )
-        seconds = [START_SECONDS + finder.seconds, first.seconds]
+        seconds = [
+            START_SECONDS * (level == PATH_FINDER) + mesh.seconds
+            for level, mesh in zip(self.likely, meshes, strict=True)
+        ]
         return {
             "forms": forms,
             "linear_solver": solvers[-1].describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(unknowns[-1]),
-            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(self.first, unknowns, strict=True)]
+            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(self.likely, unknowns, strict=True)]
             + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
-            "memory_bytes": first.memory_bytes(ranks),
+            "memory_bytes": meshes[-1].memory_bytes(ranks),
             "memory_bytes_at_most": largest.memory_bytes(ranks),
             "seconds": sum(seconds) / speed,
             "processor_seconds": sum(seconds),
@@ -199,7 +208,7 @@ def plan_run(
         problem, reduction, goals, tangential_force, budget or Budget(), numerics, tuple(expected),
         choose_extent(problem, expected, tangential_force), given,
     )  # fmt: skip
-    least, most = plan.unknowns(plan.first[-1]), plan.budget.unknowns or MOST_AT_FIRST
+    least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:
         raise UnsupportedProblem(
             f"accuracy.unknowns: the coarsest mesh with an error estimate has about {least:.2g} unknowns, "
