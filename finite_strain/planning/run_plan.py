@@ -89,7 +89,7 @@ class RunPlan:
     @property
     def loads(self) -> tuple[float, ...]:
         """The load fractions at which every discretisation has results, rising."""
-        few = len(self.goals) < ENOUGH
+        few = self.is_paired and len(self.goals) < ENOUGH  # the error of small strain alone is known
         return tuple(sorted({*self.goals, *(f * self.goals[-1] for f in self.numerics.more_loads if few)}))
 
     @property
