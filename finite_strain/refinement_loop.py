@@ -51,14 +51,8 @@ class Refinement:
         self.fields, self.keep, self.inspect, self.meshed = fields, keep, inspect, meshed
         self.began = time.monotonic()
         parts: tuple[object, ...] = (
-            FORMAT,
-            plan.problem,
-            plan.model,
-            plan.goals,
-            plan.accuracy,
-            plan.budget,
-            plan.numerics,
-        )
+            FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics
+        )  # fmt: skip
         if plan.given is not None:
             parts = (*parts, plan.given)
         if plan.has_own_energy:  # a function's name does not say what it computes: never resumed

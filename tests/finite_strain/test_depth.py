@@ -19,13 +19,14 @@ from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
 from finite_strain.force.distortion import distortion
 from finite_strain.geometry.estimates import PENETRATION
-from finite_strain.numerics import DEFAULT, Numerics
+from finite_strain.numerics import Numerics
 from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
 from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
     COARSER,
     CUBIC,
+    ONE_LOAD,
     QUADRATIC,
     STIFF_SUBSTRATE,
     Rig,
@@ -85,7 +86,7 @@ def test_the_surface_under_a_deep_ball_stays_smooth(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    rig = coarse_rig(coarse_plan(pair(0.8), numerics=DEFAULT), tmp_path_factory.mktemp("deep"))
+    rig = coarse_rig(coarse_plan(pair(0.8), numerics=ONE_LOAD), tmp_path_factory.mktemp("deep"))
     *_, last = rig.path.steps(rig.plan.path)
     pull = rig.meter.domain(rig.contact_radii())[0, 0]
     return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
@@ -254,11 +255,11 @@ def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
 def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_came_from(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"), DEFAULT)
+    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"), ONE_LOAD)
     known.press()
     good, source = known.path.history[-1], known.path.source
     useless = tuple(-values for values in good.values)
-    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"), DEFAULT)
+    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"), ONE_LOAD)
     (record,) = rig.path.steps([1.0], lambda _: State(1.0, useless, good.approaches, source))
     assert not record.augmented
     assert record.cuts == 0
@@ -303,7 +304,7 @@ def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_
 
 
 def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.2, poisson=0.3), tmp_path, DEFAULT)
+    rig = rig_of(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
     *_, last = rig.press()
     assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
     assert rig.path.augment(last)
@@ -334,7 +335,7 @@ def test_a_deformable_substrate_matches_the_linear_model(tmp_path: Path) -> None
     soft = on_layer(
         (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (0.05,)), 0.8, linear_bem.Elastic(2.0, 0.3), 0.3
     )
-    plan = coarse_plan(soft, "small_strain", extent=None, accuracy=0.02, numerics=DEFAULT)
+    plan = coarse_plan(soft, "small_strain", extent=None, accuracy=0.02, numerics=ONE_LOAD)
     rig = coarse_rig(plan, tmp_path)
     *_, last = rig.press()
     rig.path.augment(last)

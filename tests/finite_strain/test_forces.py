@@ -17,9 +17,9 @@ from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
-from finite_strain.numerics import Numerics
 from tests.finite_strain.scenes import (
     CUBIC,
+    ONE_LOAD,
     QUADRATIC,
     SHAPES,
     UNEQUAL,
@@ -233,7 +233,7 @@ def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_ap
     kind: str, poisson: float, tmp_path: Path
 ) -> None:
     found, forces, step = [], [], 0.05
-    plan = coarse_plan(pair(0.2, shape=SHAPES[kind], poisson=poisson), kind, numerics=Numerics(growth=2.0))
+    plan = coarse_plan(pair(0.2, shape=SHAPES[kind], poisson=poisson), kind, numerics=replace(ONE_LOAD, growth=2.0))
     rig = coarse_rig(plan, tmp_path, CUBIC)
     rig.press([0.4, 0.7, 1.0])
     for shift in (0.0, step, step):

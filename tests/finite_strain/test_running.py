@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,11 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import finite_strain
 import linear_bem
+from finite_strain.accuracy.error_budget import SLOWEST
 from finite_strain.output.field_catalogue import CATALOGUE
-from finite_strain.planning.records import Discretisation
+from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.press import ACCURACY, STEPS
 from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
@@ -189,3 +193,16 @@ def test_the_index_holds_every_step(result: Any, folder: Path) -> None:
             assert "region" in cell_data
             dents.append(point_data["displacement"][:, 2].min())
     assert dents == sorted(dents, reverse=True)
+
+
+def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path) -> None:
+    numerics = replace(COARSER, more_loads=(0.6, 0.8))
+    result = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path, numerics=numerics)
+    assert [step.record["fraction"] for step in result.steps] == [1.0]
+    fine = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["discretisations"][-1]
+    assert [row["own"]["fraction"] for row in fine["rows"]] == relatively([0.6, 0.8, 1.0], 1e-12)
+    ratio = fine["level"]["order"] / 2.0
+    largest = np.max(fine["changes"]["R"])
+    error = largest * result.balls[0].normal_force ** 2 / (ratio**SLOWEST - 1.0)
+    term = result.steps[0].record["error_terms"]["discretisation"][0]
+    assert error <= term <= 2.0 * error  # and the part of Q

@@ -70,7 +70,7 @@ def test_the_parameter_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
     for turned in PARAMETERS["largest load step of the path over the radius (0.07)"].values():
         counts.append(steps(Numerics(**turned.numerics)))
     assert counts == [3, 1]
-    assert steps(Numerics()) == 2
+    assert steps(Numerics(more_loads=())) == 2
 
 
 def test_every_parameter_is_away_from_the_default_that_its_name_holds() -> None:

@@ -43,7 +43,7 @@ PARAMETERS = {
         f"{d}": Turned(numerics={"contact_degree": d}) for d in (0, 2, 12)
     },
     "largest load step of the path over the radius (0.07)": {
-        f"{step:g}": Turned(numerics={"largest_step": step}) for step in (0.035, 10.0)
+        f"{step:g}": Turned(numerics={"largest_step": step, "more_loads": ()}) for step in (0.035, 10.0)
     },
 }
 """Parameters changed one at a time; each name holds the default."""
