@@ -22,6 +22,8 @@ ALONE = 0.48
 """Memory of small strain, which has no pair, over that of two models."""
 ALONE_SECONDS = 0.5
 """A load step at small strain over one at finite strain: the bulk's tangent is constant (two scenes: 0.42, 0.54)."""
+MIXED_SECONDS = 1.3
+"""A load step with displacements and pressures over one with as many unknowns that are displacements alone."""
 KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.6e8
 """An answered step and its pair, and the memory of both, by multigrid, above the range of the factors; as n.
 
@@ -34,7 +36,10 @@ SPEEDUP = 1.6
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of a run: unknowns, element order, number of load steps, of pairs, and whether factors solve it."""
+    """A mesh of a run: unknowns, element order, number of load steps, of pairs, and whether factors solve it.
+
+    ``searches`` is for the path finder, ``mixed`` for elements with pressures.
+    """
 
     unknowns: float
     order: int
@@ -42,6 +47,7 @@ class Mesh:
     pairs: int
     direct: bool
     searches: bool = False
+    mixed: bool = False
 
     @property
     def seconds(self) -> float:
@@ -51,7 +57,7 @@ class Mesh:
             return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
         each = SEARCH_SECONDS if self.searches else STEP_SECONDS * self.order / 3.0
         steps = self.steps + self.pairs if self.pairs else ALONE_SECONDS * self.steps
-        return MESH_SECONDS * share + steps * each * share**STEP_POWER
+        return MESH_SECONDS * share + (MIXED_SECONDS if self.mixed else 1.0) * steps * each * share**STEP_POWER
 
     def memory_bytes(self, ranks: int) -> float:
         """Return the memory of all processes."""

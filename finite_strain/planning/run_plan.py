@@ -154,7 +154,7 @@ class RunPlan:
         path, loads = len(self.path), len(self.loads)
         meshes = [
             Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct,
-                 searches=level == PATH_FINDER)
+                 searches=level == PATH_FINDER, mixed="mixed" in forms.values())
             for n, level, solver in zip(unknowns, self.likely, solvers, strict=True)
         ]  # fmt: skip
         speed = ranks ** math.log2(SPEEDUP)

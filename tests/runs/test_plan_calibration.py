@@ -8,17 +8,19 @@ from finite_strain.planning.cost import Mesh
 from runs.studies.scaling.plan_calibration import CASES, planned
 
 MEASURED = {
-    "one": (6150, 2.62, 362e6),
-    "approach": (9750, 4.28, 481e6),
-    "force": (9750, 4.85, 481e6),
-    "mixed": (10821, 5.23, 540e6),
-    "substrate": (12675, 5.82, 582e6),
-    "path": (10920, 18.38, 521e6),
-    "unlike": (18840, 11.59, 740e6),
-    "thick": (20163, 10.26, 825e6),
-    "order 4": (32643, 17.96, 1.80e9),
+    "one": (6150, 5.3, 363e6),
+    "approach": (9750, 8.9, 485e6),
+    "force": (9750, 10.0, 486e6),
+    "mixed": (10821, 12.9, 543e6),
+    "substrate": (12675, 10.9, 584e6),
+    "path": (10920, 18.38, 523e6),
+    "unlike": (18840, 28.6, 750e6),
+    "thick": (20163, 20.3, 830e6),
+    "order 4": (32643, 45.1, 1.85e9),
 }
-"""Unknowns, processor time [s] and memory [bytes] by the command of `runs.studies.scaling.plan_calibration`."""
+"""Unknowns, processor time [s] and memory [bytes] by the command of `runs.studies.scaling.plan_calibration`.
+
+Times are over that of "path" in the same run, times what it took when the cost was fitted (18.38 s)."""
 
 
 @pytest.mark.parametrize("name", MEASURED)
