@@ -28,6 +28,8 @@ from runs.studies.strengthening.matrix import SIDES
 Rows = Sequence[Mapping[str, Any]]
 MARKS = ("o", "s", "^", "D", "v", "P")
 COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
+MEANINGLESS = 3.0
+"""Larger ratios, where T at small strain is nearly zero, do not set the axes' range."""
 
 
 @look()
@@ -118,7 +120,7 @@ def _finish(axis: Any, path: Rows, title: str) -> None:
     axis.set_xlabel("√(D/R)")
     axis.set_xlim(left=0.0)
     axis.set_title(title)
-    values = [row["S_Q"] for row in path if row["S_Q"] is not None]
+    values = [row["S_Q"] for row in path if row["S_Q"] is not None and abs(row["S_Q"]) < MEANINGLESS]
     if values:  # wide error bars of the smallest loads must not flatten the curves
         low, high = min(0.9, *values), max(1.1, *values)
         axis.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
