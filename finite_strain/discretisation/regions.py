@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from finite_strain import compat
 from finite_strain.discretisation.unknowns import idle_dofs
 from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
-from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, is_mixed
+from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, is_mixed, volume_stiffness
 from linear_bem.law import Energy, Law
 from linear_bem.problem import Elastic, Problem
 from meshes.box import TAGS
@@ -71,7 +71,8 @@ def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volume
     if bulk.pressure is None:
         return shear, Compressible(constant(mesh, solid.lame_first))
     unit = constant(mesh, solid.shear_modulus / length)
-    return shear, Mixed(unit * bulk.pressure, constant(mesh, 1.0 / solid.lame_first))
+    compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
+    return shear, Mixed(unit * bulk.pressure, constant(mesh, compliance), constant(mesh, stiffness))
 
 
 def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:

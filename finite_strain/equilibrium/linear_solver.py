@@ -94,7 +94,6 @@ class LinearSolver:
             self._set_levels(ksp.getPC())
         elif choice.options["pc_type"] == "fieldsplit":
             self._split(motions)
-            self._set_levels(ksp.getPC().getFieldSplitSubKSP()[0].getPC(), DISPLACEMENT)
 
     def close(self) -> None:
         """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver.
@@ -158,6 +157,9 @@ class LinearSolver:
         preconditioner = self.ksp.getPC()
         preconditioner.setType("fieldsplit")
         preconditioner.setFieldSplitIS(("displacement", rows), ("pressure", others))
+        self._set_levels(preconditioner.getFieldSplitSubKSP()[0].getPC(), DISPLACEMENT)
+        # in this order: as a Schur complement it has no solvers before its set-up, as another type takes no mass matrix
+        preconditioner.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
         preconditioner.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, mass)
         self._owned += [rows, others, mass]
 

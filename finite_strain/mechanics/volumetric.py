@@ -4,7 +4,12 @@ In the displacement form the energy is lambda/2 j^2 with j = J - 1 (at small str
 and lambda tends to infinity as Poisson's ratio tends to 1/2. In the mixed form a pressure p is an unknown of
 its own and p j - p^2 / (2 lambda) is made stationary: p = lambda j where lambda is finite, and j = 0
 where 1/lambda = 0. Displacements of order p with continuous pressures of order p - 1 (Taylor and Hood) are stable for
-every lambda [Boffi Brezzi Fortin 2013, section 8.8, doi 10.1007/978-3-642-36519-5]. No DOLFINx here.
+every lambda [Boffi Brezzi Fortin 2013, section 8.8, doi 10.1007/978-3-642-36519-5].
+
+The pressures enforce j = p / lambda only on average over a few nodes. Under a large pressure, displacements that change
+the volume in between make the tangent indefinite, although the solid is stable [Auricchio Beirao da Veiga Lovadina
+Reali 2010, doi 10.1016/j.cma.2008.06.004]. Therefore b/2 (j - p / lambda)^2 is added, which vanishes in the solution.
+No DOLFINx here.
 """
 
 from dataclasses import dataclass
@@ -21,6 +26,13 @@ unknowns.
 """
 LARGEST_DISPLACEMENT_POISSON = 0.4999
 """Largest Poisson's ratio for which the displacement form can be requested."""
+VOLUME_STIFFNESS = 4.0
+"""b over the shear modulus where lambda is infinite.
+
+At nu = 0.5 without the term the thin pair ends at D = 0.76 R, and the pair on h = 2 R takes 250 s to 1.4 R. With 4 they
+reach 0.9 R and 1.4 R in 38 and 69 s; the first takes 54 s with 2 and one more mesh with 10. At D = 0.1 R the
+discretisation's share of the error of T (order 3) is 0.19 % without, 0.17 % with 2, 0.24 % with 5, 0.35 % with 10.
+"""
 MIXED_CAN = 0.4
 """Smallest Poisson's ratio for which the mixed form can be requested."""
 
@@ -38,17 +50,24 @@ class Compressible:
 
 @dataclass(frozen=True)
 class Mixed:
-    """p j - p^2 / (2 lambda), stationary in the pressure p [Pa], which is positive in tension.
+    """p j - p^2 / (2 lambda) + b/2 (j - p / lambda)^2, stationary in the pressure p [Pa], positive in tension.
 
-    ``compliance`` is 1/lambda [1/Pa], zero where the material is incompressible.
+    ``compliance`` is 1/lambda [1/Pa], zero where the material is incompressible; ``stiffness`` is b [Pa].
     """
 
     pressure: Any
     compliance: Any
+    stiffness: Any
 
     def __call__(self, j: Any) -> Any:
         """Return the energy [J/m^3] of the change of volume j = J - 1; a saddle point, not a minimum."""
-        return self.pressure * j - self.compliance / 2 * self.pressure**2
+        excess = j - self.compliance * self.pressure
+        return self.pressure * j - self.compliance / 2 * self.pressure**2 + self.stiffness / 2 * excess**2
+
+
+def volume_stiffness(shear: float, lame: float) -> float:
+    """Return b [Pa] for Lame's constants: below lambda, so that the energy stays concave in p."""
+    return 1.0 / (1.0 / (VOLUME_STIFFNESS * shear) + 1.0 / lame)
 
 
 Volumetric = Compressible | Mixed

@@ -84,6 +84,13 @@ def test_the_surface_under_a_deep_ball_stays_smooth(tmp_path: Path) -> None:
     assert max(record.cuts for record in records) == 0
 
 
+def test_an_incompressible_layer_is_stable_under_large_pressures(tmp_path: Path) -> None:
+    rig = coarse_rig(coarse_plan(pair(0.9, poisson=0.5)), tmp_path)
+    list(rig.path.steps(rig.plan.path))  # with p j alone the path ends early
+    bent = distortion(rig.model.space, rig.model.nodal, [ball.position for ball in rig.model.contact.balls])
+    assert bent.volume_ratio > 0.0
+
+
 @pytest.fixture(scope="module")
 def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     rig = coarse_rig(coarse_plan(pair(0.8), numerics=ONE_LOAD), tmp_path_factory.mktemp("deep"))

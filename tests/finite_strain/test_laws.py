@@ -18,7 +18,7 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.regions import constant, with_constants
 from finite_strain.mechanics.kinematics import Finite
-from finite_strain.mechanics.volumetric import Compressible, Mixed
+from finite_strain.mechanics.volumetric import Compressible, Mixed, volume_stiffness
 from linear_bem import FiniteStrain, Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.law import LAWS, Law
 from tests.finite_strain.scenes import coarse_plan, coarse_rig, relatively, single
@@ -67,7 +67,9 @@ class Point:
         self.u, self.one, self.other = (dolfinx.fem.Function(space) for _ in range(3))
         still = dolfinx.fem.Function(space, self.u.x)
         self.p, self.lame = dolfinx.fem.Constant(mesh, 0.0), lame
-        volumetric = Mixed(self.p, constant(mesh, 1.0 / lame)) if mixed else Compressible(constant(mesh, lame))
+        volumetric: Any = Compressible(constant(mesh, lame))
+        if mixed:
+            volumetric = Mixed(self.p, constant(mesh, 1.0 / lame), constant(mesh, volume_stiffness(MU, lame)))
         moving = ufl.variable(ufl.grad(self.u))
         psi = Finite(with_constants(law, mesh)).energy_density(moving, constant(mesh, MU), volumetric, ufl.grad(still))
         energy = psi * ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 0})

@@ -32,6 +32,7 @@ CASES = {
     "displacements, nu 0.3": ("displacement", 0.3, "fgmres + mg"),
     "displacements, nu 0.48": ("displacement", 0.48, "fgmres + mg"),
     "mixed, nu 0.4999": ("mixed", 0.4999, "fgmres + fieldsplit"),
+    "mixed, nu 0.5": ("mixed", 0.5, "fgmres + fieldsplit"),
 }
 
 

@@ -8,7 +8,15 @@ from dataclasses import replace
 import pytest
 
 import finite_strain
-from finite_strain.mechanics.volumetric import Compressible, Mixed, describe_forms, form_notes, is_mixed
+from finite_strain.mechanics.volumetric import (
+    VOLUME_STIFFNESS,
+    Compressible,
+    Mixed,
+    describe_forms,
+    form_notes,
+    is_mixed,
+    volume_stiffness,
+)
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Elastic, InvalidProblem, Layer, Problem, UnsupportedProblem
 from tests.finite_strain.scenes import STIFF_SUBSTRATE, in_form, pair, relatively
@@ -65,9 +73,10 @@ def test_an_unknown_form_is_refused() -> None:
         in_form("both", of(0.48))
 
 
-def test_the_mixed_energy_is_stationary_and_equal_at_the_pressure_of_the_displacement_form() -> None:
+@pytest.mark.parametrize("stiffness", [0.0, volume_stiffness(0.8, 3.1), volume_stiffness(1e9, 3.1)])
+def test_the_mixed_energy_is_stationary_and_equal_at_the_pressure_of_the_displacement_form(stiffness: float) -> None:
     lame, j = 3.1, -0.04
-    at = [Mixed(lame * j + step, 1.0 / lame)(j) for step in (-1e-6, 0.0, 1e-6)]
+    at = [Mixed(lame * j + step, 1.0 / lame, stiffness)(j) for step in (-1e-4, 0.0, 1e-4)]
     assert at[1] == relatively(Compressible(lame)(j), 1e-14)  # roundoff
     assert max(at[0], at[2]) < at[1]  # a maximum in the pressure: equilibrium is a saddle point
     assert at[2] - at[0] == pytest.approx(0.0, abs=1e-15)
@@ -76,5 +85,6 @@ def test_the_mixed_energy_is_stationary_and_equal_at_the_pressure_of_the_displac
 def test_no_lame_constant_is_needed_where_it_is_infinite() -> None:
     layer = Layer(1.0, 0.5, 1.0)
     assert math.isinf(layer.lame_first)
-    assert Mixed(2.0, 1.0 / layer.lame_first)(0.1) == 0.2
+    assert Mixed(2.0, 1.0 / layer.lame_first, 0.0)(0.1) == 0.2
+    assert volume_stiffness(layer.shear_modulus, layer.lame_first) == VOLUME_STIFFNESS * layer.shear_modulus
     assert is_mixed(replace(of(0.3), layer=layer), "layer")
