@@ -7,17 +7,8 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.lifted_balls import Contacts, overlapping
-from linear_bem.problem import SurfaceResponse
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.tangential_forces import half_space_pulls
-
-LINEAR_UP_TO = 0.5
-"""Approach over the layer's thickness above which a note is given, where only the layer is deformed.
-
-At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
-"""
-STIFF, THICK = 10.0, 0.5
-"""Substrate over layer modulus, and layer thickness over contact radius, above which only the layer is deformed."""
 
 LEAST = 1e-9
 """Least relative error of all quantities, that of the kernel's table."""
@@ -179,20 +170,4 @@ def small_force_note(contacts: Contacts, error: Array, wanted: float) -> tuple[s
     return (
         f"T is close to zero: it is known to {known:.1e} N, which is {share:.0e} of the largest T ({wanted:.0e} was "
         f"requested) and {known / transmitted:.0e} of what a half-space would transmit",
-    )
-
-
-def large_strain_note(contacts: Contacts) -> tuple[str, ...]:
-    """Return a note where the approach is so large against the layer's thickness that small strain does not hold."""
-    layer, base = contacts.problem.layer, contacts.problem.substrate
-    if isinstance(layer, SurfaceResponse):  # it may deform to any depth
-        return ()
-    share = float(np.max(contacts.approaches)) / layer.thickness
-    radius = math.sqrt(np.max(contacts.contact_areas) / math.pi)
-    yields = base is not None and (base.young < STIFF * layer.young or layer.thickness < THICK * radius)
-    if share <= LINEAR_UP_TO or yields:
-        return ()
-    return (
-        f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
-        f"model is valid up to about {LINEAR_UP_TO:g}; the effect finite_strain reaches 0.9",
     )

@@ -13,7 +13,6 @@ from linear_bem.error_estimate import (
     error_of_one,
     errors_by_change,
     errors_of_one,
-    large_strain_note,
     least_error,
     missed_pulls,
     pulls,
@@ -26,6 +25,7 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
+from linear_bem.media import large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.report import Report, silent
 from linear_bem.result import Result
@@ -108,7 +108,10 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
     require_memory(problem)
     answer = _refined(problem, kernel, accuracy, report)
     contacts = answer.contacts
-    notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *large_strain_note(contacts))
+    deepest, largest = (float(np.max(values)) for values in (contacts.approaches, contacts.contact_areas))
+    strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)
+    deep = tuple(f"{note}; the effect finite_strain reaches 0.9" for note in strained)
+    notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *deep)
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:
         raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")

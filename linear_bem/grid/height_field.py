@@ -16,7 +16,7 @@ from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, material_faults, without_empty_layer
+from linear_bem.media import Elastic, Layer, large_strain_note, material_faults, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -29,7 +29,8 @@ class HeightFieldContact:
     Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
     measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
     exceed the contact by at its edges (`linear_bem.grid.contacts.excess_edge`), ``contact_area_error`` that excess.
-    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed.
+    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says where
+    small strain does not hold.
     """
 
     pressure: Array = field(repr=False)
@@ -42,6 +43,7 @@ class HeightFieldContact:
     iterations: int
     gap_in_contact: float
     penetration_outside: float
+    notes: tuple[str, ...] = ()
 
 
 def _solve_grid(
@@ -123,7 +125,9 @@ def solve_height_field(
             found = _at_mean_gap(whole, above, gap, tolerance)
     if not periodic and not ends_at_edge:
         _refuse_clipped(found.pressure)
-    return replace(found, approach=found.approach + lowest)
+    deepest = float(np.max(found.displacement[found.pressure > 0.0]))
+    notes = large_strain_note(layer, substrate, deepest, found.contact_area)
+    return replace(found, approach=found.approach + lowest, notes=notes)
 
 
 def _solve_grids(

@@ -1,3 +1,4 @@
+import math
 import sys
 from types import SimpleNamespace
 
@@ -53,6 +54,15 @@ def test_a_contact_prints_its_numbers_and_not_its_fields():
     said = repr(solve_height_field(Layer(2.0, 0.45, 0.2), None, heights, cell, approach=0.03))
     assert "contact_area=" in said
     assert "array" not in said
+
+
+def test_a_contact_deep_in_a_thin_layer_says_that_small_strain_does_not_hold():
+    heights, cell = paraboloid(64, 3.0)
+    layer = Layer(2.0, 0.45, 0.2)
+    shallow, deep = (solve_height_field(layer, None, heights, cell, approach=depth) for depth in (0.06, 0.14))
+    assert shallow.notes == ()
+    assert "0.7 of the layer's thickness" in deep.notes[0]
+    assert solve_height_field(Layer(2.0, 0.45, math.inf), None, heights, cell, approach=0.14).notes == ()
 
 
 def test_separate_summits_are_all_found():
