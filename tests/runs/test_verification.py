@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from runs.models import Run
 from runs.studies.framework.case import varied
 from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.validation.answer import cases as validation_cases
-from runs.studies.verification import convergence, experiments, one_ball, part, routes, small_load
+from runs.studies.verification import convergence, experiments, nine_balls, one_ball, part, routes, small_load
 from runs.studies.verification.answer import PARTS, present
+from tests.finite_strain.scenes import at_small_strain
 from tests.launch import python
 
 ROUNDOFF = 1e-12
@@ -190,3 +192,18 @@ def test_a_case_that_another_study_has_is_computed_there_alone(tmp_path: Path) -
         theirs.save(twin, {"state": state})
         assert (mine.record(case) is not None) == known
     assert mine.record(dataclasses.replace(case, accuracy=0.5)) is None
+
+
+def test_nine_balls_by_the_law_of_pairs_meet_the_full_model_within_its_error(tmp_path: Path) -> None:
+    together, by_pairs = (
+        dataclasses.replace(case, problem=at_small_strain(case.problem), model="linear_bem", accuracy=1e-4)
+        for case in nine_balls.cases(quick=False)
+    )
+    answers = [(case, case.solve(Run(case.accuracy, folder=tmp_path))) for case in (together, by_pairs)]
+    steps = [(case, {"steps": [{"balls": [b.to_dict() for b in result.balls]}]}) for case, result in answers]
+    rows = nine_balls.rows(found(*steps))
+    assert len(rows) == 9
+    assert all(row["verdict"] == "right" for row in rows)
+    assert 0.01 < max(row["off"] for row in rows) < max(row["allowed"] for row in rows) < 15.0
+    wrong = [dict(ball, tangential_force=[1.0, 0.0]) for ball in steps[1][1]["steps"][0]["balls"]]
+    assert nine_balls.rows(found(steps[0], (by_pairs, {"steps": [{"balls": wrong}]})))[0]["verdict"] == part.WRONG

@@ -10,10 +10,10 @@ from runs.studies.framework.pair import PAPER_LOAD
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.framework.template import render
-from runs.studies.verification import convergence, experiments, one_ball, pictures, routes, small_load
+from runs.studies.verification import convergence, experiments, nine_balls, one_ball, pictures, routes, small_load
 from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WIDEST, WRONG, Part, Row
 
-PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, experiments.PART)
+PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, nine_balls.PART, experiments.PART)
 """In the order of the page."""
 
 

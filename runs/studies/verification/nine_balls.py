@@ -1,0 +1,81 @@
+"""Nine balls without symmetry, solved together and by the law of pairs that drift takes."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from linear_bem.result import BallResult, Result, Solved
+from runs.evolution.providers import table_of
+from runs.models import MODELS, Run
+from runs.session.progress import print_status
+from runs.studies.framework.case import FINITE, Case
+from runs.studies.framework.pair import POISSON, THIN
+from runs.studies.framework.saved_cases import Found
+from runs.studies.verification.part import Part, claimed
+
+NAME = "nine-balls"
+PLACES = (
+    (-2.17, -2.7), (0.06, -2.59), (2.6, -2.77), (-2.79, 0.22), (0.23, 0.06), (2.88, -0.26), (-2.18, 2.2), (0.42, 2.61),
+    (2.6, 2.92),
+)  # fmt: skip
+"""Positions over R, within 0.45 R of a square lattice; the nearest are 2.07 R apart."""
+APPROACH = 0.1
+TOGETHER, BY_PAIRS = f"{NAME}-together", f"{NAME}-by-pairs"
+ACCURACY = 0.03
+
+
+@dataclass(frozen=True)
+class TableCase(Case):
+    """A case answered by the law of pairs, whose table the model makes."""
+
+    def solve(self, run: Run) -> Result:
+        """Complete the table and return the forces of the case's balls (collective)."""
+        assert run.folder is not None
+        begun = time.monotonic()
+        table = table_of(MODELS[self.model], self.problem, run.tangential_force, run.folder, run.comm)
+        table.complete(print_status)
+        state = table.forces()(np.array([ball.position for ball in self.problem.balls]))
+        balls = tuple(
+            BallResult(ball.position, ball.radius, APPROACH, float(q), (float(t[0]), float(t[1])), float(e), 0.0, 0.0)
+            for ball, q, t, e in zip(self.problem.balls, state.normal, state.tangential, state.error, strict=True)
+        )
+        return Result(self.model, balls, Solved(True, 0, 0, time.monotonic() - begun))
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return both; none in the quick version."""
+    balls = tuple(Ball(place, 1.0) for place in PLACES)
+    load = Load("approach", (APPROACH,) * len(balls))
+    problem = Problem(Layer(1.0, POISSON, THIN), balls, load, finite_strain=FiniteStrain())
+    ways = {} if quick else {TOGETHER: Case, BY_PAIRS: TableCase}
+    return [kind(name, problem, FINITE, ACCURACY, labels={"part": NAME}) for name, kind in ways.items()]
+
+
+def rows(found: Found) -> list[dict[str, Any]]:
+    """Return one row per ball: its forces by both ways, the difference of T and the sum of their errors in per cent."""
+    both = [found.steps(name)[-1]["balls"] for name in (TOGETHER, BY_PAIRS) if found.steps(name)]
+    if len(both) < 2:
+        return []
+    pulls = np.array([[ball["tangential_force"] for ball in balls] for balls in both])
+    errors = np.array([[ball["tangential_force_error"] for ball in balls] for balls in both]).sum(axis=0)
+    largest, off = np.hypot(*pulls[0].T).max(), np.hypot(*(pulls[0] - pulls[1]).T)
+    return [
+        {
+            "x": ball["position"][0],
+            "y": ball["position"][1],
+            "Q": ball["normal_force"],
+            "Q by pairs": other["normal_force"],
+            "T": np.hypot(*together),
+            "T by pairs": np.hypot(*by_pairs),
+            "off": 100.0 * o / largest,
+            "allowed": 100.0 * e / largest,
+            "verdict": claimed(bool(o <= e)),
+        }
+        for ball, other, together, by_pairs, o, e in zip(*both, *pulls, off, errors, strict=True)
+    ]
+
+
+PART = Part(NAME, "Nine balls without symmetry, together and by the law of pairs", cases, rows)
