@@ -113,11 +113,11 @@ class MeshRun:
                 run.close()
 
     def account(
-        self, records: Sequence[StepRecord], small: StepRecord | None, state: ContactState, began: float
+        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float
     ) -> SolverAccount:
-        """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`] (collective).
+        """Return the cost of ``records`` and of the pair's, the load steps since ``began`` [s of `time.monotonic`].
 
-        Linear solves are counted since the caller last reset the solver's ``effort``.
+        Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
         bent = distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
@@ -127,7 +127,7 @@ class MeshRun:
             iterations=sum(each.newton_iterations for each in records),
             tangents=sum(each.tangents for each in records),
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
-            pair_iterations=0 if small is None else small.newton_iterations,
+            pair_iterations=sum(each.newton_iterations for each in small),
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,

@@ -27,7 +27,7 @@ from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
-from finite_strain.planning.refinement import PATH_FINDER, account, decide
+from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.errors import NotConverged, ThirdBodyError
 from linear_bem.result import Result, Solved
@@ -148,7 +148,7 @@ class Refinement:
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
         path = [f for f in plan.path if f > reached and (coarse is None or f in plan.loads or f > found)]
-        taken, mark = list[StepRecord](), time.monotonic()
+        taken, pairs, mark = list[StepRecord](), list[StepRecord](), time.monotonic()
         for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
             taken.append(done)
             if done.fraction not in plan.loads:
@@ -159,18 +159,19 @@ class Refinement:
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
             small, pair = self._pair(run.small, record, number, done.fraction, rounds)
+            pairs += pair
             record.rows.append(Row(own, small))
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
-            if coarse is None or coarse.at(done.fraction) is None:
+            if coarse is None or coarser(self.records[: number + 1]).at(done.fraction) is None:
                 self._save()
                 continue
             if done.fraction not in plan.goals:
                 self._compare(number, done.fraction)
                 self._save()
                 continue
-            answer = self._answer(number, run.account(taken, pair, own, mark), run.own.solver.tolerance)
-            taken, mark, run.own.solver.effort = [], time.monotonic(), Effort()
+            answer = self._answer(number, run.account(taken, pairs, own, mark), run.own.solver.tolerance)
+            taken, pairs, mark, run.own.solver.effort = [], [], time.monotonic(), Effort()
             if writer is not None:
                 answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
             record.steps.append(answer)
@@ -182,35 +183,38 @@ class Refinement:
                 on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
+    def _answers(self, number: int) -> Answers:
+        return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))
+
     def _compare(self, number: int, fraction: float) -> None:
         """Record the change from the coarser discretisation at a load without an answer (collective)."""
-        answers = Answers(self.plan, self.records[number - 1 : number + 1])
+        answers = self._answers(number)
         answers.compare(fraction, on_root(self.comm, partial(answers.truth, fraction)))
 
     def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
         """Return the answer of a discretisation at its present step (collective)."""
-        answers = Answers(self.plan, self.records[number - 1 : number + 1])
+        answers = self._answers(number)
         truth = on_root(self.comm, partial(answers.truth, account.fraction))
         answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
         return replace(answer, mesh=number)
 
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int
-    ) -> tuple[ContactState, StepRecord] | tuple[None, None]:
-        """Return the small-strain state at a load fraction; None once no equilibrium was found (collective).
+    ) -> tuple[ContactState | None, list[StepRecord]]:
+        """Return the small-strain state at a load fraction, None once no equilibrium was found, and its load steps.
 
         ``rounds`` is how often the own contact was stiffened: the pair's is as stiff when its multipliers are added.
         """
         if run is None or (record.rows and record.rows[-1].small is None):
-            return None, None
+            return None, []
         try:
             run.path.stiffer *= STIFFER**rounds
-            last = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))[-1]
-            run.path.augment(last)
+            taken = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))
+            run.path.augment(taken[-1])
             self._keep(run.snapshot(fraction), number, "small")
-            return run.state(fraction), last
+            return run.state(fraction), taken
         except NotConverged:
-            return None, None
+            return None, []
 
     def _announce(self, run: MeshRun, record: Record) -> None:
         self.observer.started({

@@ -106,7 +106,7 @@ def large_strain_note(layer: Layer, substrate: Elastic | None, deepest: float, c
         return ()
     share, radius = deepest / layer.thickness, math.sqrt(contact_area / math.pi)
     yields = substrate is not None and (substrate.young < STIFF * layer.young or layer.thickness < THICK * radius)
-    if share <= LINEAR_UP_TO or yields:
+    if not share > LINEAR_UP_TO or yields:
         return ()
     return (
         f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "

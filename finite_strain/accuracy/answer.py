@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import NEARBY, Terms, discretisation, enforcement, transfer
+from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
@@ -27,7 +27,7 @@ LEAST, MOST = 1.5, 3.0
 class Answers:
     """Turns results of discretisations into answers for the balls of the scene, step by step along a load path.
 
-    ``records`` are the last two discretisations, the finer one last.
+    ``records`` are two discretisations, the finer one last.
     """
 
     def __init__(self, plan: RunPlan, records: Sequence[Record]) -> None:
@@ -63,16 +63,16 @@ class Answers:
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         share = enforcement(fine.own, fine.small, weight, account.augmented)
         solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
-        size, squared = np.linalg.norm(now.tangential_force, axis=1), now.normal_force**2
-        none, follows = np.zeros_like(size), getattr(now, self.follows)
-        apart, moved = self._changed(account.fraction, now, before, truth)
+        size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
+        none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
+        apart, moved, pulled = self._changed(account.fraction, now, before, truth)
         at_force = Terms(squared * apart, none, squared * now.transfer, solver)
         if self.forces_given:
             terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
             adds = np.hypot if self.plan.is_paired else np.add  # known errors with one cause add linearly
             terms = Terms(
-                np.hypot(squared * apart, 2.0 * size * moved), 2.0 * MOST * size * share,
+                np.maximum(np.hypot(squared * apart, 2.0 * size * moved), pulled), 2.0 * MOST * size * share,
                 adds(at_force.transfer, 2.0 * size * now.force_transfer), solver,
             )  # fmt: skip
             left, rate = MOST * share, np.ones_like(size)
@@ -138,20 +138,26 @@ class Answers:
 
     def _changed(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the discretisation errors (balls,) of T / Q^2 [1/N] and, relative, of the force or approach."""
-        if truth is not None and not self.plan.is_paired:  # the error is known
-            return np.zeros(len(now.normal_force)), np.zeros(len(now.normal_force))
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the discretisation errors (balls,) of T / Q^2 [1/N], of the force or approach (relative), of T [N].
+
+        The last is that of this load alone.
+        """
         change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
-        share = np.abs(ratio(getattr(before, self.follows), getattr(now, self.follows), empty=1.0) - 1.0)
-        return self._change("R", fraction, change), self._change("Q", fraction, share)
+        moved = np.abs(getattr(now, self.follows) - getattr(before, self.follows))
+        share = ratio(moved, _pressed(now, before, self.follows), empty=0.0)
+        pulled = np.linalg.norm(now.tangential_force - before.tangential_force, axis=1)
+        if truth is not None and not self.plan.is_paired:  # the error is known
+            change, share, pulled = (np.zeros_like(pulled) for _ in range(3))
+        apart, moved = self._change("R", fraction, change), self._change("Q", fraction, share)
+        return apart, moved, gain(self.fine.level, self.coarse.level) * pulled
 
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes up to a load; store this one for later loads."""
         path = self.fine.changes.setdefault(name, [])
         near = [
             np.array(value) for value, row in zip(path, self.fine.rows, strict=False)
-            if row.own.fraction >= NEARBY * fraction
+            if row.own.fraction >= self.plan.nearby * fraction
         ]  # fmt: skip
         path.append(change.tolist())
         return discretisation([*near, change], self.fine.level, self.coarse.level)
@@ -172,3 +178,9 @@ class Answers:
 
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]
+
+
+def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:
+    """Return a force or approach (balls,), the earlier discretisation's where the ball is without load on the finer."""
+    value = getattr(now, name)
+    return np.where(now.normal_force > 0.0, value, getattr(before, name))

@@ -1,6 +1,6 @@
-"""The error budget of an answer: a few terms, each a function with its derivation. No constant is calibrated.
+"""The error budget of an answer: a few terms, each a function with its derivation.
 
-discretisation   change of the paired answer from the coarser discretisation
+discretisation   largest change of the paired answer from the coarser discretisation, here and at nearby loads
 enforcement      remaining penetration of the surface into the balls, as an error of the approach
 transfer         part of the pair's correction (mesh, contact, domain truncation) that may not hold at finite strain
 solver           residual of Newton's method, and the error of linear_bem
@@ -24,8 +24,6 @@ follow the edge, as they nearly do [Babuska Suri 1987, doi 10.1051/m2an/19872102
 error oscillates with the edge's position in its element, and its amplitude falls more slowly, about as the square:
 `python -m tests.finite_strain.bars` measures it.
 """
-NEARBY = 0.25
-"""Least load of earlier steps whose changes count for a step, over its load: contacts half as wide by Hertz's law."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ def gain(fine: Discretisation, coarse: Discretisation) -> float:
     If refinement reduces an error by a factor q, it changes by 1 - q of itself, and q / (1 - q) of that change remains.
     The ratio of two successive changes is no estimate of q: either may be small by chance.
     """
-    ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
+    ratio = fine.resolution / coarse.resolution
     if ratio <= 1.0:
         return 1.0
     q = ratio**-SLOWEST
@@ -62,7 +60,7 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
     A correction oscillates with the position of the contact edge in its element and may be small by chance: its lower
     bound is that of the coarser discretisation reduced by convergence, the fastest if the element order rises.
     """
-    ratio = fine.order * fine.fineness / (coarse.order * coarse.fineness)
+    ratio = fine.resolution / coarse.resolution
     left = ratio ** -(FASTEST if fine.order > coarse.order else SLOWEST)
     return np.maximum(now, left * before) if ratio > 1.0 else now
 

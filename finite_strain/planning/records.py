@@ -67,6 +67,11 @@ class Discretisation:
     extent: float = 1.0
     penalty: float = 1.0
 
+    @property
+    def resolution(self) -> float:
+        """Nodes along an edge of the model, over those of a mesh of order 1 and fineness 1."""
+        return self.order * self.fineness
+
     def __str__(self) -> str:
         wider = f", domain {self.extent:.2g} times as wide" if self.extent != 1.0 else ""
         stiffer = f", penalty {self.penalty:.2g} times as stiff" if self.penalty != 1.0 else ""

@@ -16,7 +16,7 @@ they would be overestimated (`python -m tests.finite_strain.bars`)."""
 DEFAULT_UNKNOWNS = 120e3
 """Default limit on the unknowns of the finest mesh."""
 ORDER = 3.0
-"""Order of convergence in the element size, used to size the next mesh."""
+"""Order of convergence in the element size by which the next mesh is sized, that of the theory in `error_budget`."""
 SECONDS_POWER = 1.4
 """Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
 HIGHEST = 4
@@ -98,11 +98,17 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     return Decision(level, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
 
 
+def coarser(records: Sequence[Record]) -> Record:
+    """Return the record that the last one is compared with: the last one of a lower resolution."""
+    *earlier, fine = records
+    return next((r for r in reversed(earlier) if r.level.resolution < fine.level.resolution), earlier[-1])
+
+
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
     last, before = records[-1], records[-2]
     level = last.level
     largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
-    if largest == "solver":
+    if largest == "solver" and math.isfinite(last.reached):
         return None
     if largest == "enforcement":
         return replace(level, penalty=STIFFER * level.penalty)

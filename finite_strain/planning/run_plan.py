@@ -28,8 +28,9 @@ LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 FINE, SECOND = 0.005, replace(FIRST, order=HIGHEST)
 """Required accuracy up to which a plan counts on order 4, too."""
-ENOUGH = 3
-"""Number of load steps with output from which on their changes alone show the error."""
+ENOUGH, NEARBY = 3, 0.5
+"""Number of nearby load steps with output from which on their changes alone show the error at full load. Nearby are
+loads with contacts at least half as wide by Hertz's law."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 RANKS = 2
@@ -89,8 +90,16 @@ class RunPlan:
     @property
     def loads(self) -> tuple[float, ...]:
         """The load fractions at which every discretisation has results, rising."""
-        few = self.is_paired and len(self.goals) < ENOUGH  # the error of small strain alone is known
-        return tuple(sorted({*self.goals, *(f * self.goals[-1] for f in self.numerics.more_loads if few)}))
+        last = self.goals[-1]
+        if not self.is_paired or sum(goal >= self.nearby * last for goal in self.goals) >= ENOUGH:
+            return self.goals  # the error of small strain alone is known where linear_bem has an answer
+        more = (f * last for f in self.numerics.more_loads)
+        return tuple(sorted({*self.goals, *(m for m in more if not any(math.isclose(m, g) for g in self.goals))}))
+
+    @property
+    def nearby(self) -> float:
+        """The least load, over another one, at which the changes between discretisations count for the other one."""
+        return NEARBY ** (2.0 * prescribed(self.problem).power)
 
     @property
     def path(self) -> tuple[float, ...]:

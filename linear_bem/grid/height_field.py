@@ -29,8 +29,8 @@ class HeightFieldContact:
     Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
     measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
     exceed the contact by at its edges (`linear_bem.grid.contacts.excess_edge`), ``contact_area_error`` that excess.
-    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says where
-    small strain does not hold.
+    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says so where
+    a layer is pressed in by more than half of its thickness, where small strain does not hold.
     """
 
     pressure: Array = field(repr=False)
@@ -125,8 +125,13 @@ def solve_height_field(
             found = _at_mean_gap(whole, above, gap, tolerance)
     if not periodic and not ends_at_edge:
         _refuse_clipped(found.pressure)
-    deepest = float(np.max(found.displacement[found.pressure > 0.0]))
-    notes = large_strain_note(layer, substrate, deepest, found.contact_area)
+    if periodic and substrate is not None:  # displacements are from their mean: the layer's own mean compression
+        mean_pressure = found.normal_force / (heights.size * cell**2)
+        deepest = mean_pressure / (layer.lame_first + 2.0 * layer.shear_modulus) * layer.thickness
+        notes = large_strain_note(layer, None, deepest, 0.0)
+    else:
+        deepest = float(np.max(found.displacement[found.pressure > 0.0]))
+        notes = large_strain_note(layer, substrate, deepest, found.contact_area)
     return replace(found, approach=found.approach + lowest, notes=notes)
 
 

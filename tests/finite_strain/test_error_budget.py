@@ -12,7 +12,9 @@ import pytest
 
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.pairs import Paired
 from finite_strain.planning.records import Discretisation, Record, Row, save_records, saved_records
+from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
 from tests.finite_strain.test_pairs import state
@@ -67,6 +69,41 @@ def test_changes_at_much_smaller_loads_do_not_count() -> None:
     for fraction, change, counted in ((0.1, 5.0, 5.0), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
         assert answers._change("R", fraction, np.array([change])) == relatively([counted * factor], ROUNDOFF)
         answers.fine.rows.append(Row(SimpleNamespace(fraction=fraction)))  # type: ignore[arg-type]
+
+
+def seen(force: float, pull: float) -> Paired:
+    ball, none = np.array([force]), np.zeros(1)
+    return Paired(ball, np.array([0.1]), np.array([[pull / force**2 if force else 0.0, 0.0]]), none, none, none)
+
+
+def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_sign() -> None:
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    now, before = seen(1.0, 1.0), seen(1.01, 1.01**3)  # 1 % in T / Q^2 and in Q: 3 % in T
+    apart, moved, pulled = answers._changed(1.0, now, before, None)
+    assert math.hypot(apart[0], 2.0 * moved[0]) < pulled[0]
+    assert pulled == relatively([(1.01**3 - 1.0) * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+
+
+def test_a_ball_that_only_the_coarser_discretisation_presses_has_an_error() -> None:
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    _, moved, pulled = answers._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
+    assert moved == relatively([gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    assert pulled == relatively([0.01 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+
+
+def test_a_load_with_a_known_error_keeps_its_place_among_the_changes() -> None:
+    problem = replace(pair(0.1), finite_strain=None)
+    answers = Answers(plan_run(problem, 0.1, "small_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    known = SimpleNamespace()
+    assert answers._changed(0.5, seen(1.0, 1.0), seen(1.1, 1.0), known)[0] == [0.0]  # type: ignore[arg-type]
+    answers._changed(1.0, seen(1.0, 1.0), seen(1.1, 1.0), None)
+    assert [len(path) for path in answers.fine.changes.values()] == [2, 2]
+
+
+def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
+    records = [Record(level) for level in (QUADRATIC, CUBIC, replace(CUBIC, penalty=8.0))]
+    assert coarser(records) is records[0]
+    assert coarser([*records, Record(QUARTIC)]) is records[2]
 
 
 def test_penetration_acts_like_a_smaller_approach() -> None:

@@ -78,6 +78,14 @@ def test_requested_steps_are_answered_on_a_path_that_newton_can_follow() -> None
     assert usual.path == prescribed(problem).fractions(0.2, usual.loads, LARGEST_STEP)
     asked = plan_run(problem, 0.02, "finite_strain", steps=(0.3, 0.77, 1.0))
     assert asked.goals == asked.loads == (0.3, 0.77, 1.0)
+    # two loads a roundoff apart would be one to the load path: the asked one stays
+    near = plan_run(problem, 0.02, "finite_strain", steps=(0.7000000000000001, 1.0))
+    assert near.loads == (0.7000000000000001, 0.85, 1.0)
+    # light loads say nothing about full load
+    light = plan_run(problem, 0.02, "finite_strain", steps=(0.01, 0.1, 1.0))
+    assert light.loads == (0.01, 0.1, 0.7, 0.85, 1.0)
+    forces = plan_run(problem.with_load("force", (0.1, 0.1)), 0.02, "finite_strain")
+    assert forces.nearby == light.nearby**1.5
     assert asked.path == prescribed(problem).fractions(0.2, asked.goals, LARGEST_STEP)
     assert set(asked.goals) <= set(asked.path)
     assert list(asked.path) == sorted(asked.path)

@@ -62,6 +62,10 @@ def test_a_contact_deep_in_a_thin_layer_says_that_small_strain_does_not_hold():
     shallow, deep = (solve_height_field(layer, None, heights, cell, approach=depth) for depth in (0.06, 0.14))
     assert shallow.notes == ()
     assert "0.7 of the layer's thickness" in deep.notes[0]
+    wavy = 0.05 * np.cos(np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False))
+    for base in (None, Elastic(2e4, 0.3)):  # above an elastic base displacements are measured from their mean
+        whole = solve_height_field(layer, base, wavy[:, None] + wavy, 0.1, normal_force=60.0, periodic=True)
+        assert "of the layer's thickness" in whole.notes[0]
     assert solve_height_field(Layer(2.0, 0.45, math.inf), None, heights, cell, approach=0.14).notes == ()
 
 

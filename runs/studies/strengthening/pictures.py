@@ -101,13 +101,13 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
         x, color = [math.sqrt(row["D"]) for row in path], COLORS[i % 5]
         finite, error, linear = ([row[key] / row["Q"] ** 2 for row in path] for key in ("T", "T_error", "T_linear"))
         axis.errorbar(
-            x, finite, error, color=color, marker=MARKS[i], ms=4, capsize=2, label=f"h / R = {case.labels['h']:g}"
+            x, finite, error, color=color, marker=MARKS[i % 6], ms=4, capsize=2, label=f"h / R = {case.labels['h']:g}"
         )
         axis.plot(x, linear, color=color, ls=":", lw=1.2)
+    legend_or_note(axis)
     zero_line(axis)
     axis.set(xlabel="√(D/R)", ylabel="$T E_1 R^2 / Q^2$")
     axis.set_title("sign of T (dotted: small strain)")
-    legend_or_note(axis)
 
 
 def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
@@ -116,6 +116,7 @@ def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, s
 
 
 def _finish(axis: Any, path: Rows, title: str) -> None:
+    legend_or_note(axis, loc="upper left")
     axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     axis.set_xlabel("√(D/R)")
     axis.set_xlim(left=0.0)
@@ -124,4 +125,3 @@ def _finish(axis: Any, path: Rows, title: str) -> None:
     if values:  # wide error bars of the smallest loads must not flatten the curves
         low, high = min(0.9, *values), max(1.1, *values)
         axis.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
-    legend_or_note(axis, loc="upper left")

@@ -1,19 +1,22 @@
 """Nine balls without symmetry, solved together and by the law of pairs that drift takes."""
 
+import hashlib
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
+from runs import evolution
 from runs.evolution.providers import table_of
 from runs.models import MODELS, Run
 from runs.session.progress import print_status
-from runs.studies.framework.case import FINITE, Case
+from runs.studies.framework.case import FINITE, Case, code_of
 from runs.studies.framework.pair import POISSON, THIN
-from runs.studies.framework.saved_cases import Found
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.verification.part import Part, claimed
 
 NAME = "nine-balls"
@@ -24,18 +27,24 @@ PLACES = (
 """Positions over R, within 0.45 R of a square lattice; the nearest are 2.07 R apart."""
 APPROACH = 0.1
 TOGETHER, BY_PAIRS = f"{NAME}-together", f"{NAME}-by-pairs"
-ACCURACY = 0.03
+ACCURACY, BUDGET = 0.03, {"unknowns": 250e3}
+"""Order 3 has 203 thousand unknowns."""
 
 
 @dataclass(frozen=True)
 class TableCase(Case):
     """A case answered by the law of pairs, whose table the model makes."""
 
+    def key(self) -> str:
+        """Return the key of `Case`, extended by the code of the law."""
+        law = code_of(Path(evolution.__file__).parent)
+        return hashlib.sha256(f"{super().key()} {law}".encode()).hexdigest()[:20]
+
     def solve(self, run: Run) -> Result:
         """Complete the table and return the forces of the case's balls (collective)."""
         assert run.folder is not None
         begun = time.monotonic()
-        table = table_of(MODELS[self.model], self.problem, run.tangential_force, run.folder, run.comm)
+        table = table_of(MODELS[self.model], self.problem, run.tangential_force, run.folder, run.comm, run.budget)
         table.complete(print_status)
         state = table.forces()(np.array([ball.position for ball in self.problem.balls]))
         balls = tuple(
@@ -51,12 +60,12 @@ def cases(quick: bool) -> list[Case]:
     load = Load("approach", (APPROACH,) * len(balls))
     problem = Problem(Layer(1.0, POISSON, THIN), balls, load, finite_strain=FiniteStrain())
     ways = {} if quick else {TOGETHER: Case, BY_PAIRS: TableCase}
-    return [kind(name, problem, FINITE, ACCURACY, labels={"part": NAME}) for name, kind in ways.items()]
+    return [kind(name, problem, FINITE, ACCURACY, {}, {"part": NAME}, budget=BUDGET) for name, kind in ways.items()]
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per ball: its forces by both ways, the difference of T and the sum of their errors in per cent."""
-    both = [found.steps(name)[-1]["balls"] for name in (TOGETHER, BY_PAIRS) if found.steps(name)]
+    both = [found.steps(name)[-1]["balls"] for name in (TOGETHER, BY_PAIRS) if found.state(name) == DONE]
     if len(both) < 2:
         return []
     pulls = np.array([[ball["tangential_force"] for ball in balls] for balls in both])
@@ -72,7 +81,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
             "T by pairs": np.hypot(*by_pairs),
             "off": 100.0 * o / largest,
             "allowed": 100.0 * e / largest,
-            "verdict": claimed(bool(o <= e)),
+            "verdict": claimed(bool(o <= e), e / largest),
         }
         for ball, other, together, by_pairs, o, e in zip(*both, *pulls, off, errors, strict=True)
     ]
