@@ -22,6 +22,8 @@ CREASE = 0.65
 COLORS = (GREY, GREEN, PURPLE, BLUE, ORANGE)
 SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
          "energy balance [%]", "iterations")  # fmt: skip
+TALLEST = 5.0
+"""Largest S_Q in the figure."""
 
 
 def present(found: Found, folder: Path) -> str:
@@ -116,6 +118,8 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
         known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
         error_bars(axes[2], [(r["D / R"], *r["S_Q"]) for r in known], color=color, marker="o", ms=3, label=scene)
+    axes[2].axhline(1.0, color="0.5", lw=0.8, zorder=0)
+    axes[2].set_ylim(0.0, TALLEST)  # beyond it T at small strain is nearly zero, or of the other sign
     for axis, title in zip(
         axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True
     ):
