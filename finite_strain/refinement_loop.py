@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
+from finite_strain.accuracy.notes import NEAR_ZERO, is_near_zero, result_notes
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
@@ -19,7 +20,7 @@ from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.extent import scale_of_force
-from finite_strain.mechanics.volumetric import describe_forms, form_notes
+from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
 from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
@@ -34,7 +35,6 @@ from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
 """Names of the discretisations of a run: the path finder, the first with results, and all later ones."""
-NEAR_ZERO = "a tenth of the half-space's mutual force"
 
 
 class Refinement:
@@ -272,30 +272,9 @@ class Refinement:
     def _result(self, answered: int, why: str) -> Result:
         plan, record = self.plan, self.records[answered]
         steps = record.steps
-        # a force of another kind is a bound to compare with only where T itself is smaller
-        near_zero = record.scale > max(math.hypot(*ball.tangential_force) for ball in steps[-1].balls)
-        reference = NEAR_ZERO if near_zero else "the largest tangential force"
+        reference = NEAR_ZERO if is_near_zero(record) else "the largest tangential force"
         said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
-        notes = [*self.damage, *form_notes(plan.problem)]
-        if near_zero and record.scale > 0.0:
-            sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in steps[-1].balls]
-            known = ", ".join(f"{100 * error / size:.2g} %" if size > 0.0 else "zero" for size, error in sizes)
-            notes.append(
-                f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
-                f"of the balls' own T the error is {known}"
-            )
-        if not said["met"]:
-            notes.append(
-                f"tangential force known to {100 * record.reached:.3g} % at full load; "
-                f"{100 * plan.accuracy:.2g} % was asked for: {why}"
-            )
-        if plan.is_paired and record.rows[-1].small is None:
-            notes.append(
-                "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
-            )
-        failures = dict.fromkeys(step.linear_failure for step in steps if step.linear_failure)
-        notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
-        notes += self._overrun(record)
+        notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))
         certificate = ("penetration", "force_balance", "residual")
@@ -307,13 +286,3 @@ class Refinement:
             accuracy=said, linear_solver=solvers,
         )  # fmt: skip
         return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
-
-    def _overrun(self, record: Record) -> list[str]:
-        """Return notes on an exceeded budget: the first discretisations run at any cost."""
-        budget, spent = self.plan.budget, sum(each.seconds for each in self.records)
-        notes = []
-        if record.unknowns > (budget.unknowns or math.inf):
-            notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
-        if budget.seconds is not None and spent > budget.seconds:
-            notes.append(f"the discretisations took {spent:.0f} s, more than the budget of {budget.seconds:g} s")
-        return notes

@@ -12,6 +12,7 @@ import pytest
 
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import FASTEST, SLOWEST, Terms, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.notes import result_notes
 from finite_strain.accuracy.pairs import Paired
 from finite_strain.planning.records import Discretisation, Record, Row, save_records, saved_records
 from finite_strain.planning.refinement import coarser
@@ -136,3 +137,19 @@ def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> 
     save_records(tmp_path, "key", records)
     resumed, _ = saved_records(tmp_path, "key")
     assert resumed[-1].changes == {"R": [[0.2]]}
+
+
+@pytest.mark.parametrize(("volume_ratio", "noted"), [(0.3, False), (0.09, False), (0.06, True)])
+def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, noted: bool) -> None:
+    plan = plan_run(pair(1.0), 0.1, "finite_strain")
+    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
+    step = SimpleNamespace(
+        balls=(ball, ball), smallest_volume_ratio=volume_ratio, distorted_at={"volume_ratio": [1.0, 0.0]},
+        linear_failure="",
+    )  # fmt: skip
+    rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    notes = result_notes(plan, record, "", 1.0)
+    assert [note for note in notes if "not resolved 1 m from a ball's axis" in note and "J falls to" in note] == (
+        notes if noted else []
+    )

@@ -1,0 +1,62 @@
+"""Notes of a result: what the user must know of its accuracy, its state and its cost."""
+
+import math
+
+from finite_strain.mechanics.volumetric import form_notes
+from finite_strain.planning.records import Record
+from finite_strain.planning.run_plan import RunPlan
+
+NEAR_ZERO = "a tenth of the half-space's mutual force"
+SQUEEZED, OF_FILM = 0.1, 0.5
+"""Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
+ball: foam (nu = 0) under a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
+
+
+def is_near_zero(record: Record) -> bool:
+    """Return whether the largest T at full load is smaller than the force that its accuracy is measured against.
+
+    A force of another kind is a bound to compare with only then.
+    """
+    return record.scale > max(math.hypot(*ball.tangential_force) for ball in record.steps[-1].balls)
+
+
+def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
+    """Return the notes on the answers of a discretisation, the last of a run of ``seconds``; ``why`` the run ended."""
+    notes, last = form_notes(plan.problem), record.steps[-1]
+    if is_near_zero(record) and record.scale > 0.0:
+        sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in last.balls]
+        known = ", ".join(f"{100 * error / size:.2g} %" if size > 0.0 else "zero" for size, error in sizes)
+        notes.append(
+            f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
+            f"of the balls' own T the error is {known}"
+        )
+    if record.reached > plan.accuracy:
+        notes.append(
+            f"tangential force known to {100 * record.reached:.3g} % at full load; "
+            f"{100 * plan.accuracy:.2g} % was asked for: {why}"
+        )
+    if plan.is_paired and record.rows[-1].small is None:
+        notes.append(
+            "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
+        )
+    film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
+    if plan.is_paired and last.smallest_volume_ratio < min(SQUEEZED, OF_FILM * film):
+        away, depth = last.distorted_at["volume_ratio"]
+        notes.append(
+            f"the state is not resolved {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "
+            f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
+            "left under a ball"
+        )
+    failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
+    notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
+    return notes + _overrun(plan, record, seconds)
+
+
+def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:
+    """Return notes on an exceeded budget: the first discretisations run at any cost."""
+    budget, notes = plan.budget, []
+    if record.unknowns > (budget.unknowns or math.inf):
+        notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
+    if budget.seconds is not None and seconds > budget.seconds:
+        notes.append(f"the discretisations took {seconds:.0f} s, more than the budget of {budget.seconds:g} s")
+    return notes
