@@ -81,7 +81,7 @@ class Model:
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
         """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return elastic_constants(bulk, self.mesh, self.length)
+        return elastic_constants(bulk, self.mesh, self.length, self.contact.turning)
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""

@@ -64,15 +64,18 @@ def constant(mesh: Any, value: float) -> Any:
     return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))
 
 
-def elastic_constants(bulk: Bulk, mesh: Any, length: float) -> tuple[Any, Volumetric]:
-    """Return mu and the volumetric energy; ``length`` [m] scales the pressure unknown."""
+def elastic_constants(bulk: Bulk, mesh: Any, length: float, stiffened: Any) -> tuple[Any, Volumetric]:
+    """Return mu and the volumetric energy; ``length`` [m] scales the pressure unknown.
+
+    ``stiffened`` is 1 where the mixed form needs its stiffness against changes of volume, else 0.
+    """
     solid = bulk.solid
     shear = constant(mesh, solid.shear_modulus)
     if bulk.pressure is None:
         return shear, Compressible(constant(mesh, solid.lame_first))
     unit = constant(mesh, solid.shear_modulus / length)
     compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
-    return shear, Mixed(unit * bulk.pressure, constant(mesh, compliance), constant(mesh, stiffness))
+    return shear, Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
 
 
 def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:

@@ -172,7 +172,7 @@ class LinearSolver:
             shear, volumetric = model.constants(bulk)
             if isinstance(volumetric, Mixed):
                 density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
-                energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2})
+                energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2 * model.order - 2})
         forms: list[list[Any]] = []
         pressures = model.fields.pressures
         for number, pressure in enumerate(pressures):
