@@ -31,9 +31,10 @@ LARGEST_DISPLACEMENT_POISSON = 0.4999
 VOLUME_STIFFNESS = 4.0
 """b over the shear modulus where lambda is infinite.
 
-At nu = 0.5 without the term the thin pair ends at D = 0.76 R, and the pair on h = 2 R takes 250 s to 1.4 R. With 4
-at every load they reach 0.9 R and 1.4 R in 38 and 69 s; the first takes 54 s with 2 and one more mesh with 10. At D = 0.1 R the
-discretisation's share of the error of T (order 3) is 0.19 % without, 0.17 % with 2, 0.24 % with 5, 0.35 % with 10.
+At nu = 0.5 without the term the thin pair ends at D = 0.76 R, and the pair on h = 2 R takes 250 s to 1.4 R. With 4 at
+every load they reach 0.9 R and 1.4 R in 38 and 69 s; the first takes 54 s with 2 and one more mesh with 10. At
+D = 0.1 R the discretisation's share of the error of T (order 3) is then 0.24 % with 5, 0.35 % with 10, and 0.19 %
+without the term.
 """
 MIXED_CAN = 0.4
 """Smallest Poisson's ratio for which the mixed form can be requested."""
