@@ -13,6 +13,7 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
@@ -43,9 +44,10 @@ class ModelRun:
     """A model with its load path and force meter on one mesh."""
 
     def __init__(
-        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str
-    ) -> None:
-        problem = plan.problem
+        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str,
+        locations: Locations | None = None,
+    ) -> None:  # fmt: skip
+        problem, self.locations = plan.problem, locations
         self.model = Model(problem, plan.reduction, meshed, level.order, plan.numerics.contact_degree)
         control = prescribed(problem).on(plan.reduction)
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
@@ -61,18 +63,18 @@ class ModelRun:
         self.solver.close()
         self.model.close()
 
-    def enforce(self, record: StepRecord) -> int:
-        """Stiffen the contact of an equilibrium with multipliers; return how often (collective).
+    def enforce(self, record: StepRecord, most: int = ROUNDS) -> int:
+        """Stiffen the contact of an equilibrium with multipliers, ``most`` times; return how often (collective).
 
         It ends when no ball penetrates more than `LARGEST_PENETRATION`.
         """
         accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in self.model.contact.balls])
-        rounds = ROUNDS * record.augmented
-        return self.path.stiffen(record, STIFFER, rounds, lambda: bool(np.any(self.extremes()[:, 1] > accepted)))
+        most *= record.augmented
+        return self.path.stiffen(record, STIFFER, most, lambda: bool(np.any(self.extremes()[:, 1] > accepted)))
 
     def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""
-        values, source = snapshot.at(self.model.fields)
+        values, source = snapshot.at(self.model.fields, self.locations)
         return State(snapshot.fraction, values, tuple(snapshot.approaches), source)
 
     def snapshot(self, fraction: float) -> Snapshot:
@@ -100,11 +102,12 @@ class MeshRun:
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
         meshed = mesh_box(box, mesh, comm) if isinstance(mesh, Path) else mesh
-        self.own = ModelRun(plan, meshed, box, level, observer, name)
+        locations = Locations()
+        self.own = ModelRun(plan, meshed, box, level, observer, name, locations)
         self.small: ModelRun | None = None
         if plan.is_paired:
             pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
-            self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain")
+            self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain", locations)
 
     def close(self) -> None:
         """Free the objects of both models (collective)."""
@@ -113,8 +116,9 @@ class MeshRun:
                 run.close()
 
     def account(
-        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float
-    ) -> SolverAccount:
+        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float,
+        stiffened: int = 0,
+    ) -> SolverAccount:  # fmt: skip
         """Return the cost of ``records`` and of the pair's, the load steps since ``began`` [s of `time.monotonic`].
 
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
@@ -128,8 +132,9 @@ class MeshRun:
             tangents=sum(each.tangents for each in records),
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
             pair_iterations=sum(each.newton_iterations for each in small),
-            augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
-            penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
+            augmented=record.augmented, stiffened=stiffened, cuts=max(each.cuts for each in records),
+            residual=record.residual, penetration=float(state.penetration.max()),
+            force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
             distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),

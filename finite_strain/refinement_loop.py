@@ -3,6 +3,7 @@
 import hashlib
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
-from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
+from finite_strain.one_discretisation import ROUNDS, STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
@@ -149,13 +150,14 @@ class Refinement:
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
         path = [f for f in plan.path if f > reached and (coarse is None or f in plan.loads or f > found)]
         taken, pairs, mark = list[StepRecord](), list[StepRecord](), time.monotonic()
-        for done in run.own.path.steps(path, lambda fraction: self._predicted(run.own, number, "own", fraction)):
+        for done in self._steps(run.own, path, number):
             taken.append(done)
             if done.fraction not in plan.loads:
                 continue
             run.own.path.augment(done)
-            is_last = number > 0 and done.fraction == plan.goals[-1]
-            rounds = run.own.enforce(done) if is_last else 0
+            rounds = ahead = self._ahead(number, done.fraction)
+            if number > 0 and done.fraction == plan.goals[-1]:
+                rounds += run.own.enforce(done, ROUNDS - ahead)
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
             small, pair = self._pair(run.small, record, number, done.fraction, rounds)
@@ -170,7 +172,7 @@ class Refinement:
                 self._compare(number, done.fraction)
                 self._save()
                 continue
-            answer = self._answer(number, run.account(taken, pairs, own, mark), run.own.solver.tolerance)
+            answer = self._answer(number, run.account(taken, pairs, own, mark, rounds), run.own.solver.tolerance)
             taken, pairs, mark, run.own.solver.effort = [], [], time.monotonic(), Effort()
             if writer is not None:
                 answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
@@ -182,6 +184,16 @@ class Refinement:
                 functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
                 on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
+
+    def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
+        """Yield each load step of the run's own model, predicted from the coarser discretisation."""
+        for fraction in path:
+            run.path.stiffer *= STIFFER ** self._ahead(number, fraction)
+            yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
+
+    def _ahead(self, number: int, fraction: float) -> int:
+        """Return how often penalties are stiffened before a load step: at full load as on the coarser mesh."""
+        return self.records[number - 1].stiffened if number and fraction == self.plan.goals[-1] else 0
 
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))

@@ -16,16 +16,10 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.nodal_values import element_of, outside_by
+from finite_strain.discretisation.nodal_values import element_of
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
-
-INSIDE = 1e-8
-"""Largest distance outside a cell, in its reference coordinates, at which a point still counts as inside."""
-_ROUNDS = 8
-"""Most Newton iterations for the reference coordinates of a point."""
-BULGE = 0.05
-"""How far a curved cell may extend beyond the bounding box of its nodes, as a fraction of the box's sides."""
 
 
 @dataclass(frozen=True)
@@ -55,36 +49,21 @@ class Snapshot:
         nodes, pressing, *values = (np.concatenate(pieces) for pieces in zip(*gathered, strict=True))
         return cls(fraction, nodes, tuple(values), np.array(approaches), replace(source, displacement=pressing))
 
-    def at(self, fields: Fields) -> tuple[Values, Penalised]:
-        """Return the values of this state at the nodes of a model's fields (this rank's, ghosts included)."""
+    def at(self, fields: Fields, locations: Locations | None = None) -> tuple[Values, Penalised]:
+        """Return the values of this state at the nodes of a model's fields (this rank's, ghosts included).
+
+        ``locations`` spares the search where states on the same mesh were evaluated before. Raises `OutputUnusable`
+        if the nodes do not lie in the mesh of the state.
+        """
+        locations = locations or Locations()
         answer: list[np.ndarray] = []
         for number, points in enumerate(fields.points):
             if number == 0 or len(points) != len(fields.points[number - 1]):
-                cells, places = self._locate(points)
+                cells, places = locations.find(self.nodes, points)
             answer.append(_evaluate(self.values[number], cells, places))
             if number == 0:
                 source = replace(self.source, displacement=_evaluate(self.source.displacement, cells, places))
         return (answer[0], *(values.ravel() for values in answer[1:])), source
-
-    def _locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell (n,) of each point (n, 3) [m], and its reference coordinates (n, 3) there, within [0, 1]."""
-        cells, places = np.full(len(points), -1), np.zeros((len(points), 3))
-        violation = np.full(len(points), np.inf)
-        low, high = self.nodes.min(axis=1), self.nodes.max(axis=1)
-        slack = BULGE * (high - low)
-        for cell, nodes in enumerate(self.nodes):
-            box = np.all((points >= low[cell] - slack[cell]) & (points <= high[cell] + slack[cell]), axis=1)
-            near = np.flatnonzero(box & (violation > INSIDE))
-            if not len(near):
-                continue
-            place = _inverted(nodes, points[near])
-            outside = outside_by(place, len(nodes))
-            better = outside < violation[near]
-            chosen = near[better]
-            cells[chosen], places[chosen], violation[chosen] = cell, place[better], outside[better]
-        if len(points) and violation.max() > 1e-3:
-            raise OutputUnusable("a saved state belongs to another scene: some nodes lie outside its mesh")
-        return cells, np.clip(places, 0.0, 1.0)
 
     def save(self, path: Path) -> None:
         """Write the state to a file atomically (on one rank)."""
@@ -125,16 +104,3 @@ def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.n
         shapes = element.tabulate(0, places[part])[0].reshape(len(cells[part]), -1)
         answer[part] = np.einsum("na,nak->nk", shapes, values[cells[part]])
     return answer
-
-
-def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the reference coordinates (n, 3) of points in a cell with nodes (n, 3), by Newton's method."""
-    place, element = np.full(points.shape, 0.5), element_of(len(nodes))
-    for _ in range(_ROUNDS):
-        shapes, *slopes = element.tabulate(1, np.clip(place, -0.5, 1.5)).reshape(4, len(points), -1)
-        jacobian = np.einsum("kna,ai->nik", slopes, nodes)
-        step = np.linalg.solve(jacobian, (shapes @ nodes - points)[..., None])[..., 0]
-        place = place - step
-        if np.abs(step).max() < 1e-13:
-            break
-    return place

@@ -83,8 +83,9 @@ class SolverAccount:
     """Cost and residuals of a load step with output.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
-    the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
-    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
+    the small-strain problem. ``stiffened`` is how often the penalties were raised to end penetration. ``residual`` [N]
+    is Newton's last, ``residuals`` those of its last solve; ``penetration`` [m];
+    ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
     (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J]
     is that of the whole scene.
     """
@@ -95,6 +96,7 @@ class SolverAccount:
     augmentation_iterations: int
     pair_iterations: int
     augmented: bool
+    stiffened: int = 0
     cuts: int
     residual: float
     penetration: float
@@ -163,6 +165,11 @@ class Record:
     reached: float = math.nan
     scale: float = math.nan
     stopped: str = ""
+
+    @property
+    def stiffened(self) -> int:
+        """How often the penalties were raised in the last step with multipliers."""
+        return self.steps[-1].stiffened if self.steps and self.steps[-1].augmented else 0
 
     def at(self, fraction: float) -> Row | None:
         """Return the results at a load fraction."""

@@ -189,6 +189,11 @@ def coarse_rig(
     return Rig(plan, run)
 
 
+def quadratic_rig(problem: Problem, folder: Path, numerics: Numerics = COARSER) -> Rig:
+    """Return the model of a problem on the coarsest elements of order 2."""
+    return coarse_rig(coarse_plan(problem, numerics=numerics), folder, QUADRATIC)
+
+
 class Recorder:
     """An observer that records its calls."""
 

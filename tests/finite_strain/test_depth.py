@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +13,23 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
-from finite_strain.accuracy.answer import MOST
-from finite_strain.accuracy.error_budget import enforcement
-from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
+from finite_strain.equilibrium.load_path import State
 from finite_strain.force.distortion import distortion
-from finite_strain.geometry.estimates import PENETRATION
-from finite_strain.numerics import Numerics
-from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
-from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Problem, Punch
+from finite_strain.one_discretisation import LARGEST_PENETRATION
+from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, NotConverged, Punch
 from linear_bem.closed_forms import long_force
 from tests.finite_strain.scenes import (
     COARSER,
     CUBIC,
     ONE_LOAD,
-    QUADRATIC,
     STIFF_SUBSTRATE,
-    Rig,
     at_small_strain,
     balls_at,
     coarse_plan,
     coarse_rig,
     on_layer,
     pair,
+    quadratic_rig,
     relatively,
     single,
 )
@@ -89,54 +83,6 @@ def test_an_incompressible_layer_is_stable_under_large_pressures(tmp_path: Path)
     list(rig.path.steps(rig.plan.path))  # with p j alone the path ends early
     bent = distortion(rig.model.space, rig.model.nodal, [ball.position for ball in rig.model.contact.balls])
     assert bent.volume_ratio > 0.0
-
-
-@pytest.fixture(scope="module")
-def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    rig = coarse_rig(coarse_plan(pair(0.8), numerics=ONE_LOAD), tmp_path_factory.mktemp("deep"))
-    *_, last = rig.path.steps(rig.plan.path)
-    pull = rig.meter.domain(rig.contact_radii())[0, 0]
-    return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
-
-
-def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(
-    deep_without_multipliers: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rig, last, soft, pull, penalties = deep_without_multipliers
-
-    starts = []
-
-    def rejected(*_: Any, **_gradually: bool) -> None:
-        starts.append(rig.model.fields.copy()[0])
-        rig.model.displacement.x.array[:] *= 0.99
-        raise NotConverged("the equilibrium found has other normal forces")
-
-    monkeypatch.setattr(rig.path, "_multiply", rejected)
-    monkeypatch.setattr(rig.path, "stiffer", 2.0)
-    assert not rig.path.augment(last)
-    assert np.array_equal(*starts)  # what was rejected is no start
-    stiff, stiffer = rig.run.state(1.0), 2.0 ** (DOUBLINGS + 1)
-    assert rig.model.contact.penalties == relatively(stiffer * penalties, 1e-12)
-    assert 1.0 < stiff.mean_gap[0] / (soft.mean_gap[0] / stiffer) < 2.0  # more pressure is left behind with less gap
-    assert last.residual <= rig.solver.tolerance
-    lacking = stiff.normal_force[0] / soft.normal_force[0] - 1.0
-    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
-    assert 0.5 * MOST * share < lacking < MOST * share
-    assert stiff.tangential_force[0, 0] / pull - 1.0 < 2.0 * MOST * share
-
-
-def test_multipliers_are_added_gradually_where_they_overshoot(deep_without_multipliers: Any) -> None:
-    rig, last, soft, _, penalties = deep_without_multipliers
-    rig.path.resume(rig.path.history)
-    record = StepRecord(last.fraction)
-    assert rig.path.augment(record)  # at once, with stiffer penalties, Newton's method fails
-    added = rig.run.state(1.0)
-    assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
-    assert record.residual <= rig.solver.tolerance
-    assert abs(added.mean_gap[0]) < 0.04 * abs(soft.mean_gap[0])  # stiffer penalties alone leave a sixteenth
-    # the whole pressure's share of the force that penetration withholds, as the error of a soft contact bounds it
-    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
-    assert 0.5 * MOST * share < added.normal_force[0] / soft.normal_force[0] - 1.0 < MOST * share
 
 
 def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> None:
@@ -217,12 +163,8 @@ def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() 
     assert result.steps[-1].record["imbalance"] == relatively(float(np.linalg.norm(total)), 1e-9)
 
 
-def rig_of(problem: Problem, folder: Path, numerics: Numerics = COARSER) -> Rig:
-    return coarse_rig(coarse_plan(problem, numerics=numerics), folder, QUADRATIC)
-
-
 def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.08, poisson=0.3), tmp_path)
+    rig = quadratic_rig(pair(0.08, poisson=0.3), tmp_path)
     rig.press([0.25, 0.5])
     good, force = [values.copy() for values in rig.path.history[-1].values], rig.normal_forces()[0]
     rig.solver.max_iterations = 0
@@ -245,12 +187,12 @@ def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     found, iterations = [], []
-    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"))
+    known = quadratic_rig(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"))
     known.press([0.5, 1.0])
     good = known.path.history[-1]
     wrong = type(good)(1.0, tuple(-values for values in good.values), good.approaches)
     for predicted in (None, good, wrong):
-        rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"))
+        rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"))
         records = list(rig.path.steps([1.0], lambda _, state=predicted: state))  # type: ignore[misc]
         iterations.append(sum(record.newton_iterations for record in records))
         rig.settle()
@@ -262,11 +204,11 @@ def test_a_good_initial_guess_saves_iterations_and_a_wrong_one_does_no_harm(
 def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_came_from(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    known = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"), ONE_LOAD)
+    known = quadratic_rig(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("known"), ONE_LOAD)
     known.press()
     good, source = known.path.history[-1], known.path.source
     useless = tuple(-values for values in good.values)
-    rig = rig_of(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"), ONE_LOAD)
+    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path_factory.mktemp("predicted"), ONE_LOAD)
     (record,) = rig.path.steps([1.0], lambda _: State(1.0, useless, good.approaches, source))
     assert not record.augmented
     assert record.cuts == 0
@@ -276,7 +218,7 @@ def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_cam
 
 @pytest.mark.parametrize("poisson", [0.3, 0.48])
 def test_unloading_and_reloading_retrace_the_first_loading(poisson: float, tmp_path: Path) -> None:
-    rig = rig_of(pair(0.3, poisson=poisson), tmp_path)
+    rig = quadratic_rig(pair(0.3, poisson=poisson), tmp_path)
     seen: dict[float, list[tuple[float, float, float]]] = {}
     for record in rig.path.steps([0.25, 0.5, 1.0, 0.5, 0.25, 1.0, 0.5]):
         rig.settle()
@@ -286,56 +228,6 @@ def test_unloading_and_reloading_retrace_the_first_loading(poisson: float, tmp_p
     for states in seen.values():  # elastic and without friction: no hysteresis beyond Newton's tolerance
         for again in states[1:]:
             assert again == relatively(states[0], 1e-5)
-
-
-def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.1, poisson=0.3), tmp_path)
-    *_, last = rig.press()
-    left, force, pull = rig.model.mean_gaps()[0], rig.normal_forces()[0], rig.meter.domain(rig.contact_radii())[0, 0]
-    assert -2.0 * PENETRATION * 0.1 < left < 0.0
-    assert rig.path.augment(last)
-    assert abs(rig.model.mean_gaps()[0]) < 0.2 * abs(left)
-    # penetration acts like a smaller approach
-    assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
-    assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
-    assert 0 < last.augmentation_iterations <= last.newton_iterations
-
-
-def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.1, poisson=0.3), tmp_path)
-    *_, last = rig.press()
-    rig.path.source = replace(rig.path.source, turning=1.0)  # at its approach a new state takes the undeformed area
-    assert rig.path.augment(last)
-    assert rig.model.contact.turning.value == 1.0
-    assert rig.model.contact.penalised.turning == 1.0
-
-
-def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
-    rig = rig_of(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
-    *_, last = rig.press()
-    assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
-    assert rig.path.augment(last)
-    before, stiff, iterations = rig.run.state(1.0), rig.model.contact.penalties.copy(), last.newton_iterations
-    assert before.penetration[0] > LARGEST_PENETRATION
-
-    rig.solver.max_iterations, tolerance = 0, rig.solver.tolerance  # Newton's method fails
-    assert rig.run.enforce(last) == 0
-    assert rig.solver.tolerance == tolerance  # the error of the answer that stays
-    same = rig.run.state(1.0)
-    for name, value in vars(before).items():
-        assert np.array_equal(getattr(same, name), value), name
-
-    rig.solver.max_iterations = rig.plan.numerics.newton_iterations
-    rounds = rig.run.enforce(last)
-    after = rig.run.state(1.0)
-    assert rounds > 0
-    assert rig.model.contact.penalties == relatively(stiff * STIFFER**rounds, 1e-12)
-    assert after.penetration[0] < 0.6 * before.penetration[0]
-    assert abs(after.mean_gap[0]) < abs(before.mean_gap[0])
-    # discretisation: at order 2 the contact's edge moves within its elements; 3e-4 here
-    assert after.normal_force == relatively(before.normal_force, 1e-3)
-    assert last.newton_iterations > iterations
-    assert last.residual <= rig.solver.tolerance
 
 
 def test_a_deformable_substrate_matches_the_linear_model(tmp_path: Path) -> None:

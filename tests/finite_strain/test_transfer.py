@@ -16,7 +16,9 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
+from finite_strain.discretisation import point_location
 from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.one_discretisation import mesh_box
 from finite_strain.planning.records import Discretisation
@@ -157,6 +159,28 @@ def test_a_rank_without_cells_has_an_empty_table_of_their_nodes() -> None:
     )
     done = mpirun(2, "-c", code, timeout=60.0)
     assert "[(0, 8), (1, 8)]" in done.stdout, done.stderr
+
+
+def test_points_are_searched_once_in_a_mesh(two: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse, fine = (fields_on(mesh, 3) for mesh in two)
+    searched, search = [], point_location._located
+    monkeypatch.setattr(point_location, "_located", lambda *given: searched.append(given) or search(*given))
+    locations = Locations()
+
+    def searches(snapshot: Snapshot, fields: Fields) -> int:
+        searched.clear()
+        found, known = snapshot.at(fields, locations), snapshot.at(fields)
+        assert all(np.array_equal(one, other) for one, other in zip(found[0], known[0], strict=True))
+        return len(searched) - len(fields.points)
+
+    for fields in (coarse, fine):
+        fill(fields, 3)
+    assert searches(taken(0.5, coarse), fine) == 2  # nodes of the displacement, and of the pressure
+    assert searches(taken(0.7, coarse), fine) == 0
+    assert searches(taken(0.5, coarse), fields_on(two[1], 2)) == 1  # its displacement has the pressure's nodes
+    assert searches(taken(0.5, coarse), fine) == 0
+    assert searches(taken(0.5, fine), coarse) == 2  # another mesh
+    assert searches(taken(0.5, coarse), fine) == 2
 
 
 @pytest.mark.mpi

@@ -1,0 +1,134 @@
+"""Contact multipliers: what they remove, how they are added, and penalties that are raised instead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from finite_strain.accuracy.answer import MOST
+from finite_strain.accuracy.error_budget import enforcement
+from finite_strain.equilibrium.load_path import DOUBLINGS, StepRecord
+from finite_strain.geometry.estimates import PENETRATION
+from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
+from linear_bem import NotConverged
+from tests.finite_strain.scenes import ONE_LOAD, coarse_plan, coarse_rig, pair, quadratic_rig, relatively
+
+
+@pytest.fixture(scope="module")
+def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    rig = coarse_rig(coarse_plan(pair(0.8), numerics=ONE_LOAD), tmp_path_factory.mktemp("deep"))
+    *_, last = rig.path.steps(rig.plan.path)
+    pull = rig.meter.domain(rig.contact_radii())[0, 0]
+    return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
+
+
+def test_without_multipliers_the_contact_is_stiffened_and_its_error_covered(
+    deep_without_multipliers: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, last, soft, pull, penalties = deep_without_multipliers
+
+    starts = []
+
+    def rejected(*_: Any, **_gradually: bool) -> None:
+        starts.append(rig.model.fields.copy()[0])
+        rig.model.displacement.x.array[:] *= 0.99
+        raise NotConverged("the equilibrium found has other normal forces")
+
+    monkeypatch.setattr(rig.path, "_multiply", rejected)
+    monkeypatch.setattr(rig.path, "stiffer", 2.0)
+    assert not rig.path.augment(last)
+    assert np.array_equal(*starts)  # what was rejected is no start
+    stiff, stiffer = rig.run.state(1.0), 2.0 ** (DOUBLINGS + 1)
+    assert rig.model.contact.penalties == relatively(stiffer * penalties, 1e-12)
+    assert 1.0 < stiff.mean_gap[0] / (soft.mean_gap[0] / stiffer) < 2.0  # more pressure is left behind with less gap
+    assert last.residual <= rig.solver.tolerance
+    lacking = stiff.normal_force[0] / soft.normal_force[0] - 1.0
+    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
+    assert 0.5 * MOST * share < lacking < MOST * share
+    assert stiff.tangential_force[0, 0] / pull - 1.0 < 2.0 * MOST * share
+
+
+def test_multipliers_are_added_gradually_where_they_overshoot(deep_without_multipliers: Any) -> None:
+    rig, last, soft, _, penalties = deep_without_multipliers
+    rig.path.resume(rig.path.history)
+    record = StepRecord(last.fraction)
+    assert rig.path.augment(record)  # at once, with stiffer penalties, Newton's method fails
+    added = rig.run.state(1.0)
+    assert rig.model.contact.penalties == relatively(2.0**DOUBLINGS * penalties, 1e-12)
+    assert record.residual <= rig.solver.tolerance
+    assert abs(added.mean_gap[0]) < 0.04 * abs(soft.mean_gap[0])  # stiffer penalties alone leave a sixteenth
+    # the whole pressure's share of the force that penetration withholds, as the error of a soft contact bounds it
+    (share,) = enforcement(soft, None, np.zeros(1), augmented=False)
+    assert 0.5 * MOST * share < added.normal_force[0] / soft.normal_force[0] - 1.0 < MOST * share
+
+
+def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: Path) -> None:
+    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path)
+    *_, last = rig.press()
+    left, force, pull = rig.model.mean_gaps()[0], rig.normal_forces()[0], rig.meter.domain(rig.contact_radii())[0, 0]
+    assert -2.0 * PENETRATION * 0.1 < left < 0.0
+    assert rig.path.augment(last)
+    assert abs(rig.model.mean_gaps()[0]) < 0.2 * abs(left)
+    # penetration acts like a smaller approach
+    assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
+    assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
+    assert 0 < last.augmentation_iterations <= last.newton_iterations
+
+
+def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_path: Path) -> None:
+    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path)
+    *_, last = rig.press()
+    rig.path.source = replace(rig.path.source, turning=1.0)  # at its approach a new state takes the undeformed area
+    assert rig.path.augment(last)
+    assert rig.model.contact.turning.value == 1.0
+    assert rig.model.contact.penalised.turning == 1.0
+
+
+def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
+    rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
+    *_, last = rig.press()
+    assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
+    assert rig.path.augment(last)
+    before, stiff, iterations = rig.run.state(1.0), rig.model.contact.penalties.copy(), last.newton_iterations
+    assert before.penetration[0] > LARGEST_PENETRATION
+
+    rig.solver.max_iterations, tolerance = 0, rig.solver.tolerance  # Newton's method fails
+    assert rig.run.enforce(last) == 0
+    assert rig.solver.tolerance == tolerance  # the error of the answer that stays
+    same = rig.run.state(1.0)
+    for name, value in vars(before).items():
+        assert np.array_equal(getattr(same, name), value), name
+
+    rig.solver.max_iterations = rig.plan.numerics.newton_iterations
+    rounds = rig.run.enforce(last)
+    after = rig.run.state(1.0)
+    assert rounds > 0
+    assert rig.model.contact.penalties == relatively(stiff * STIFFER**rounds, 1e-12)
+    assert after.penetration[0] < 0.6 * before.penetration[0]
+    assert abs(after.mean_gap[0]) < abs(before.mean_gap[0])
+    # discretisation: at order 2 the contact's edge moves within its elements; 3e-4 here
+    assert after.normal_force == relatively(before.normal_force, 1e-3)
+    assert last.newton_iterations > iterations
+    assert last.residual <= rig.solver.tolerance
+
+
+def test_penalties_that_are_stiff_from_the_start_leave_as_little_penetration(tmp_path: Path) -> None:
+    rigs = [quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD) for _ in range(2)]
+    rigs[1].path.stiffer *= STIFFER
+    spent = []
+    for rig, rounds in zip(rigs, (1, 0), strict=True):
+        *_, last = rig.press()
+        assert rig.path.augment(last)
+        assert rig.run.enforce(last, rounds) == rounds
+        spent.append(last.newton_iterations)
+    later, first = (rig.run.state(1.0) for rig in rigs)
+    assert rigs[1].model.contact.penalties == relatively(rigs[0].model.contact.penalties, 1e-12)
+    assert first.penetration == relatively(later.penetration, 0.05)
+    assert first.normal_force == relatively(later.normal_force, 1e-5)
+    assert spent[1] < spent[0]
