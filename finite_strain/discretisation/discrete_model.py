@@ -106,10 +106,10 @@ class Model:
         along = self._direction.functions
         self._with_contact = constant(self.mesh, 1.0)
         potential = bulk + self._with_contact * self.contact.energy
-        # at small strain the bulk part of the tangent is constant and stored; the contact part is added to it
-        self._keeps_bulk = not (self.is_finite or self.is_mixed)
+        # at small strain the bulk part of the tangent is constant; the contact part is added to it
+        self._has_constant_bulk = not (self.is_finite or self.is_mixed)
         residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
-        varying = [ufl.derivative(bulk, u, test)] if self._keeps_bulk else residuals
+        varying = [ufl.derivative(bulk, u, test)] if self._has_constant_bulk else residuals
         tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
         pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
         actions = [sum(ufl.derivative(r, f, d) for f, d in zip(fields, along, strict=True)) for r in residuals]
@@ -117,7 +117,7 @@ class Model:
         self._asked = [constant(self.mesh, 0.0) for _ in readings]
         reading = sum(asked * form for asked, form in zip(self._asked, readings, strict=True))
         border = ufl.derivative(readings[_NORMAL], u, test)
-        forms = [*tangents, *actions, *residuals, potential, border, reading, *[pressed] * self._keeps_bulk]
+        forms = [*tangents, *actions, *residuals, potential, border, reading, *[pressed] * self._has_constant_bulk]
         compiled = iter(compat.compile_forms(forms, self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
         self._action, *self._volume_actions = [next(compiled) for _ in fields]
@@ -271,8 +271,11 @@ class Model:
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
-    def tangent(self) -> None:
-        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
+    def tangent(self, stores: bool = True) -> None:
+        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows.
+
+        ``stores``: keep a copy of a part that is constant, which needs as much memory as the matrix.
+        """
         matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
         if self.is_mixed:
             matrix.zeroEntries()
@@ -282,8 +285,8 @@ class Model:
             assemble(matrix, self._tangent[0][0], self.bcs)
         else:
             self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        if self._keeps_bulk:
-            if self._linear is None:
+        if self._has_constant_bulk:
+            if self._linear is None and stores:
                 matrix.assemble()
                 self._linear = matrix.duplicate(copy=True)
             assemble(matrix, self._contact_tangent[0], self.bcs)
