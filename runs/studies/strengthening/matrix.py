@@ -17,7 +17,7 @@ VARIED = (0.03, 0.05, 0.07, 0.15, 0.32, 0.5)
 """Those of every other curve: three give its slope. The smallest contact sets the size of the mesh."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
-UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 140e3, THICK: 120e3}
+UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline, with fineness 1.5 where T is largest."""
 LAWS: tuple[tuple[Law, float], ...] = (
     (NeoHookean(), POISSON),
