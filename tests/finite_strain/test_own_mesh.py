@@ -29,9 +29,9 @@ from tests.finite_strain.scenes import SHAPES, at_small_strain, pair, relatively
 from tests.launch import mpirun
 
 COMM = MPI.COMM_SELF
-X = (0.0, 0.3, 0.55, 0.75, 0.9, 1.0, 1.1, 1.25, 1.45, 1.8, 2.4, 3.4)
-Y = (0.0, 0.1, 0.25, 0.5, 0.9, 1.5, 2.6)
-Z = (-1.16, -0.7, -0.35, -0.12, 0.0)
+X = (0.0, 0.4, 0.7, 0.87, 1.0, 1.13, 1.3, 1.6, 2.3, 3.4)
+Y = (0.0, 0.12, 0.3, 0.7, 1.4, 2.6)
+Z = (-1.16, -0.6, -0.2, 0.0)
 """Lines of a quarter of the thin pair, graded towards the contact of the ball at x = 1."""
 
 
