@@ -114,7 +114,8 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
 @look()
 def draw_animation(folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float]) -> None:
     """Write evolution.gif: the path in equal steps of cycles."""
-    from matplotlib.animation import PillowWriter  # noqa: PLC0415
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from PIL import Image  # noqa: PLC0415
 
     path = document["path"]
     last = path[-1]["cycle"]
@@ -122,21 +123,33 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
     x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
     figure = blank(*_size(_frame(path, radii), 3.6))
-    axis = figure.subplots()
+    figure.set_dpi(80)
+    canvas, axis = FigureCanvasAgg(figure), figure.subplots()
     _set_frame(axis, path, radii)
-    writer = PillowWriter(fps=round(FRAMES / SECONDS))
+    _draw_direction(axis, direction)
+    _draw_balls(axis, x[0], radii)
+    title = axis.set_title(" ", fontsize=9)
+    moving = [*axis.patches, *axis.texts[-len(radii) :], title]
+    for artist in moving:
+        artist.set_animated(True)
+    canvas.draw()  # what does not move, once
+    still, frames = canvas.copy_from_bbox(figure.bbox), list[Any]()
+    for places, cycle in zip(1e3 * x, cycles, strict=True):
+        title.set_text(f"{cycle:.{_digits(last)}f} cycles")
+        for place, circle, number in zip(places, axis.patches, moving[len(radii) :], strict=False):
+            circle.set_center(place)
+            number.set_position(place)
+        canvas.restore_region(still)
+        for artist in moving:
+            axis.draw_artist(artist)
+        frame = Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB")
+        frames.append(frame.quantize(palette=frames[0], dither=Image.Dither.NONE) if frames else frame.quantize(64))
+    each = 1e3 * SECONDS / FRAMES
     with replacing(folder / "evolution.gif") as draft:
-        shown = draft.with_suffix(".part.gif")
-        with writer.saving(figure, str(shown), dpi=80):
-            for k in [*range(FRAMES), *[FRAMES - 1] * 8]:
-                for artist in [*axis.patches, *axis.texts]:
-                    artist.remove()
-                _draw_balls(axis, x[k], radii)
-                _draw_direction(axis, direction)
-                axis.set_title(f"{cycles[k]:.{_digits(last)}f} cycles", fontsize=9)
-                writer.grab_frame()
-                figure.set_layout_engine("none")  # the first frame fixes the layout of all
-        shown.replace(draft)
+        frames[0].save(
+            draft, format="gif", save_all=True, append_images=frames[1:], loop=0,
+            duration=[each] * (FRAMES - 1) + [9.0 * each],
+        )  # fmt: skip
 
 
 @look()
