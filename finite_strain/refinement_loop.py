@@ -109,7 +109,8 @@ class Refinement:
             self._save()
         if self._reach(answered) < self.plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
-            raise NotConverged(f"{self.records[-1].stopped or why}{kept}")
+            stopped = self.records[-1].stopped
+            raise NotConverged(f"{why if stopped in why else '; '.join(filter(None, (stopped, why)))}{kept}")
         return self._result(answered, why)
 
     def _reach(self, number: int) -> float:

@@ -274,20 +274,19 @@ class Model:
     def tangent(self, stores: bool = True) -> None:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows.
 
-        ``stores``: keep a copy of a part that is constant, which needs as much memory as the matrix.
+        ``stores``: keep a copy of the part that is constant, which needs as much memory as the matrix.
         """
         matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
+        matrix.zeroEntries()
         if self.is_mixed:
-            matrix.zeroEntries()
             compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
         elif self._linear is None:
-            matrix.zeroEntries()
             assemble(matrix, self._tangent[0][0], self.bcs)
         else:
             self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if self._has_constant_bulk:
+            matrix.assemble()  # what follows adds to it
             if self._linear is None and stores:
-                matrix.assemble()
                 self._linear = matrix.duplicate(copy=True)
             assemble(matrix, self._contact_tangent[0], self.bcs)
         matrix.assemble()
