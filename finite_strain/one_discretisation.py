@@ -63,14 +63,20 @@ class ModelRun:
         self.solver.close()
         self.model.close()
 
-    def enforce(self, record: StepRecord, most: int = ROUNDS) -> int:
-        """Stiffen the contact of an equilibrium with multipliers, ``most`` times; return how often (collective).
+    def enforce(self, record: StepRecord) -> int:
+        """Stiffen the contact of an equilibrium with multipliers, `ROUNDS` times; return how often in all (collective).
 
-        It ends when no ball penetrates more than `LARGEST_PENETRATION`.
+        It ends when no ball penetrates more than `LARGEST_PENETRATION`. Penalties that were stiff from the start count.
         """
+        if not record.augmented:
+            return 0
+        ahead = round(math.log(self.path.ahead, STIFFER))
         accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in self.model.contact.balls])
-        most *= record.augmented
-        return self.path.stiffen(record, STIFFER, most, lambda: bool(np.any(self.extremes()[:, 1] > accepted)))
+
+        def wanted() -> bool:
+            return bool(np.any(self.extremes()[:, 1] > accepted))
+
+        return ahead + self.path.stiffen(record, STIFFER, ROUNDS - ahead, wanted)
 
     def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""
@@ -116,9 +122,8 @@ class MeshRun:
                 run.close()
 
     def account(
-        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float,
-        stiffened: int = 0,
-    ) -> SolverAccount:  # fmt: skip
+        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float
+    ) -> SolverAccount:
         """Return the cost of ``records`` and of the pair's, the load steps since ``began`` [s of `time.monotonic`].
 
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
@@ -132,9 +137,8 @@ class MeshRun:
             tangents=sum(each.tangents for each in records),
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
             pair_iterations=sum(each.newton_iterations for each in small),
-            augmented=record.augmented, stiffened=stiffened, cuts=max(each.cuts for each in records),
-            residual=record.residual, penetration=float(state.penetration.max()),
-            force_balance=abs(pressed - reaction) / pressed,
+            augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
+            penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
             distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),

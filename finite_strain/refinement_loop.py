@@ -24,7 +24,7 @@ from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
-from finite_strain.one_discretisation import ROUNDS, STIFFER, MeshRun, ModelRun
+from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
@@ -110,7 +110,8 @@ class Refinement:
         if self._reach(answered) < self.plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
             stopped = self.records[-1].stopped
-            raise NotConverged(f"{why if stopped in why else '; '.join(filter(None, (stopped, why)))}{kept}")
+            reasons = [why] if stopped in why else [stopped, why]
+            raise NotConverged(f"{'; '.join(filter(None, reasons))}{kept}")
         return self._result(answered, why)
 
     def _reach(self, number: int) -> float:
@@ -156,9 +157,9 @@ class Refinement:
             if done.fraction not in plan.loads:
                 continue
             run.own.path.augment(done)
-            rounds = ahead = self._ahead(number, done.fraction)
-            if number > 0 and done.fraction == plan.goals[-1]:
-                rounds += run.own.enforce(done, ROUNDS - ahead)
+            rounds = 0
+            if self._is_last(number, done.fraction):
+                rounds = record.stiffened = run.own.enforce(done)
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
             small, pair = self._pair(run.small, record, number, done.fraction, rounds)
@@ -173,7 +174,7 @@ class Refinement:
                 self._compare(number, done.fraction)
                 self._save()
                 continue
-            answer = self._answer(number, run.account(taken, pairs, own, mark, rounds), run.own.solver.tolerance)
+            answer = self._answer(number, run.account(taken, pairs, own, mark), run.own.solver.tolerance)
             taken, pairs, mark, run.own.solver.effort = [], [], time.monotonic(), Effort()
             if writer is not None:
                 answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
@@ -186,15 +187,19 @@ class Refinement:
                 on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
-    def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
-        """Yield each load step of the run's own model, predicted from the coarser discretisation."""
-        for fraction in path:
-            run.path.stiffer *= STIFFER ** self._ahead(number, fraction)
-            yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
+    def _is_last(self, number: int, fraction: float) -> bool:
+        """Return whether a load step is that of full load on a mesh with answers."""
+        return number > 0 and fraction == self.plan.goals[-1]
 
-    def _ahead(self, number: int, fraction: float) -> int:
-        """Return how often penalties are stiffened before a load step: at full load as on the coarser mesh."""
-        return self.records[number - 1].stiffened if number and fraction == self.plan.goals[-1] else 0
+    def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
+        """Yield each load step of the run's own model, predicted from the coarser discretisation.
+
+        Full load begins with the penalties that the coarser one needed there.
+        """
+        for fraction in path:
+            rounds = self.records[number - 1].stiffened if self._is_last(number, fraction) else 0
+            run.path.ahead = STIFFER**rounds
+            yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
 
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))

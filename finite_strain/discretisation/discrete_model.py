@@ -276,20 +276,20 @@ class Model:
 
         ``stores``: keep a copy of the part that is constant, which needs as much memory as the matrix.
         """
-        matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
-        matrix.zeroEntries()
-        if self.is_mixed:
-            compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
-        elif self._linear is None:
-            assemble(matrix, self._tangent[0][0], self.bcs)
-        else:
+        matrix, assemble, is_linear = self.matrix, dolfinx.fem.petsc.assemble_matrix, self._has_constant_bulk
+        if self._linear is not None:
             self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        if self._has_constant_bulk:
-            matrix.assemble()  # what follows adds to it
-            if self._linear is None and stores:
-                self._linear = matrix.duplicate(copy=True)
+        else:
+            matrix.zeroEntries()
+            if self.is_mixed:
+                compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
+            else:
+                assemble(matrix, self._tangent[0][0], self.bcs)
+            matrix.assemble()
+            self._linear = matrix.duplicate(copy=True) if is_linear and stores else None
+        if is_linear:
             assemble(matrix, self._contact_tangent[0], self.bcs)
-        matrix.assemble()
+            matrix.assemble()
 
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""

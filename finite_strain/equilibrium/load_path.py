@@ -76,7 +76,8 @@ class LoadPath:
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
     penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends, and
-    ``longest`` the first one over full load where a predictor's state was of no use.
+    ``longest`` the first one over full load where a predictor's state was of no use. The attribute ``ahead`` multiplies
+    the penalties of the next step if it starts with a predictor's multipliers, and is 1 again if that failed.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class LoadPath:
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self.history: list[State] = []
-        self.source = model.contact.penalised
+        self.source, self.ahead = model.contact.penalised, 1.0
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
@@ -110,6 +111,8 @@ class LoadPath:
                 except NotConverged as error:
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
+                    elif predicted.source is not None and self.ahead > 1.0:
+                        self.ahead = 1.0
                     elif predicted.source is not None:
                         predicted = _penalised(predicted, predicted.source)
                     else:
@@ -217,6 +220,7 @@ class LoadPath:
         if start is not None and start.source is not None:
             self._multiply(start.source, record)
         else:
+            self.ahead = 1.0
             self._set_penalties()
             self._newton(record, rough=ROUGH)
             work = float(self.model.part_forces() @ (contact.approaches - np.array(self._last.approaches)))
@@ -228,7 +232,7 @@ class LoadPath:
         """Find the equilibrium near the present state with the multipliers of another one, or of this one."""
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
-        contact.augment(source, 1.0 if gradually else self.stiffer * STIFFENING)
+        contact.augment(source, 1.0 if gradually else self.stiffer * self.ahead * STIFFENING)
         model.fields.restore((source.displacement, *start[1:]))
         contact.set_approaches(source.approaches)
         before = model.forces()[:, 2]

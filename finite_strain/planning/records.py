@@ -83,9 +83,8 @@ class SolverAccount:
     """Cost and residuals of a load step with output.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
-    the small-strain problem. ``stiffened`` is how often the penalties were raised to end penetration. ``residual`` [N]
-    is Newton's last, ``residuals`` those of its last solve; ``penetration`` [m];
-    ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
+    the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
+    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
     (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J]
     is that of the whole scene.
     """
@@ -96,7 +95,6 @@ class SolverAccount:
     augmentation_iterations: int
     pair_iterations: int
     augmented: bool
-    stiffened: int = 0
     cuts: int
     residual: float
     penetration: float
@@ -151,7 +149,7 @@ class Record:
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
     load; ``changes`` are those (balls,) from the coarser discretisation at the rows: R of T / Q^2 [1/N], Q of
-    the force or approach that was not given, relative.
+    the force or approach that was not given, relative. ``stiffened`` is how often penalties were raised at full load.
     """
 
     level: Discretisation
@@ -164,12 +162,8 @@ class Record:
     terms: dict[str, float] = field(default_factory=dict)
     reached: float = math.nan
     scale: float = math.nan
+    stiffened: int = 0
     stopped: str = ""
-
-    @property
-    def stiffened(self) -> int:
-        """How often the penalties were raised in the last step with multipliers."""
-        return self.steps[-1].stiffened if self.steps and self.steps[-1].augmented else 0
 
     def at(self, fraction: float) -> Row | None:
         """Return the results at a load fraction."""

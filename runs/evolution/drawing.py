@@ -129,14 +129,15 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     _draw_direction(axis, direction)
     _draw_balls(axis, x[0], radii)
     title = axis.set_title(" ", fontsize=9)
-    moving = [*axis.patches, *axis.texts[-len(radii) :], title]
+    circles, numbers = list(axis.patches), axis.texts[-len(radii) :]
+    moving = [*circles, *numbers, title]
     for artist in moving:
         artist.set_animated(True)
     canvas.draw()  # what does not move, once
     still, frames = canvas.copy_from_bbox(figure.bbox), list[Any]()
     for places, cycle in zip(1e3 * x, cycles, strict=True):
         title.set_text(f"{cycle:.{_digits(last)}f} cycles")
-        for place, circle, number in zip(places, axis.patches, moving[len(radii) :], strict=False):
+        for place, circle, number in zip(places, circles, numbers, strict=True):
             circle.set_center(place)
             number.set_position(place)
         canvas.restore_region(still)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,26 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
+from finite_strain.contact.contact_energy import Penalised
 from finite_strain.equilibrium.load_path import DOUBLINGS, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
-from finite_strain.one_discretisation import LARGEST_PENETRATION, STIFFER
+from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER
+from finite_strain.planning.records import Record, save_records, saved_records
+from finite_strain.refinement_loop import Refinement
 from linear_bem import NotConverged
-from tests.finite_strain.scenes import ONE_LOAD, coarse_plan, coarse_rig, pair, quadratic_rig, relatively
+from tests.finite_strain.scenes import (
+    CUBIC,
+    ONE_LOAD,
+    QUADRATIC,
+    coarse_plan,
+    coarse_rig,
+    pair,
+    quadratic_rig,
+    relatively,
+)
 
 
 @pytest.fixture(scope="module")
@@ -118,17 +132,51 @@ def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path
     assert last.residual <= rig.solver.tolerance
 
 
-def test_penalties_that_are_stiff_from_the_start_leave_as_little_penetration(tmp_path: Path) -> None:
-    rigs = [quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD) for _ in range(2)]
-    rigs[1].path.stiffer *= STIFFER
-    spent = []
-    for rig, rounds in zip(rigs, (1, 0), strict=True):
-        *_, last = rig.press()
-        assert rig.path.augment(last)
-        assert rig.run.enforce(last, rounds) == rounds
-        spent.append(last.newton_iterations)
-    later, first = (rig.run.state(1.0) for rig in rigs)
-    assert rigs[1].model.contact.penalties == relatively(rigs[0].model.contact.penalties, 1e-12)
+def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
+    *_, last = known.press()
+    good = replace(known.path.history[-1], source=known.path.source)
+    assert known.path.augment(last)
+    monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 0.0)  # as often as allowed
+    assert known.run.enforce(last) == ROUNDS
+    spent = last.newton_iterations
+
+    rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
+    rig.path.ahead = STIFFER**ROUNDS
+    (record,) = rig.path.steps([1.0], lambda _: good)
+    assert record.augmented
+    assert rig.run.enforce(record) == ROUNDS  # those from the start count
+    assert rig.model.contact.penalties == relatively(known.model.contact.penalties, 1e-12)
+    later, first = known.run.state(1.0), rig.run.state(1.0)
     assert first.penetration == relatively(later.penetration, 0.05)
     assert first.normal_force == relatively(later.normal_force, 1e-5)
-    assert spent[1] < spent[0]
+    assert record.newton_iterations < spent
+
+    again = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
+    again.path.ahead, multiply = STIFFER, again.path._multiply
+
+    def only_as_before(source: Penalised, record: StepRecord, gradually: bool = False) -> None:
+        if again.path.ahead > 1.0:
+            raise NotConverged("the equilibrium found has other normal forces")
+        multiply(source, record, gradually)
+
+    monkeypatch.setattr(again.path, "_multiply", only_as_before)
+    (record,) = again.path.steps([1.0], lambda _: good)
+    assert record.augmented
+    assert again.path.ahead == 1.0
+    monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 1.0)
+    assert again.run.enforce(record) == 0
+
+
+def test_a_finer_mesh_begins_full_load_with_the_penalties_of_the_coarser_one(tmp_path: Path) -> None:
+    kept = [Record(QUADRATIC, stiffened=2), Record(CUBIC)]
+    save_records(tmp_path, "key", kept)
+    run: Any = object.__new__(Refinement)
+    run.records, _ = saved_records(tmp_path, "key")
+    run.plan = SimpleNamespace(goals=(0.5, 1.0))
+    path: Any = SimpleNamespace(ahead=0.0)
+    path.steps = lambda fractions, _: [(*fractions, path.ahead)]
+    assert list(run._steps(SimpleNamespace(path=path), [0.5, 1.0], 1)) == [(0.5, 1.0), (1.0, STIFFER**2)]
+    assert list(run._steps(SimpleNamespace(path=path), [0.5, 1.0], 0)) == [(0.5, 1.0), (1.0, 1.0)]

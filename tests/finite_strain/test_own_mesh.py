@@ -75,7 +75,9 @@ def on_two() -> Any:
 
 
 @pytest.mark.mpi
-def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(on_two: Any) -> None:  # on one: the tutorial
+def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(
+    on_two: Any,
+) -> None:  # on one: the tutorial
     scene, *own = (on_two[name]["balls"][0] for name in ("scene", "file", "dolfinx"))
     for answer in own:
         assert answer["normal_force"] == relatively(scene["normal_force"], 1e-8)
@@ -107,7 +109,7 @@ def test_a_mesh_without_blocks_meets_the_boundary_element_model(
     answer, mesh, step = hexahedra if kind == CellType.hexahedron else on_block(block(kind), tmp_path)
     exact, ball = solve(SMALL, 1e-4).balls[0], answer.balls[0]
     # discretisation and truncation; tetrahedra without mirror images about the ball's axis: 6e-3, and 0.10 of T
-    assert ball.normal_force == relatively(exact.normal_force, 5e-3 if kind == CellType.hexahedron else 9e-3)
+    assert ball.normal_force == relatively(exact.normal_force, 5e-3 if kind == CellType.hexahedron else 8e-3)
     scale = answer.solved.accuracy["relative_to"]["force"]
     skew = 0.05 if kind == CellType.hexahedron else 0.15
     assert abs(ball.tangential_force[0] - exact.tangential_force[0]) < skew * scale
@@ -153,7 +155,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "shifted": (lambda: block(z=tuple(z + 1.16 for z in Z)), r"got 0 to 1\.16 m"),
     "bulging": (bulging, r"must reach from z = -1\.16 to 0 m, got -1\.16 to 0\.001 m"),
     "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 2 at \(1, 0\) m needs .* got 0\.02 m"),
-    "coarse": (lambda: block(x=X[::4], y=Y[::2]), r"at least 9 corners .* got \d; make the elements there smaller"),
+    "coarse": (lambda: block(x=X[::4], y=Y[::2]), r"at least 9 corners .* got 4; make the elements there smaller"),
     "a hole": (hollow, r"must be a slab without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2"),
     "prisms": (lambda: block(CellType.prism), "hexahedron or tetrahedron, got prism"),
 }

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 from linear_bem import FiniteStrain, Load, Problem, Result, solve
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Solved, Step
 from runs.evolution import evolving, outcome, pair_table, showing
+from runs.evolution.drawing import FRAMES, SECONDS
 from runs.evolution.evolving import evolve_scene
 from runs.models import MODELS, Run
 from runs.process import signals
@@ -108,7 +110,11 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     assert float(rows[-1]["position_x"]) == document["path"][-1]["positions"][2][0]
     for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
         assert (out / name).stat().st_size > 5_000, name
-    assert (out / "evolution.gif").read_bytes()[:6] == b"GIF89a"
+    frames = list(ImageSequence.Iterator(Image.open(out / "evolution.gif")))
+    first, *_, last = (np.asarray(frame.convert("L"), dtype=float) for frame in frames)
+    assert sum(frame.info["duration"] for frame in frames) == pytest.approx(1e3 * SECONDS * (1.0 + 8.0 / FRAMES))
+    changed = np.abs(first - last) > 50.0
+    assert 0.005 < changed.mean() < 0.5  # the balls have moved, the axes have not
     assert not list(out.glob("structure*"))  # which are of layers of many balls
     again = thirdbody("evolve", file, "--model", "point_load", "--out", out, "--json")
     assert json.loads(again.stdout) == document
