@@ -110,9 +110,10 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     assert float(rows[-1]["position_x"]) == document["path"][-1]["positions"][2][0]
     for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
         assert (out / name).stat().st_size > 5_000, name
-    frames = list(ImageSequence.Iterator(Image.open(out / "evolution.gif")))
-    first, *_, last = (np.asarray(frame.convert("L"), dtype=float) for frame in frames)
-    assert sum(frame.info["duration"] for frame in frames) == pytest.approx(1e3 * SECONDS * (1.0 + 8.0 / FRAMES))
+    with Image.open(out / "evolution.gif") as animation:
+        shown = [(f.info["duration"], np.asarray(f.convert("L"), float)) for f in ImageSequence.Iterator(animation)]
+    assert sum(duration for duration, _ in shown) == pytest.approx(1e3 * SECONDS * (1.0 + 8.0 / FRAMES))
+    first, last = shown[0][1], shown[-1][1]
     changed = np.abs(first - last) > 50.0
     assert 0.005 < changed.mean() < 0.5  # the balls have moved, the axes have not
     assert not list(out.glob("structure*"))  # which are of layers of many balls
