@@ -14,7 +14,7 @@ import pytest
 from linear_bem import Problem, solve
 from runs.studies.framework.pair import THICK, THIN, pair
 from runs.studies.framework.saved_cases import Found
-from runs.studies.strengthening import fitting
+from runs.studies.strengthening import fitting, ratios
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import cases
 from tests.launch import STAND_IN, thirdbody
@@ -49,6 +49,19 @@ def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -
     assert float(deepest["T"]) < 0.0  # they separate, whichever way x points
     assert (tmp_path / "out/strengthening.svg").stat().st_size > 5_000
     assert "within its error bar of 1** in 2 case(s)" in done.stdout
+
+
+def test_factors_follow_a_case_that_a_finer_mesh_has_answered_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, *_ = cases(quick=True)
+    monkeypatch.setattr(ratios, "_rows", lambda _, steps: [{"T": steps[0]["balls"][0]["tangential_force"][0]}])
+    for pull in (1.0, 1.0, 2.0):
+        balls = [{"tangential_force": [pull, 0.0], "tangential_force_error": 0.1}]
+        found = Found((case,), {case.name: {"steps": [{"balls": balls}]}})
+        assert ratios.factors(found, tmp_path) == {case.name: [{"T": pull}]}
+    monkeypatch.setattr(ratios, "_rows", lambda *_: pytest.fail("known already"))
+    assert ratios.factors(found, tmp_path) == {case.name: [{"T": 2.0}]}
 
 
 def test_every_case_has_a_name_of_its_own_and_a_curve_enough_small_loads_for_its_slope() -> None:

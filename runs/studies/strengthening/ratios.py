@@ -30,7 +30,9 @@ def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
         steps = found.steps(case.name)
         if case.model != "finite_strain" or not steps:
             continue
-        key = [case.key(), len(steps)]
+        # a finer mesh may have answered the same load steps since
+        forces = [[ball["tangential_force"], ball["tangential_force_error"]] for s in steps for ball in s["balls"]]
+        key = [case.key(), forces]
         old = kept.get(case.name, {})
         now[case.name] = old if old.get("key") == key else {"key": key, "rows": _rows(case, steps)}
     write_text(folder / KEPT, to_json(now))
