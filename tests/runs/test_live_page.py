@@ -44,7 +44,7 @@ def test_the_live_table_meets_the_solver_within_the_error_that_it_states() -> No
 def test_the_factors_of_the_live_page_are_the_published_ones() -> None:
     cases = widget.strengthening(widget.STUDY.read_text(encoding="utf-8"))
     thin = next(c for c in cases if (c["thickness"], c["distance"], c["poisson"]) == (1.16, 2.0, 0.48))
-    assert [0.32, 1.281, 0.003] in thin["points"]
+    assert [0.32, 1.2818, 0.0019] in thin["points"]
     assert len(cases) >= 14
     with pytest.raises(ValueError, match="thin layer"):
         widget.strengthening("# an empty page")
@@ -111,7 +111,7 @@ def test_the_live_page_meets_the_solver_at_random_points_in_a_browser(tmp_path: 
 def test_the_live_page_shows_published_factors_and_no_others(tmp_path: Path) -> None:
     thin = {"radius": 2.0, "young": 1.0, "poisson": 0.48, "thickness": 2.32, "distance": 4.0, "approach": 0.64}
     known, unknown = in_browser([thin, {**thin, "thickness": 2.6}], tmp_path)
-    assert known["factor"].startswith("1.281 ± 0.003")
+    assert known["factor"].startswith("1.282 ± 0.002")
     assert unknown["factor"] == "not known here"
 
 
