@@ -22,7 +22,7 @@ echo "quickstart: in $checkout: mpirun -n 2 ${job[*]}"
 status=0
 "${two_ranks[@]}" "${job[@]}" </dev/null || status=$?
 if ((status)); then
-  echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command goes on from there" >&2
+  echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command continues from there" >&2
 fi
 echo "quickstart: the same by hand (what is finished is shown again; --fresh starts anew):"
 echo "  cd $(printf %q "$checkout")"

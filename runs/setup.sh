@@ -50,7 +50,7 @@ logged() {
   ) 9>&- &
   ticker=$!
   trap 'kill "$ticker" 2>/dev/null' EXIT
-  trap 'say "interrupted; run it again and it goes on from here" >&2; exit 130' INT
+  trap 'say "interrupted; run it again and it continues from here" >&2; exit 130' INT
   "$@" </dev/null >>"$log" 2>&1 9>&- || status=$?
   kill "$ticker" 2>/dev/null
   wait "$ticker" 2>/dev/null || true

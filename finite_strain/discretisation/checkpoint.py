@@ -58,8 +58,7 @@ class Snapshot:
         locations = locations or Locations()
         answer: list[np.ndarray] = []
         for number, points in enumerate(fields.points):
-            if number == 0 or len(points) != len(fields.points[number - 1]):
-                cells, places = locations.find(self.nodes, points)
+            cells, places = locations.find(self.nodes, points)
             answer.append(_evaluate(self.values[number], cells, places))
             if number == 0:
                 source = replace(self.source, displacement=_evaluate(self.source.displacement, cells, places))
@@ -87,12 +86,12 @@ class Snapshot:
     def load(cls, path: Path) -> Snapshot:
         """Return the state in a file; raises `OutputUnusable`."""
         try:
-            with path.open("rb") as file, np.load(file) as saved:  # numpy leaves a torn file open
+            with path.open("rb") as file, np.load(file) as saved:  # numpy leaves a damaged file open
                 fields = tuple(saved[name] for name in saved.files if name.startswith("values"))
                 source = Penalised(*(saved[f"source_{each.name}"] for each in dataclass_fields(Penalised)))
                 return cls(float(saved["fraction"]), saved["nodes"], fields, saved["approaches"], source)
         except (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error) as error:
-            raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start anew") from error
+            raise OutputUnusable(f"{path} cannot be read ({error}): remove it to start from the beginning") from error
 
 
 def _evaluate(values: np.ndarray, cells: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -54,7 +54,7 @@ def _check_room(path: Path, needed: int) -> None:
     if path.parent.exists() and (free := shutil.disk_usage(path.parent).free) < needed:
         raise OutputUnusable(
             f"{path} cannot be written: No space left on device ({free / 1e6:.1f} MB free, {needed / 1e6:.1f} MB "
-            "needed); make room, and the same command goes on from the last step"
+            "needed); make room, and the same command continues from the last step"
         )
 
 
@@ -78,7 +78,7 @@ def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
         file = h5py.File(path, "r")
     except OSError as error:
         raise OutputUnusable(
-            f"{path} cannot be read ({error}): remove it, and the same command goes on without the fields of that step"
+            f"{path} cannot be read ({error}): remove it; the same command then continues without its fields"
         ) from error
     with file:
         cells = file["cells"]

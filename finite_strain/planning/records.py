@@ -212,8 +212,8 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
             continue
         if damage:  # else the next save would put it in the place of the good one
             (folder / NAME).unlink(missing_ok=True)
-        went_on = f"went on from {BEFORE}" if records else "started anew"
-        return records, f"{damage}: the run {went_on}" if damage else ""
+        continued = f"continued from {BEFORE}" if records else "started from the beginning"
+        return records, f"{damage}: the run {continued}" if damage else ""
     if damage:
-        raise OutputUnusable(f"{damage}: remove it to start anew")
+        raise OutputUnusable(f"{damage}: remove it to start from the beginning")
     return [], ""

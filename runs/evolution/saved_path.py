@@ -37,4 +37,4 @@ def read(folder: Path, number: int) -> Moment:
                 sigma, data["positions"], state, data["contacts"], data["pushes"], speed, np.nan, np.nan, bool(resting)
             )
     except (OSError, ValueError, KeyError) as error:
-        raise OutputUnusable(f"{file}: cannot be read ({error}); --fresh computes the path anew") from None
+        raise OutputUnusable(f"{file}: cannot be read ({error}); --fresh computes the path again") from None

@@ -57,16 +57,16 @@ class OutputFolder:
         self._take_lock()
         mark = read_json(self.path / MARK)
         # a run on a full disk may have left only its first files, complete or not
-        strangers = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
+        others = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
         damaged = mark is None and (self.path / MARK).exists()
-        if damaged and strangers and not fresh:
+        if damaged and others and not fresh:
             raise OutputUnusable(
                 f"{self.path / MARK}: is damaged, and its run cannot be told from others; name another --out, or "
                 "replace it with --fresh"
             )
-        if mark is None and strangers and not damaged:
+        if mark is None and others and not damaged:
             raise OutputUnusable(
-                f"{self.path}: holds files of no run ({', '.join(sorted(strangers)[:3])}); name a new or empty --out"
+                f"{self.path}: holds files of no run ({', '.join(sorted(others)[:3])}); name a new or empty --out"
             )
         if (mark is not None or damaged) and fresh:
             self._clear()

@@ -191,7 +191,7 @@ def conduct(
             sys.stdout.write(to_json(document))
         else:
             show(session, document)
-        shown = "this run is complete already: its saved result is shown (--fresh computes anew); it is"
+        shown = "this run is complete already: its saved result is shown (--fresh computes again); it is"
         print_status(f"{shown if already else 'results are'} in {session.out}")
 
 

@@ -220,20 +220,20 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
         row.own.per_squared_force, [[0.01, 0.0]]
     )
     assert back[1].at(0.5) is None
-    file.write_text("{ torn", encoding="utf-8")
+    file.write_text("{ truncated", encoding="utf-8")
     again, note = saved_records(tmp_path, "mine")  # the file before it is kept
     assert [each.level for each in again] == [QUADRATIC, CUBIC]
     assert "discretisations.json cannot be read" in note
-    assert note.endswith(f"the run went on from {BEFORE}")
-    save_records(tmp_path, "mine", again)  # does not put the torn file in the place of the good one
-    file.write_text("{ torn", encoding="utf-8")
-    assert saved_records(tmp_path, "mine")[1].endswith(f"the run went on from {BEFORE}")
-    file.write_text("{ torn", encoding="utf-8")
+    assert note.endswith(f"the run continued from {BEFORE}")
+    save_records(tmp_path, "mine", again)  # does not put the damaged file in the place of the good one
+    file.write_text("{ truncated", encoding="utf-8")
+    assert saved_records(tmp_path, "mine")[1].endswith(f"the run continued from {BEFORE}")
+    file.write_text("{ truncated", encoding="utf-8")
     nothing, note = saved_records(tmp_path, "another's")
     assert nothing == []
-    assert note.endswith("the run started anew")
-    file.write_text("{ torn", encoding="utf-8")
-    (tmp_path / BEFORE).write_text("{ torn", encoding="utf-8")
+    assert note.endswith("the run started from the beginning")
+    file.write_text("{ truncated", encoding="utf-8")
+    (tmp_path / BEFORE).write_text("{ truncated", encoding="utf-8")
     with pytest.raises(OutputUnusable, match=r"discretisations\.json cannot be read"):
         saved_records(tmp_path, "mine")
     for name in (NAME, BEFORE):

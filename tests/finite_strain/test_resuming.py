@@ -116,7 +116,7 @@ def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp
 
 
 def test_an_unreadable_file_in_the_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_bytes(b"{ torn")
+    (tmp_path / NAME).write_bytes(b"{ truncated")
     with pytest.raises(OutputUnusable, match=rf"{NAME} cannot be read"):
         solve(tmp_path, None)
 

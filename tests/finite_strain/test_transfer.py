@@ -128,11 +128,13 @@ def test_a_saved_state_is_restored_bit_for_bit(two: list[Any], tmp_path: Path) -
 
 
 def test_a_file_that_holds_no_state_is_refused_by_its_name(tmp_path: Path) -> None:
-    torn, foreign = tmp_path / "torn.npz", tmp_path / "foreign.npz"
-    torn.write_bytes(b"PK torn")
+    truncated, foreign = tmp_path / "truncated.npz", tmp_path / "foreign.npz"
+    truncated.write_bytes(b"PK truncated")
     np.savez(foreign, something=np.zeros(3))
-    for path in (torn, foreign, tmp_path / "missing.npz"):
-        with pytest.raises(OutputUnusable, match=rf"{path.name} cannot be read .*: remove it to start anew"):
+    for path in (truncated, foreign, tmp_path / "missing.npz"):
+        with pytest.raises(
+            OutputUnusable, match=rf"{path.name} cannot be read .*: remove it to start from the beginning"
+        ):
             Snapshot.load(path)
 
 

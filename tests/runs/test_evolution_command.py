@@ -1,4 +1,4 @@
-"""The command evolve: every scene starts, a killed run goes on to the same result, f sets the clock, refusals."""
+"""The command evolve: every scene starts, a killed run continues to the same result, f sets the clock, refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The output folder: one run's own, whole at every moment, refused to strangers."""
+"""The output folder: one run's own, whole at every moment, refused to other runs."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ POISSON, APPROACH = 0.48, 0.1
 MODEL = "linear_bem"
 GATHERING, PARTING, RESISTED = 20.0, 1000.0, 1000.0
 """Longest run where balls in touch attract, where they separate, and with resistance to rolling: sliding path over
-friction times the largest T/Q of a pair, over R. Without resistance clusters go on to merge, ever more slowly."""
+friction times the largest T/Q of a pair, over R. Without resistance clusters continue to merge, ever more slowly."""
 ROLLING = 0.2
 """Resistance to rolling of the runs that have it, over the largest T/Q of a pair."""
 REST = 5e-3

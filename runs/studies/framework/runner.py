@@ -174,7 +174,7 @@ class _Attempt:
         return self.spent[0] + (mine if self.comm is None else self.comm.allreduce(mine))
 
     def _all_failed(self) -> bool:
-        """Return whether all ranks failed: only then can they go on to the next case together (collective)."""
+        """Return whether all ranks failed: only then can they continue with the next case together (collective)."""
         if self.comm is None or self.comm.size == 1:
             return True
         request = self.comm.Ibarrier()

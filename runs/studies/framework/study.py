@@ -62,12 +62,12 @@ def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         mark = read_json(folder / MARK)
-        strangers = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
-        known = mark is not None or set(strangers) <= {MARK, CASES} or any(folder.glob(study.saves))
+        others = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+        known = mark is not None or set(others) <= {MARK, CASES} or any(folder.glob(study.saves))
     except OSError as error:
         raise OutputUnusable(f"{folder}: cannot write there: {error.strerror or error}; name another --out") from None
     if not known:
-        raise OutputUnusable(f"{folder}: holds files of no study ({strangers[0]}); name a new or empty --out")
+        raise OutputUnusable(f"{folder}: holds files of no study ({others[0]}); name a new or empty --out")
     if mark is None:
         write_text(folder / MARK, to_json({"identity": identity, "state": "running"}))
     elif mark.get("identity") != identity:
