@@ -5,6 +5,7 @@ import math
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
+from linear_bem.result import UNRESOLVED
 
 NEAR_ZERO = "a tenth of the half-space's mutual force"
 SQUEEZED, OF_FILM = 0.1, 0.5
@@ -43,7 +44,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     if plan.is_paired and last.smallest_volume_ratio < min(SQUEEZED, OF_FILM * film):
         away, depth = last.distorted_at["volume_ratio"]
         notes.append(
-            f"the state is not resolved {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "
+            f"{UNRESOLVED} {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "
             f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
             "left under a ball"
         )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from finite_strain.planning.records import Discretisation, Record
@@ -27,7 +28,7 @@ WIDER, STIFFER = 1.5, 8.0
 """Growth factors of the domain and of the penalty where they limit the accuracy."""
 MOST_LEVELS = 8
 STEADY = 0.5
-"""Fraction of the small-strain error that remains on a finer mesh, above which domain or contact cause the error."""
+"""Fraction of an error that remains after a refinement, above which that refinement did not reach the error's cause."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,9 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
     if largest == "solver" and math.isfinite(last.reached):
         return None
     if largest == "enforcement":
-        return replace(level, penalty=STIFFER * level.penalty)
+        if not _stiffening_failed(records):
+            return replace(level, penalty=STIFFER * level.penalty)
+        level = replace(level, penalty=min(record.level.penalty for record in records))
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
     if largest == "transfer" and steady:
         return replace(level, extent=WIDER * level.extent)
@@ -120,6 +123,15 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
     ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
     wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
     return replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
+
+
+def _stiffening_failed(records: Sequence[Record]) -> bool:
+    """Return whether a stiffer penalty on the same mesh left the penetration as it was: Newton did not follow it."""
+    return any(
+        replace(soft.level, penalty=stiff.level.penalty) == stiff.level
+        and stiff.terms.get("enforcement", 0.0) > STEADY * soft.terms.get("enforcement", math.inf)
+        for soft, stiff in pairwise(records)
+    )
 
 
 def account(

@@ -137,6 +137,16 @@ def test_a_penalty_that_limits_the_accuracy_is_made_stiffer_on_the_same_mesh() -
     assert chosen(0.02, first(0.04, enforcement=0.039, discretisation=0.009)) == replace(CUBIC, penalty=STIFFER)
 
 
+def test_a_stiffer_penalty_that_left_the_penetration_gives_way_to_a_finer_mesh() -> None:
+    def after(left: float) -> Discretisation:
+        stiff = record(replace(QUARTIC, penalty=STIFFER), 0.15, enforcement=left, discretisation=0.001)
+        return chosen(0.02, [*first(0.2), record(QUARTIC, 0.15, enforcement=0.145, discretisation=0.04), stiff])
+
+    assert after(0.03) == replace(QUARTIC, penalty=STIFFER**2)
+    assert after(0.145).fineness > 1.0
+    assert after(0.145).penalty == 1.0
+
+
 def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correction() -> None:
     def after(left: float) -> Discretisation:
         better = record(QUARTIC, 0.04, transfer=left, discretisation=0.001)

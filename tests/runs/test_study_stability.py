@@ -13,6 +13,7 @@ import pytest
 
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
+from linear_bem.result import UNRESOLVED
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
@@ -70,6 +71,14 @@ def test_a_path_out_of_balance_or_folded_over_is_called_wrong(record: dict[str, 
     ended, why = verdict(wrong, "a", {"check": None})
     assert ended == "WRONG"
     assert words in why
+
+
+def test_a_state_that_the_result_calls_unresolved_is_not_resolved_whatever_its_checks_say() -> None:
+    off = path(1.5, 0.01, 0.03, 0.1, stored=1.0 + 2.0 * BALANCE)
+    told = found(a={"steps": off, "solved": {"notes": [f"{UNRESOLVED} 0.9 m from a ball's axis"]}})
+    ended, why = verdict(told, "a", {"check": None})
+    assert ended == "T not resolved"
+    assert "0.9 m from a ball's axis; energy against work" in why
 
 
 def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() -> None:

@@ -1,5 +1,6 @@
 """Run every code at every size, keep each answer as JSON, and tabulate the errors."""
 
+import math
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown
+from runs.studies.strengthening.laws import NAMED
 
 SIZES = ("2x1", "3x1", "4x1")
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -26,27 +28,67 @@ REFERENCE = {0.1: (0.0771335, 9.6459e-5), 0.32: (0.600895, 5.1238e-3)}
 """Q and T by approach, from NGSolve with elements of orders 4 and 5; relative error of T: 2e-4 to 5e-4."""
 
 
-def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, str, float, str]]:
-    """Yield file, code, approach and size of every case."""
+LAW_DEPTH, LAW_CASES = 0.32, (("thirdbody", "0.005"), ("felupe", SIZES[1]), ("felupe", SIZES[2]))
+"""Approach over R at which laws are compared; codes and sizes that solve every law."""
+
+
+def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, list[str]]]:
+    """Yield file and arguments (code, approach, size; a law's name where laws are compared) of every case."""
     for code, (_, sizes) in CASES.items():
         for size in sizes[:1] if quick else sizes:
             for approach in REFERENCE:
-                yield folder / f"{code}-{size}-{approach}.json", code, approach, size
+                yield folder / f"{code}-{size}-{approach}.json", [code, str(approach), size]
+    for law in () if quick else NAMED:
+        for code, size in LAW_CASES:
+            yield _law_file(folder, law, code, size), [code, str(LAW_DEPTH), size, law]
 
 
 def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of PEERS_PYTHON (a:b:c)."""
-    for file, code, approach, size in cases(folder, options.quick):
+    for file, arguments in cases(folder, options.quick):
         if options.fresh or not file.exists():
-            print_status(_solve(code, approach, size, file))
+            print_status(_solve(arguments, file))
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Write peers.csv; return its table as Markdown."""
-    answers = (read_json(file) for file, *_ in cases(folder, quick))
+    """Write peers.csv and laws.csv; return their tables as Markdown."""
+    answers = (read_json(file) for file, arguments in cases(folder, quick) if len(arguments) == 3)
     rows = sorted((_row(found) for found in answers if found), key=lambda row: (row["D"], row["error of T"]))
+    laws = list(_laws(folder))
     write_csv(folder / "peers.csv", rows)
-    return "\n".join(markdown(rows))
+    write_csv(folder / "laws.csv", laws)
+    heading = f"**Laws**, D = {LAW_DEPTH:g} R: this project (asked for {LAW_CASES[0][1]}) beside FElupe of order 4."
+    with_errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
+    shown = [
+        {name: (value, row[with_errors[name]]) if name in with_errors else value for name, value in row.items()}
+        for row in laws
+    ]
+    columns = [name for name in laws[0] if name not in with_errors.values()] if laws else []
+    return "\n".join([*markdown(rows), "", heading, "", *markdown(shown, columns)])
+
+
+def _law_file(folder: Path, law: str, code: str, size: str) -> Path:
+    return folder / f"{code}-{size}-{LAW_DEPTH:g}-{law}.json"
+
+
+def _laws(folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield what two codes say of every law that both have solved.
+
+    FElupe's error is taken as the change from order 3 to order 4; the deviation is the difference of T over the root
+    of the sum of both errors' squares.
+    """
+    for law in NAMED:
+        ours, third, fourth = (read_json(_law_file(folder, law, *case)) for case in LAW_CASES)
+        if not (ours and third and fourth):
+            continue
+        T, theirs = ours["tangential_force"], fourth["tangential_force"]
+        error, change = ours["tangential_force_error"], abs(theirs - third["tangential_force"])
+        yield {
+            "law": law, "Q": ours["normal_force"], "error of Q": ours["normal_force_error"],
+            "Q, FElupe": fourth["normal_force"], "T": T, "error of T": error, "T, FElupe": theirs, "its change": change,
+            "difference of Q": abs(ours["normal_force"] / fourth["normal_force"] - 1),
+            "difference of T": abs(T / theirs - 1), "deviation": abs(T - theirs) / math.hypot(error, change),
+        }  # fmt: skip
 
 
 def _row(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,13 +99,13 @@ def _row(found: Mapping[str, Any]) -> dict[str, Any]:
     return row | {"error of Q": abs(row["Q"] / Q - 1), "error of T": abs(row["T"] / T - 1)}
 
 
-def _solve(code: str, approach: float, size: str, file: Path) -> str:
+def _solve(arguments: list[str], file: Path) -> str:
     """Run one case on one thread in the first Python that has the package; return a line on the outcome."""
-    root, package = Path(__file__).parents[3], CASES[code][0]
+    root, package = Path(__file__).parents[3], CASES[arguments[0]][0]
     env = os.environ | {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     for python in [sys.executable, *filter(None, os.environ.get("PEERS_PYTHON", "").split(":"))]:
         if subprocess.run([python, "-c", f"import {package}"], check=False, capture_output=True).returncode == 0:
-            command = [python, "-m", "runs.studies.peers.scene", code, str(approach), size]
+            command = [python, "-m", "runs.studies.peers.scene", *arguments]
             done = subprocess.run(command, cwd=root, env=env, check=False, capture_output=True, text=True)
             if done.returncode:
                 return f"{file.stem}: failed: {done.stderr.strip().splitlines()[-1]}"

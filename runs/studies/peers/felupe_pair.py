@@ -1,15 +1,19 @@
 """The pair in FElupe (https://felupe.readthedocs.io): Lagrange hexahedra of any order, contact as a custom item."""
 
 import itertools
+from collections.abc import Callable
 from typing import Any
 
 import felupe as fem
 import numpy as np
+import tensortrax
 from pypardiso import spsolve
 from scipy.interpolate import RegularGridInterpolator
 
 from runs.studies.peers import scene
-from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array
+from runs.studies.peers.energies import energy
+from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array, moduli
+from runs.studies.strengthening.laws import NAMED
 
 
 class Contact:
@@ -48,7 +52,7 @@ class Contact:
 class Layer:
     """The layer and its contact, with elements of one order."""
 
-    def __init__(self, grid: tuple[Array, ...], order: int) -> None:
+    def __init__(self, grid: tuple[Array, ...], order: int, umat: Any) -> None:
         counts = [order * (len(g) - 1) + 1 for g in grid]
         self.axes = [np.interp(np.arange(n) / order, range(len(g)), g) for n, g in zip(counts, grid, strict=True)]
         number = np.arange(np.prod(counts)).reshape(counts, order="F")
@@ -61,7 +65,6 @@ class Layer:
         rule = fem.GaussLegendre(order + 2, 2, permute=False)
         face = fem.Mesh(points[:, :2], top, "VTK_LAGRANGE_QUADRILATERAL")
         self.contact = Contact(fem.Field(fem.RegionLagrange(face, order, 2, rule, permute=False), dim=3))
-        umat = fem.NeoHookeCompressible(mu=SHEAR) & fem.Volumetric(bulk=LAME)
         self.solid = fem.SolidBody(umat, self.field)
         u = self.field[0]
         sides = {
@@ -90,11 +93,24 @@ class Layer:
         return True
 
 
-def main(approach: float, size: str) -> None:
-    """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer."""
+def main(approach: float, size: str, law: str = "") -> None:
+    """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer.
+
+    ``law`` is a name in `strengthening.laws`; by default the benchmark's own, whose derivatives FElupe has.
+    """
     order, fineness = map(int, size.split("x"))
     grid = scene.lines(approach, fineness)
-    coarse, layer = Layer(grid, 2), Layer(grid, order)
+    psi: Callable[[Array], Array] = neo_hookean
+    umat = fem.NeoHookeCompressible(mu=SHEAR) & fem.Volumetric(bulk=LAME)
+    if law:
+        chosen, poisson = NAMED[law]
+        of_C = energy(chosen, *moduli(poisson))
+        at, umat = tensortrax.function(of_C, ntrax=2), fem.Hyperelastic(of_C)
+
+        def psi(F: Array) -> Array:
+            return np.asarray(at(np.einsum("ki...,kj...->ij...", F, F)))
+
+    coarse, layer = Layer(grid, 2, umat), Layer(grid, order, umat)
     scene.follow(approach, coarse.attempt)  # load path with elements of order 2 and a soft penalty
     values = coarse.field[0].values.reshape(*map(len, coarse.axes[::-1]), 3)
     layer.field[0].values[:] = RegularGridInterpolator(coarse.axes[::-1], values)(layer.region.mesh.points[:, ::-1])
@@ -107,13 +123,17 @@ def main(approach: float, size: str) -> None:
         raise RuntimeError("Newton's method fails at full load")
 
     F = layer.field.extract()[0]
-    P = layer.solid.umat.gradient([F, None])[0]
-    J = fem.math.det(F)
-    psi = SHEAR * ((np.sum(F**2, axis=(0, 1)) - 3) / 2 - np.log(J)) + LAME / 2 * (J - 1) ** 2
+    P = umat.gradient([F, None])[0]
     H = F - np.eye(3)[:, :, None, None]
     mesh, dV = layer.region.mesh, layer.region.dV
     x = np.einsum("ca,aqc->qc", mesh.points[mesh.cells, 0], layer.region.h)
     slope = scene.weight_slope(x, approach)
     normal = -2 * np.sum(P[2, 2] * dV) / THICKNESS
-    tangential = -2 * np.sum((psi - np.sum(H[:, 0] * P[:, 0], axis=0)) * slope * dV)
+    tangential = -2 * np.sum((psi(F) - np.sum(H[:, 0] * P[:, 0], axis=0)) * slope * dV)
     scene.report("FElupe", fem.__version__, approach, f"order {order}, grid {fineness}", mesh.ndof, normal, tangential)
+
+
+def neo_hookean(F: Array) -> Array:
+    """Return the energy density of the benchmark's law for deformation gradients (3, 3, ...)."""
+    J = fem.math.det(F)
+    return np.asarray(SHEAR * ((np.sum(F**2, axis=(0, 1)) - 3) / 2 - np.log(J)) + LAME / 2 * (J - 1) ** 2)

@@ -17,8 +17,15 @@ Array = NDArray[np.float64]
 
 YOUNG, POISSON, THICKNESS, EXTENT = 1.0, 0.48, 1.16, 5.0
 """Young's modulus, Poisson's ratio and thickness of the layer; distance meshed from the ball's axis."""
-SHEAR = YOUNG / (2 * (1 + POISSON))
-LAME = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+
+
+def moduli(poisson: float) -> tuple[float, float]:
+    """Return Lame's constants mu and lambda of the layer for a Poisson's ratio."""
+    shear = YOUNG / (2 * (1 + poisson))
+    return shear, 2 * shear * poisson / (1 - 2 * poisson)
+
+
+SHEAR, LAME = moduli(POISSON)
 """Lame's constants of the law psi = mu/2 (I1 - 3) - mu ln J + lambda/2 (J - 1)^2."""
 SOFT, MIDDLE, STIFF, STEP = 100.0, 500.0, 2000.0, 0.027
 """Contact penalties in E / R, applied in this order; largest step of the approach."""
@@ -61,13 +68,15 @@ def follow(approach: float, attempt: Callable[[float], bool]) -> None:
             step /= 2
 
 
-def report(code: str, version: str, approach: float, discretisation: str, unknowns: int, Q: float, T: float) -> None:
+def report(
+    code: str, version: str, approach: float, discretisation: str, unknowns: int, Q: float, T: float, **errors: float
+) -> None:
     """Print the answer as a line of JSON; ``T`` > 0 separates. Seconds are processor time, children included."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     found = {"code": code, "version": version, "approach": approach, "discretisation": discretisation}
     found |= {"unknowns": unknowns, "seconds": sum(each.ru_utime + each.ru_stime for each in used)}
-    print(json.dumps(found | {"normal_force": Q, "tangential_force": T}))
+    print(json.dumps(found | {"normal_force": Q, "tangential_force": T} | errors))
 
 
 if __name__ == "__main__":
-    importlib.import_module(f"runs.studies.peers.{sys.argv[1]}_pair").main(float(sys.argv[2]), sys.argv[3])
+    importlib.import_module(f"runs.studies.peers.{sys.argv[1]}_pair").main(float(sys.argv[2]), *sys.argv[3:])

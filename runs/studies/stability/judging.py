@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from linear_bem.grid.contacts import COARSEST
+from linear_bem.result import UNRESOLVED
 from runs.studies.framework.case import Case
 from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.agreement import compared
@@ -104,7 +105,8 @@ class Checks:
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
-    T is not resolved if its error bar is larger than T and all checks pass.
+    T is not resolved if its error bar is larger than T and all checks pass, or if the result itself says that its state
+    is not resolved.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # a case's working files are deleted when it ends
@@ -120,8 +122,9 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
     if state != DONE:
         reason += f"; what it reached: {'; '.join(checks.passed) or 'not checked'}"
         return ("WRONG", "; ".join([*checks.faults, reason])) if checks.faults else (state, reason)
-    if checks.faults:
-        return "WRONG", "; ".join(checks.faults)
+    said = [note for note in record.get("solved", {}).get("notes", []) if note.startswith(UNRESOLVED)]
+    if said or checks.faults:
+        return (NOT_RESOLVED if said else "WRONG"), "; ".join([*said, *checks.faults])
     if not checks.resolved:
         return NOT_RESOLVED, "; ".join(["the error of T is larger than T", *checks.passed, *checks.notes])
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)

@@ -20,6 +20,8 @@ from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
+UNKNOWNS = {"touching-deep": 30e3, "film": 30e3, "cones": 70e3}
+"""Budgets of cases whose accuracy finer meshes do not reach."""
 ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
 """Twice the default growth of element sizes."""
@@ -215,4 +217,5 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     if hard.levels:
         return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
     stop = hard.stop_after if model == FINITE else None
-    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics)
+    budget = {"unknowns": UNKNOWNS[hard.name]} if hard.name in UNKNOWNS else {}
+    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics, budget=budget)

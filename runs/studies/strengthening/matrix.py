@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.problem import FiniteStrain
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import POISSON, THICK, THIN, pair
+from runs.studies.strengthening.laws import LAWS
 
 DISTANCES = (3.0, 4.0, 6.0)
 POISSONS = (0.3, 0.4, 0.4999)
@@ -19,18 +19,6 @@ DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline, with fineness 1.5 where T is largest."""
-LAWS: tuple[tuple[Law, float], ...] = (
-    (NeoHookean(), POISSON),
-    (Gent(10.0), POISSON),
-    (MooneyRivlin(0.3), POISSON),
-    (Yeoh((-0.1, 0.01)), POISSON),
-    (Ogden((1.3, 5.0, -2.0), (0.9692, 0.0071, 0.0237)), POISSON),
-    (NeoHookean(), 0.3),
-    (Hyperfoam((8.0,), (1.0,)), 0.3),
-)
-"""Laws with Poisson's ratio, at equal moduli at small strain: a limit of stretch below that of most rubbers, a large
-part of I2, softening before stiffening, three terms that stiffen late, and a foam that yields in compression beside a
-neo-Hookean solid of its own Poisson's ratio. The numbers are chosen to differ; they are no rubber's."""
 LAW_APPROACHES = (0.1, 0.2, 0.32)
 """Approaches over R at which laws are compared."""
 SIDES = {THIN: "thin", THICK: "thick"}

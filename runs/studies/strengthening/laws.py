@@ -1,0 +1,20 @@
+"""The laws that studies compare: numbers that differ, at equal moduli at small strain; they are no rubber's."""
+
+from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
+
+POISSON, FOAM = 0.48, 0.3
+"""Poisson's ratio of the rubbers, and of the foam."""
+LAWS: tuple[tuple[Law, float], ...] = (
+    (NeoHookean(), POISSON),
+    (Gent(10.0), POISSON),
+    (MooneyRivlin(0.3), POISSON),
+    (Yeoh((-0.1, 0.01)), POISSON),
+    (Ogden((1.3, 5.0, -2.0), (0.9692, 0.0071, 0.0237)), POISSON),
+    (NeoHookean(), FOAM),
+    (Hyperfoam((8.0,), (1.0,)), FOAM),
+)
+"""Laws with Poisson's ratio: a limit of stretch below that of most rubbers, a large part of I2, softening before
+stiffening, three terms that stiffen late, and a foam that yields in compression beside a neo-Hookean solid of its own
+Poisson's ratio."""
+NAMED = {f"{law.name}-{poisson:g}": (law, poisson) for law, poisson in LAWS}
+"""The same by name and Poisson's ratio."""
