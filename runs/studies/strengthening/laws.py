@@ -18,3 +18,8 @@ stiffening, three terms that stiffen late, and a foam that yields in compression
 Poisson's ratio."""
 NAMED = {f"{law.name}-{poisson:g}": (law, poisson) for law, poisson in LAWS}
 """The same by name and Poisson's ratio."""
+FOAMS: tuple[tuple[Law, float], ...] = tuple(
+    (law, nu) for nu in (0.3, 0.0) for law in (NeoHookean(), Hyperfoam((8.0,), (1.0,)), Hyperfoam((20.0,), (1.0,)))
+)
+"""A solid and two foams: at nu = 0 they bear 1.5, 0.5 and 0.2 times what linear elasticity says when compressed to half
+their height, and 0.9, 1.7 and 7.8 times when stretched by a fifth. The last one yields on a plateau."""

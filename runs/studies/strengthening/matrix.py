@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+from linear_bem.law import Hyperfoam, Law
 from linear_bem.problem import FiniteStrain
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import POISSON, THICK, THIN, pair
-from runs.studies.strengthening.laws import LAWS
+from runs.studies.strengthening.laws import FOAMS, LAWS
 
 DISTANCES = (3.0, 4.0, 6.0)
 POISSONS = (0.3, 0.4, 0.4999)
@@ -19,8 +20,10 @@ DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline, with fineness 1.5 where T is largest."""
-LAW_APPROACHES = (0.1, 0.2, 0.32)
+LAW_APPROACHES = (0.1, 0.2, 0.32, 0.5)
 """Approaches over R at which laws are compared."""
+FOAM_THICKNESS, FOAM_APPROACHES = 8.0, (0.3, 0.6, 0.9, 1.2)
+"""Thickness and approaches over R of the paper's balls on foam (20 mm on 80 mm; study `experiments`)."""
 SIDES = {THIN: "thin", THICK: "thick"}
 
 
@@ -51,14 +54,17 @@ def _full() -> list[Case]:
 
 
 def laws() -> list[Case]:
-    """Return the pair on the thin layer with every law."""
-    found = []
-    for law, poisson in LAWS:
-        case = _along("laws", THIN, LAW_APPROACHES, 0.02, poisson=poisson)
-        problem = replace(case.problem, finite_strain=FiniteStrain(law))
-        name = case.name.replace("laws", f"laws-{law.name}")
-        found.append(replace(case, name=name, problem=problem, labels={**case.labels, "law": law.name}))
-    return found
+    """Return the pair on both layers with every law, and the paper's balls on foam."""
+    found = [_with_law("laws", h, LAW_APPROACHES, law, nu) for h in SIDES for law, nu in LAWS]
+    return found + [_with_law("foam", FOAM_THICKNESS, FOAM_APPROACHES, law, nu) for law, nu in FOAMS]
+
+
+def _with_law(group: str, thickness: float, approaches: tuple[float, ...], law: Law, poisson: float) -> Case:
+    case = _along(group, thickness, approaches, 0.02, poisson=poisson)
+    words = f"{law.name} {law.exponents[0]:g}" if isinstance(law, Hyperfoam) else law.name
+    problem = replace(case.problem, finite_strain=FiniteStrain(law))
+    name = case.name.replace(group, f"{group}-{words.replace(' ', '-')}", 1)
+    return replace(case, name=name, problem=problem, labels={**case.labels, "law": words})
 
 
 def _along(

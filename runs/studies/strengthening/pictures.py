@@ -1,4 +1,4 @@
-"""The study's two figures: the headline curves with their ladder, and what thickness, distance and material change."""
+"""The study's figures: the headline curves with their ladder, what thickness, distance and material change, laws."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,6 +26,8 @@ from runs.studies.strengthening.fitting import Fit
 from runs.studies.strengthening.matrix import SIDES
 
 Rows = Sequence[Mapping[str, Any]]
+Paths = Sequence[tuple[Case, Rows]]
+"""Every case that has answers, with its rows."""
 MARKS = ("o", "s", "^", "D", "v", "P")
 COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
 MEANINGLESS = 3.0
@@ -37,9 +39,9 @@ def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None],
     """Write strengthening, parameters and laws as .svg and .png."""
     save_figure(_headline(rows, fits), folder, "strengthening")
     save_figure(_parameters(found, rows), folder, "parameters")
-    laws = [case for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
-    if laws:
-        save_figure(_laws(laws, rows), folder, "laws")
+    laws = [(case, rows[case.name]) for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
+    if any(not vanishes(here) for _, here in by_layer(laws)):
+        save_figure(_laws(laws), folder, "laws")
 
 
 def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
@@ -83,15 +85,28 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
     return figure
 
 
-def _laws(chosen: Sequence[Case], rows: Mapping[str, Rows]) -> Any:
-    ratios = sorted({case.labels["nu"] for case in chosen}, reverse=True)
-    figure, axes = panels(*[4.6] * len(ratios), height=4.2)
-    for axis, nu in zip(axes, ratios, strict=True):
-        here = [case for case in chosen if case.labels["nu"] == nu]
-        for i, case in enumerate(here):
+def by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
+    """Return cases with their rows by thickness and Poisson's ratio."""
+    groups: dict[tuple[float, float], list[tuple[Case, Rows]]] = {}
+    for case, path in paths:
+        groups.setdefault((case.labels["h"], case.labels["nu"]), []).append((case, path))
+    return list(groups.items())
+
+
+def vanishes(paths: Paths) -> bool:
+    """Return whether T at small strain changes its sign along a load path: ratios then say little."""
+    linear = [row["T_linear"] for _, path in paths for row in path]
+    return min(linear) < 0.0 < max(linear)
+
+
+def _laws(chosen: Paths) -> Any:
+    groups = [group for group in by_layer(chosen) if not vanishes(group[1])]
+    figure, axes = panels(*[4.4] * len(groups), height=4.2)
+    for axis, ((h, nu), here) in zip(axes, groups, strict=True):
+        for i, (case, path) in enumerate(here):
             name = str(case.labels["law"]).replace("_", " ")
-            _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
-        _finish(axis, [row for case in here for row in rows[case.name]], f"$S_Q$ by law, h = 1.16 R, ν = {nu:g}")
+            _bars(axis, path, "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
+        _finish(axis, [row for _, path in here for row in path], f"$S_Q$ by law, h = {h:g} R, ν = {nu:g}")
     return figure
 
 
