@@ -17,6 +17,7 @@ STUDIES = {
     "experiments": "the paper's drifting balls: simulated runs compared with its observations",
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
+    "laws": "how far the force depends on the hyperelastic law, and what a foam does",
     "deep": "how deep finite strain goes, what ends it, and what T does there",
     "effects": "what each effect costs, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms and itself",
@@ -24,12 +25,12 @@ STUDIES = {
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
-ON_ALL_RANKS = frozenset(
-    {"strengthening", "accuracy", "deep", "discretisations", "stability", "verification", "validation", "scaling"}
+SHARED_OUT = frozenset(
+    {"strengthening", "laws", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
 )
-"""Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
-SHARED_OUT = ON_ALL_RANKS - {"scaling"}
 """Studies that ``--shard`` can split; ``scaling`` compares times on one machine."""
+ON_ALL_RANKS = SHARED_OUT | {"scaling"}
+"""Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
 
 
 @dataclass(frozen=True)

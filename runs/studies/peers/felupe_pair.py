@@ -10,10 +10,10 @@ import tensortrax
 from pypardiso import spsolve
 from scipy.interpolate import RegularGridInterpolator
 
+from runs.studies.laws.materials import NAMED
 from runs.studies.peers import scene
 from runs.studies.peers.energies import energy
 from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array, moduli
-from runs.studies.strengthening.laws import NAMED
 
 
 class Contact:
@@ -96,7 +96,7 @@ class Layer:
 def main(approach: float, size: str, law: str = "") -> None:
     """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer.
 
-    ``law`` is a name in `strengthening.laws`; by default the benchmark's own, whose derivatives FElupe has.
+    ``law`` is a name in `laws.materials`; by default the benchmark's own, whose derivatives FElupe has.
     """
     order, fineness = map(int, size.split("x"))
     grid = scene.lines(approach, fineness)

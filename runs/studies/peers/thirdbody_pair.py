@@ -7,14 +7,14 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
+from runs.studies.laws.materials import NAMED
 from runs.studies.peers.scene import THICKNESS, YOUNG, report
-from runs.studies.strengthening.laws import NAMED
 
 SCENE = Path(__file__).with_name("pair.toml")
 
 
 def main(approach: float, size: str, law: str = "neo_hookean-0.48") -> None:
-    """Solve for T to the relative accuracy ``size`` under a law named in `strengthening.laws`, and print the answer."""
+    """Solve for T to the relative accuracy ``size`` under a law named in `laws.materials`, and print the answer."""
     chosen, poisson = NAMED[law]
     numbers = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(chosen).items()}
     lines = "\n".join([f'law = "{chosen.name}"', *(f"{name} = {value}" for name, value in numbers.items())])

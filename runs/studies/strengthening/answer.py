@@ -12,7 +12,7 @@ from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
 from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
-from runs.studies.strengthening.matrix import LAW_APPROACHES, SIDES, cases
+from runs.studies.strengthening.matrix import SIDES, cases
 from runs.studies.strengthening.pictures import Paths, Rows
 from runs.studies.strengthening.ratios import factors
 
@@ -34,14 +34,12 @@ def present(found: Found, folder: Path) -> str:
     main = {side: headline(rows, side) for side in SIDES.values()}
     fits = {side: _fit(main[side], h) for h, side in SIDES.items()}
     pictures.draw(found, rows, fits, folder)
-    laws, foams = ([each for each in paths if each[0].labels["group"] == group] for group in ("laws", "foam"))
     return render(
         __file__,
         verdicts=_verdicts(paths), stronger_from=_stronger_from(main),
         paths=[(h, side, [_along(row) for row in main[side]]) for h, side in SIDES.items()],
         ladder=_ladder(rows), small_load=fitting.SMALL_LOAD, slopes=_slopes(paths), parameters=_parameters(paths),
-        signs=_signs(paths), laws=_laws(laws), spreads=_spreads(laws), law_depth=LAW_APPROACHES[-1],
-        foams=_foams(foams),
+        signs=_signs(paths),
         fits=[(h, fits[side]) for h, side in SIDES.items() if fits[side]], common=list(_common(paths)), most=COMMON,
     )  # fmt: skip
 
@@ -113,7 +111,7 @@ def _slopes(paths: Paths) -> list[dict[str, Any]]:
     shown = []
     for case, path in paths:
         # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
-        if case.labels["group"] in ("sign", "deeper", "paraboloid", "laws", "foam"):
+        if case.labels["group"] in ("sign", "deeper", "paraboloid"):
             continue
         slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
         if all(slopes.values()):
@@ -151,40 +149,6 @@ def _signs(paths: Paths) -> list[dict[str, Any]]:
     ]
 
 
-def _laws(paths: Paths) -> list[dict[str, Any]]:
-    """Return how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
-    return [
-        {"h / R": case.labels["h"], "law": case.labels["law"], "nu": case.labels["nu"]}
-        | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in LAW_APPROACHES for s in ("S_Q", "S_D")}
-        for case, path in paths
-    ]
-
-
-def _spreads(paths: Paths) -> list[tuple[Any, ...]]:
-    """Return by h and nu: least and greatest S_Q, number of laws, and whether T at small strain vanishes."""
-    spreads: list[tuple[Any, ...]] = []
-    for group, here in pictures.by_layer(paths):
-        deepest = [known[0] for _, path in here if (known := at_depth(path, LAW_APPROACHES[-1], "S_Q")) is not None]
-        ends = [number(of(deepest, default=0.0), 4) for of in (min, max)]
-        spreads.append((*group, *ends, len(deepest), pictures.vanishes(here)))
-    return spreads
-
-
-def _foams(paths: Paths) -> list[dict[str, Any]]:
-    """Return T of the paper's balls on foam, by law, over that of the neo-Hookean solid and of small strain."""
-    solids = {case.labels["nu"]: path[-1] for case, path in paths if case.labels["law"] == "neo_hookean"}
-    rows = []
-    for case, path in paths:
-        row, solid = path[-1], solids.get(case.labels["nu"])
-        beside = row["T"] / row["Q"] / (solid["T"] / solid["Q"]) if solid else None
-        rows.append({
-            "law": case.labels["law"], "nu": case.labels["nu"], "D / R": row["D"], "Q / E1 R²": row["Q"],
-            "T / Q": (row["T"] / row["Q"], row["T_error"] / row["Q"]), "T / Q over the solid's": beside,
-            "S_Q": (row["S_Q"], row["S_Q_error"]), "S_D": (row["S_D"], row["S_D_error"]),
-        })  # fmt: skip
-    return rows
-
-
 def _common(paths: Paths) -> Iterator[tuple[Any, ...]]:
     """Yield one fit through several curves: thickness, curves in words and their number, best and second measure."""
     for group, words in (("distance", "all distances"), ("poisson", "all Poisson's ratios")):
@@ -199,5 +163,5 @@ def _common(paths: Paths) -> Iterator[tuple[Any, ...]]:
                 yield h, words, len(curves), best[0], best[1]
 
 
-PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters", "laws") for kind in ("svg", "png")]
+PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters") for kind in ("svg", "png")]
 STUDY = study_of_cases("strengthening", cases, present, PICTURES)

@@ -1,12 +1,7 @@
 """Which cases the study solves: the paper's pair, thin and thick, and what is varied about it."""
 
-from dataclasses import replace
-
-from linear_bem.law import Hyperfoam, Law
-from linear_bem.problem import FiniteStrain
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import POISSON, THICK, THIN, pair
-from runs.studies.strengthening.laws import FOAMS, LAWS
 
 DISTANCES = (3.0, 4.0, 6.0)
 POISSONS = (0.3, 0.4, 0.4999)
@@ -20,10 +15,6 @@ DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same of the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
 """Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline, with fineness 1.5 where T is largest."""
-LAW_APPROACHES = (0.1, 0.2, 0.32, 0.5)
-"""Approaches over R at which laws are compared."""
-FOAM_THICKNESS, FOAM_APPROACHES = 8.0, (0.3, 0.6, 0.9, 1.2)
-"""Thickness and approaches over R of the paper's balls on foam (20 mm on 80 mm; study `experiments`)."""
 SIDES = {THIN: "thin", THICK: "thick"}
 
 
@@ -35,39 +26,24 @@ def cases(quick: bool) -> list[Case]:
 def _quick() -> list[Case]:
     approaches, accuracy = (0.01, 0.02, 0.03), 0.2
     return [
-        *(_along("headline", h, approaches, accuracy) for h in SIDES),
-        _along("paraboloid", THIN, approaches, accuracy, shape="paraboloid"),
+        *(along("headline", h, approaches, accuracy) for h in SIDES),
+        along("paraboloid", THIN, approaches, accuracy, shape="paraboloid"),
     ]
 
 
 def _full() -> list[Case]:
-    found = [_along("headline", h, APPROACHES, 0.002, unknowns=HEADLINE_UNKNOWNS[h]) for h in SIDES]
-    found += [_along("paraboloid", h, VARIED, 0.02, shape="paraboloid") for h in SIDES]
+    found = [along("headline", h, APPROACHES, 0.002, unknowns=HEADLINE_UNKNOWNS[h]) for h in SIDES]
+    found += [along("paraboloid", h, VARIED, 0.02, shape="paraboloid") for h in SIDES]
     for h in SIDES:
-        found += [_along("distance", h, VARIED, 0.02, distance=distance) for distance in DISTANCES]
-        found += [_along("poisson", h, VARIED, 0.02, poisson=poisson) for poisson in POISSONS]
-    found += [_along("sign", h, VARIED, 0.02) for h in NEAR_SIGN_CHANGE]
-    found += laws()
+        found += [along("distance", h, VARIED, 0.02, distance=distance) for distance in DISTANCES]
+        found += [along("poisson", h, VARIED, 0.02, poisson=poisson) for poisson in POISSONS]
+    found += [along("sign", h, VARIED, 0.02) for h in NEAR_SIGN_CHANGE]
     # apart from the headline, which must not fail with them
-    found += [_along("deeper", h, approaches, 0.02) for h, approaches in DEEPER.items()]
+    found += [along("deeper", h, approaches, 0.02) for h, approaches in DEEPER.items()]
     return found
 
 
-def laws() -> list[Case]:
-    """Return the pair on both layers with every law, and the paper's balls on foam."""
-    found = [_with_law("laws", h, LAW_APPROACHES, law, nu) for h in SIDES for law, nu in LAWS]
-    return found + [_with_law("foam", FOAM_THICKNESS, FOAM_APPROACHES, law, nu) for law, nu in FOAMS]
-
-
-def _with_law(group: str, thickness: float, approaches: tuple[float, ...], law: Law, poisson: float) -> Case:
-    case = _along(group, thickness, approaches, 0.02, poisson=poisson)
-    words = f"{law.name} {law.exponents[0]:g}" if isinstance(law, Hyperfoam) else law.name
-    problem = replace(case.problem, finite_strain=FiniteStrain(law))
-    name = case.name.replace(group, f"{group}-{words.replace(' ', '-')}", 1)
-    return replace(case, name=name, problem=problem, labels={**case.labels, "law": words})
-
-
-def _along(
+def along(
     group: str,
     thickness: float,
     approaches: tuple[float, ...],
@@ -78,6 +54,7 @@ def _along(
     shape: str = "sphere",
     unknowns: float = UNKNOWNS,
 ) -> Case:
+    """Return the pair on a layer, answered at approaches over R."""
     deepest = approaches[-1]
     problem = pair(deepest, thickness, distance=distance, poisson=poisson, shape=shape)
     words = [group, SIDES.get(thickness, f"h{thickness:g}"), f"L{distance:g}", f"nu{poisson:g}"]

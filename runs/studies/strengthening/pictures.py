@@ -1,4 +1,4 @@
-"""The study's figures: the headline curves with their ladder, what thickness, distance and material change, laws."""
+"""The study's two figures: the headline curves with their ladder, and what thickness, distance and material change."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -36,20 +36,17 @@ MEANINGLESS = 3.0
 
 @look()
 def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
-    """Write strengthening, parameters and laws as .svg and .png."""
+    """Write strengthening and parameters as .svg and .png."""
     save_figure(_headline(rows, fits), folder, "strengthening")
     save_figure(_parameters(found, rows), folder, "parameters")
-    laws = [(case, rows[case.name]) for case in found.cases if case.labels["group"] == "laws" and rows.get(case.name)]
-    if any(not vanishes(here) for _, here in by_layer(laws)):
-        save_figure(_laws(laws), folder, "laws")
 
 
 def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
     figure, axes = panels(5.0, 5.0, height=4.4)
     for axis, side, words in zip(axes, SIDES.values(), ("separation, h = 1.16 R", "attraction, h = 6 R"), strict=True):
         path = rows.get(f"headline-{side}-L2-nu0.48", [])
-        _bars(axis, path, "S_Q", ORANGE, "o", "$S_Q$, at equal force")
-        _bars(axis, path, "S_D", GREEN, "^", "$S_D$, at equal approach", shift=0.006)
+        bars(axis, path, "S_Q", ORANGE, "o", "$S_Q$, at equal force")
+        bars(axis, path, "S_D", GREEN, "^", "$S_D$, at equal approach", shift=0.006)
         known = [(math.sqrt(row["D"]), row["geometry"]) for row in path if row["geometry"] is not None]
         if known:
             axis.plot(*zip(*known, strict=True), color=BLUE, ls=":", label="exact sphere over paraboloid, small strain")
@@ -58,7 +55,7 @@ def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
             x = np.linspace(curve.least, curve.greatest, 100)
             root = np.sqrt(x) if curve.variable == "D/R" else x
             axis.plot(root, [curve(v) for v in x], color=GREY, lw=1.0, ls="--", zorder=0, label="fit to $S_Q$")
-        _finish(axis, path, f"{words}, L = 2 R")
+        finish(axis, path, f"{words}, L = 2 R")
         depths = axis.secondary_xaxis(
             "top", functions=(lambda x: x * abs(x), lambda d: np.sign(d) * np.sqrt(np.abs(d)))
         )
@@ -79,34 +76,9 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
         ]
         for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
-            _bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
-        _finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {key}, h = 1.16 R")
+            bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
+        finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {key}, h = 1.16 R")
     _sign(axes[2], found, rows)
-    return figure
-
-
-def by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
-    """Return cases with their rows by thickness and Poisson's ratio."""
-    groups: dict[tuple[float, float], list[tuple[Case, Rows]]] = {}
-    for case, path in paths:
-        groups.setdefault((case.labels["h"], case.labels["nu"]), []).append((case, path))
-    return list(groups.items())
-
-
-def vanishes(paths: Paths) -> bool:
-    """Return whether T at small strain changes its sign along a load path: ratios then say little."""
-    linear = [row["T_linear"] for _, path in paths for row in path]
-    return min(linear) < 0.0 < max(linear)
-
-
-def _laws(chosen: Paths) -> Any:
-    groups = [group for group in by_layer(chosen) if not vanishes(group[1])]
-    figure, axes = panels(*[4.4] * len(groups), height=4.2)
-    for axis, ((h, nu), here) in zip(axes, groups, strict=True):
-        for i, (case, path) in enumerate(here):
-            name = str(case.labels["law"]).replace("_", " ")
-            _bars(axis, path, "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
-        _finish(axis, [row for _, path in here for row in path], f"$S_Q$ by law, h = {h:g} R, ν = {nu:g}")
     return figure
 
 
@@ -125,12 +97,14 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
     axis.set_title("sign of T (dotted: small strain)")
 
 
-def _bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
+def bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
+    """Draw a factor with its error bars over the root of D / R."""
     known = [(math.sqrt(row["D"]) + shift, row[key], row[f"{key}_error"]) for row in path if row[key] is not None]
     error_bars(axis, known, color=color, marker=marker, capsize=2.5, lw=1.2, label=name)
 
 
-def _finish(axis: Any, path: Rows, title: str) -> None:
+def finish(axis: Any, path: Rows, title: str) -> None:
+    """Finish a panel of factors: legend, axes and their range from the rows of its curves."""
     legend_or_note(axis, loc="upper left")
     axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     axis.set_xlabel("√(D/R)")

@@ -1,0 +1,96 @@
+"""The study's tables and figure, from whatever cases are there; the text is in the template beside."""
+
+from pathlib import Path
+from typing import Any
+
+from runs.display.numbers import number
+from runs.display.style import look, panels, save_figure
+from runs.process.files import write_csv
+from runs.studies.framework.case import Case
+from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
+from runs.studies.framework.template import render
+from runs.studies.laws.matrix import APPROACHES, cases
+from runs.studies.strengthening.fitting import at_depth
+from runs.studies.strengthening.pictures import COLORS, MARKS, Paths, Rows, bars, finish
+from runs.studies.strengthening.ratios import factors
+
+
+def present(found: Found, folder: Path) -> str:
+    """Write table and figure; return the answer as Markdown."""
+    rows = factors(found, folder)
+    paths = [(case, rows[case.name]) for case in found.cases if rows.get(case.name)]
+    write_csv(
+        folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
+    )
+    laws, foams = ([each for each in paths if each[0].labels["group"] == group] for group in ("laws", "foam"))
+    drawn = [group for group in by_layer(laws) if not vanishes(group[1])]
+    if drawn:
+        draw(drawn, folder)
+    return render(
+        __file__, laws=_laws(laws), spreads=_spreads(laws), deepest=APPROACHES[-1], foams=_foams(foams),
+        drawn=bool(drawn),
+    )  # fmt: skip
+
+
+@look()
+def draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
+    """Write S_Q of every law, a panel for each layer, as laws.svg and .png."""
+    figure, axes = panels(*[4.4] * len(groups), height=4.2)
+    for axis, ((h, nu), here) in zip(axes, groups, strict=True):
+        for i, (case, path) in enumerate(here):
+            name = str(case.labels["law"]).replace("_", " ")
+            bars(axis, path, "S_Q", COLORS[i % 5], MARKS[i % 6], name, shift=0.004 * i)
+        finish(axis, [row for _, path in here for row in path], f"$S_Q$ by law, h = {h:g} R, ν = {nu:g}")
+    save_figure(figure, folder, "laws")
+
+
+def by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
+    """Return cases with their rows by thickness and Poisson's ratio."""
+    groups: dict[tuple[float, float], list[tuple[Case, Rows]]] = {}
+    for case, path in paths:
+        groups.setdefault((case.labels["h"], case.labels["nu"]), []).append((case, path))
+    return list(groups.items())
+
+
+def vanishes(paths: Paths) -> bool:
+    """Return whether T at small strain changes its sign along a load path: ratios then say little."""
+    linear = [row["T_linear"] for _, path in paths for row in path]
+    return min(linear) < 0.0 < max(linear)
+
+
+def _laws(paths: Paths) -> list[dict[str, Any]]:
+    """Return how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
+    return [
+        {"h / R": case.labels["h"], "law": case.labels["law"], "nu": case.labels["nu"]}
+        | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in APPROACHES for s in ("S_Q", "S_D")}
+        for case, path in paths
+    ]
+
+
+def _spreads(paths: Paths) -> list[tuple[Any, ...]]:
+    """Return by h and nu: least and greatest S_Q at the last load, number of laws, and whether T vanishes."""
+    spreads: list[tuple[Any, ...]] = []
+    for group, here in by_layer(paths):
+        deepest = [known[0] for _, path in here if (known := at_depth(path, APPROACHES[-1], "S_Q")) is not None]
+        ends = [number(of(deepest, default=0.0), 4) for of in (min, max)]
+        spreads.append((*group, *ends, len(deepest), vanishes(here)))
+    return spreads
+
+
+def _foams(paths: Paths) -> list[dict[str, Any]]:
+    """Return T of the paper's balls on foam at the last load, by law, over that of the neo-Hookean solid."""
+    solids = {case.labels["nu"]: path[-1] for case, path in paths if case.labels["law"] == "neo_hookean"}
+    rows = []
+    for case, path in paths:
+        row, solid = path[-1], solids.get(case.labels["nu"])
+        beside = row["T"] / row["Q"] / (solid["T"] / solid["Q"]) if solid else None
+        rows.append({
+            "law": case.labels["law"], "nu": case.labels["nu"], "D / R": row["D"], "Q / E1 R²": row["Q"],
+            "T / Q": (row["T"] / row["Q"], row["T_error"] / row["Q"]), "T / Q over the solid's": beside,
+            "S_Q": (row["S_Q"], row["S_Q_error"]), "S_D": (row["S_D"], row["S_D_error"]),
+        })  # fmt: skip
+    return rows
+
+
+STUDY = study_of_cases("laws", cases, present, ["laws.svg", "laws.png"])

@@ -1,0 +1,53 @@
+"""The study of laws: every law on both layers, foams under the paper's balls, and a page of both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runs.studies.framework.pair import THICK, THIN
+from runs.studies.framework.saved_cases import Found
+from runs.studies.laws import answer
+from runs.studies.laws.matrix import cases
+
+
+def test_the_matrix_holds_every_law_on_both_layers_to_half_a_radius_and_foams() -> None:
+    every = cases(quick=False)
+    assert len({case.name for case in every}) == len(every)
+    compared = {(c.labels["h"], c.labels["law"], max(c.problem.load.values)) for c in every if c.labels["nu"] == 0.48}
+    rubbers = {"neo_hookean", "gent", "mooney_rivlin", "yeoh", "ogden"}
+    assert compared == {(h, law, 0.5) for h in (THIN, THICK) for law in rubbers}
+    foams = [case for case in every if case.labels["group"] == "foam"]
+    assert {case.labels["nu"] for case in foams} == {0.0, 0.3}
+    assert {max(case.problem.load.values) for case in foams} == {1.2}
+    assert len(cases(quick=True)) == 2
+
+
+def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    every = cases(quick=False)
+    found = Found(tuple(every), {})
+
+    def rows(case: Any, strength: float) -> list[dict[str, Any]]:
+        depth, sign = (
+            max(case.problem.load.values),
+            -1.0 if case.labels["nu"] == 0.3 and case.labels["h"] == THIN else 1.0,
+        )
+        return [
+            {"D": d, "Q": 2.0 * d, "T": 0.1 * strength * d, "T_error": 1e-3, "T_linear": linear, "S_Q": strength,
+             "S_Q_error": 0.01, "S_D": 2.0 * strength, "S_D_error": 0.02}
+            for d, linear in ((0.2 * depth, sign), (depth, 1.0))
+        ]  # fmt: skip
+
+    stronger = {case.name: 1.0 + 0.1 * number for number, case in enumerate(every)}
+    monkeypatch.setattr(answer, "factors", lambda *_: {case.name: rows(case, stronger[case.name]) for case in every})
+    text = answer.present(found, tmp_path)
+    first = [stronger[case.name] for case in every[:5]]
+    assert f"h = {THIN:g} R, nu = 0.48: at D = 0.5 R S_Q lies between {first[0]:.4g} and {first[-1]:.4g}" in text
+    assert f"h = {THIN:g} R, nu = 0.3: T at small strain passes through zero" in text
+    foams = [case for case in every if case.labels["group"] == "foam"]
+    solid, foam = (stronger[case.name] for case in foams[:2])
+    row = next(line for line in text.splitlines() if line.startswith("| hyperfoam 8 | 0.3 | 1.2 "))
+    assert f"| {foam / solid:.4g} |" in row
+    assert (tmp_path / "laws.svg").stat().st_size > 5_000
