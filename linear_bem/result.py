@@ -16,10 +16,10 @@ COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [
 """Of the table of balls in `Result.summary`."""
 LONGEST = 20
 """Number of balls in that table; of more balls those with the largest T."""
-UNRESOLVED = "the state is not resolved"
-"""Beginning of the note of a result whose state no mesh of the run describes."""
 ROUNDOFF = 1e-9
 """A component of T below this share of it is shown as 0."""
+UNRESOLVED = "the state is not resolved"
+"""Beginning of a note by `finite_strain`: elements at full load are nearly turned inside out."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ status=0
 if ((status)); then
   echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command continues from there" >&2
 fi
-echo "quickstart: the same by hand (what is finished is shown again; --fresh starts anew):"
+echo "quickstart: the same by hand (what is finished is shown again; --fresh starts again):"
 echo "  cd $(printf %q "$checkout")"
 if [[ $(readlink -f "$(command -v mpirun)") == $(readlink -f "$mpirun") ]]; then mpirun=mpirun; fi
 options=(-n 2 --bind-to none)

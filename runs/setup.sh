@@ -6,7 +6,7 @@
 # run: what a simulation needs (the default); render: that and pyvista (150 MB), for `thirdbody render`; docs: run
 # and Sphinx, for the handbook; test: all that and ruff, mypy, pytest, meshio; packages: only the Debian packages.
 # runs/quickstart.sh and tests/run.sh source this file. Nothing that is already there is installed again, and a set-up that was
-# interrupted goes on where it stopped.
+# interrupted continues where it stopped.
 
 checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 venv=$checkout/.venv
@@ -198,7 +198,7 @@ ensure_venv() {
   fi
   if [[ $fault != absent ]]; then
     [[ -e $mark ]] || stop "cannot use .venv: $fault." "Move it away and run this again:  mv '$venv' '$venv.old'"
-    say "making .venv anew: $fault"
+    say "making .venv again: $fault"
     rm -rf "${venv:?}"/{bin,include,lib,lib64,share,pyvenv.cfg} "$venv"/.thirdbody-*-{run,render,docs,test}
   fi
   printf begun >"$mark"
@@ -298,7 +298,7 @@ set_mpi_environment() {
   fi
 }
 
-# Sets mpirun and what starts two ranks with it: options, for every version of Open MPI names its variables anew.
+# Sets mpirun and what starts two ranks with it: options, for every version of Open MPI has other names for them.
 find_mpirun() {
   mpirun=$(command -v mpirun.openmpi || command -v mpirun) || return
   two_ranks=("$mpirun" -n 2 --bind-to none)

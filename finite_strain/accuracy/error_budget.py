@@ -26,9 +26,9 @@ error oscillates with the edge's position in its element, and its amplitude fall
 """
 
 
-LONE = 2.0
-"""Factor on the error at a load without a nearby one before it: a change that oscillates along the load is, at a single
-load, below half of its amplitude in a third of all cases."""
+SINGLE = 2.0
+"""Factor on a change that no nearby load confirms: it oscillates along the load, and is below half of its amplitude
+at a third of all loads."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
 def discretisation(path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation) -> np.ndarray:
     """Return the error of a value (balls,) from its changes (balls,) at the nearby loads, the present one included.
 
-    A change vanishes by chance at some loads, so the largest counts; a single one counts `LONE` times.
+    A change vanishes by chance at some loads, so the largest counts; a single one counts `SINGLE` times.
     """
-    return np.asarray((1.0 if len(path) > 1 else LONE) * gain(fine, coarse) * np.max(path, axis=0))
+    return np.asarray((1.0 if len(path) > 1 else SINGLE) * gain(fine, coarse) * np.max(path, axis=0))
 
 
 def enforcement(

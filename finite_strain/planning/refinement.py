@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 from finite_strain.planning.records import Discretisation, Record
@@ -73,8 +72,8 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     if len(records) >= MOST_LEVELS:
         return Decision(None, f"{MOST_LEVELS} discretisations did not reach it")
     level = _next(asked, records)
-    if level is None:
-        return Decision(None, "what remains is the solver's tolerance")
+    if isinstance(level, str):
+        return Decision(None, f"what remains is {level}")
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
         return Decision(None, "an own mesh is neither refined nor made wider: give a finer or a wider one")
     wanted = unknowns(level) * last.unknowns / unknowns(last.level)
@@ -105,16 +104,20 @@ def coarser(records: Sequence[Record]) -> Record:
     return next((r for r in reversed(earlier) if r.level.resolution < fine.level.resolution), earlier[-1])
 
 
-def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
+def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
+    """Return the discretisation that reduces the largest term, or which error none of them would."""
     last, before = records[-1], records[-2]
     level = last.level
     largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
     if largest == "solver" and math.isfinite(last.reached):
-        return None
+        return "the solver's tolerance"
     if largest == "enforcement":
-        if not _stiffening_failed(records):
+        stiffened = replace(before.level, penalty=level.penalty) == level != before.level
+        if not stiffened or last.terms[largest] < STEADY * before.terms.get(largest, 0.0):
             return replace(level, penalty=STIFFER * level.penalty)
-        level = replace(level, penalty=min(record.level.penalty for record in records))
+        if level.order == HIGHEST:  # penalties do not depend on the mesh
+            return "penetration that stiffer penalties leave: Newton's method does not follow them"
+        level = before.level
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
     if largest == "transfer" and steady:
         return replace(level, extent=WIDER * level.extent)
@@ -123,15 +126,6 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | None:
     ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
     wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
     return replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
-
-
-def _stiffening_failed(records: Sequence[Record]) -> bool:
-    """Return whether a stiffer penalty on the same mesh left the penetration as it was: Newton did not follow it."""
-    return any(
-        replace(soft.level, penalty=stiff.level.penalty) == stiff.level
-        and stiff.terms.get("enforcement", 0.0) > STEADY * soft.terms.get("enforcement", math.inf)
-        for soft, stiff in pairwise(records)
-    )
 
 
 def account(

@@ -13,7 +13,7 @@ import pytest
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import (
     FASTEST,
-    LONE,
+    SINGLE,
     SLOWEST,
     Terms,
     discretisation,
@@ -72,13 +72,13 @@ def test_the_largest_change_of_nearby_load_steps_counts() -> None:
     factor = gain(CUBIC, QUADRATIC)
     assert discretisation(path, CUBIC, QUADRATIC) == relatively([0.3 * factor, 0.1 * factor], ROUNDOFF)
     # a single one may be small by chance
-    assert discretisation(path[:1], CUBIC, QUADRATIC) == relatively([0.3 * LONE * factor, 0.0], ROUNDOFF)
+    assert discretisation(path[:1], CUBIC, QUADRATIC) == relatively([0.3 * SINGLE * factor, 0.0], ROUNDOFF)
 
 
 def test_changes_at_much_smaller_loads_do_not_count() -> None:
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     factor = gain(CUBIC, QUADRATIC)
-    for fraction, change, counted in ((0.1, 5.0, 5.0 * LONE), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
+    for fraction, change, counted in ((0.1, 5.0, 5.0 * SINGLE), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
         assert answers._change("R", fraction, np.array([change])) == relatively([counted * factor], ROUNDOFF)
         answers.fine.rows.append(Row(SimpleNamespace(fraction=fraction)))  # type: ignore[arg-type]
 
@@ -101,7 +101,7 @@ def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_s
 def test_a_ball_that_only_the_coarser_discretisation_presses_has_an_error() -> None:
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     _, moved, pulled = answers._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
-    assert moved == relatively([LONE * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    assert moved == relatively([SINGLE * gain(CUBIC, QUADRATIC)], ROUNDOFF)
     assert pulled == relatively([0.01 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 

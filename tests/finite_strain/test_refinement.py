@@ -137,14 +137,22 @@ def test_a_penalty_that_limits_the_accuracy_is_made_stiffer_on_the_same_mesh() -
     assert chosen(0.02, first(0.04, enforcement=0.039, discretisation=0.009)) == replace(CUBIC, penalty=STIFFER)
 
 
-def test_a_stiffer_penalty_that_left_the_penetration_gives_way_to_a_finer_mesh() -> None:
-    def after(left: float) -> Discretisation:
-        stiff = record(replace(QUARTIC, penalty=STIFFER), 0.15, enforcement=left, discretisation=0.001)
-        return chosen(0.02, [*first(0.2), record(QUARTIC, 0.15, enforcement=0.145, discretisation=0.04), stiff])
+def test_a_stiffer_penalty_that_left_the_penetration_is_not_made_stiffer_again() -> None:
+    def stiffened(level: Discretisation, *left: float) -> list[Record]:
+        """Return records of ever stiffer penalties with their errors of enforcement."""
+        levels = [replace(level, penalty=STIFFER**n) for n in range(len(left))]
+        return [
+            record(at, 0.15, enforcement=error, discretisation=0.01) for at, error in zip(levels, left, strict=True)
+        ]
 
-    assert after(0.03) == replace(QUARTIC, penalty=STIFFER**2)
-    assert after(0.145).fineness > 1.0
-    assert after(0.145).penalty == 1.0
+    start = [record(QUADRATIC)]
+    assert chosen(0.02, [*start, *stiffened(CUBIC, 0.3, 0.05)]) == replace(CUBIC, penalty=STIFFER**2)
+    # the order is raised with the last penalty that helped
+    assert chosen(0.02, [*start, *stiffened(CUBIC, 0.3, 0.29)]) == QUARTIC
+    assert chosen(0.02, [*start, *stiffened(CUBIC, 0.3, 0.05, 0.045)]) == replace(QUARTIC, penalty=STIFFER)
+    end = decide(0.02, [*first(0.2), *stiffened(QUARTIC, 0.145, 0.145)], FREE, size)
+    assert end.level is None
+    assert "stiffer penalties" in end.why
 
 
 def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correction() -> None:

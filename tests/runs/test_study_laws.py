@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from runs.display.numbers import with_error
 from runs.studies.framework.pair import THICK, THIN
 from runs.studies.framework.saved_cases import Found
 from runs.studies.laws import answer
 from runs.studies.laws.matrix import cases
+from tests.launch import STAND_IN, thirdbody
 
 
 def test_the_matrix_holds_every_law_on_both_layers_to_half_a_radius_and_foams() -> None:
@@ -44,10 +47,22 @@ def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatc
     monkeypatch.setattr(answer, "factors", lambda *_: {case.name: rows(case, stronger[case.name]) for case in every})
     text = answer.present(found, tmp_path)
     first = [stronger[case.name] for case in every[:5]]
-    assert f"h = {THIN:g} R, nu = 0.48: at D = 0.5 R S_Q lies between {first[0]:.4g} and {first[-1]:.4g}" in text
+    ends = f"{first[0]:.4g} (neo hookean) and {first[-1]:.4g} (ogden)"
+    assert f"D = 0.5 R on h = {THIN:g} R, nu = 0.48, S_Q lies between {ends}, over 5 laws" in text
     assert f"h = {THIN:g} R, nu = 0.3: T at small strain passes through zero" in text
     foams = [case for case in every if case.labels["group"] == "foam"]
     solid, foam = (stronger[case.name] for case in foams[:2])
     row = next(line for line in text.splitlines() if line.startswith("| hyperfoam 8 | 0.3 | 1.2 "))
-    assert f"| {foam / solid:.4g} |" in row
+    value = foam / solid  # T is 0.1 times the strength times D, with an error of 1e-3
+    error = value * math.hypot(1e-3 / (0.12 * foam), 1e-3 / (0.12 * solid))
+    assert f"| {with_error(value, error)} |" in row
     assert (tmp_path / "laws.svg").stat().st_size > 5_000
+
+
+def test_the_stand_in_has_a_page_of_laws_in_seconds(tmp_path: Path) -> None:
+    done = thirdbody("study", "laws", "--quick", "--out", tmp_path / "out", program=STAND_IN)
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in done.stdout.splitlines() if line.startswith("| 1.16 |")]
+    assert [row.split("|")[2].strip() for row in rows] == ["neo_hookean", "gent"]
+    # the stand-in's T is the linear one times 1 + D / R, whatever the law
+    assert all(row.count("| 1.03 ± ") == 2 for row in rows), rows

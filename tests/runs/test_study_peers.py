@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runs.scene.scene_file import read_scene
 from runs.studies import Options, run_study
+from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers.answer import REFERENCE
+from runs.studies.peers.energies import energy
 from runs.studies.peers.scene import LAME, SHEAR, lines, weight_slope
+from runs.studies.peers.thirdbody_pair import scene_text
 
 
 def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_reference(
@@ -24,6 +28,40 @@ def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_
     assert "| 0.1 | NGSolve 6 | order 3 | 20 | 3 |" in capsys.readouterr().out
     row = (tmp_path / "peers.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
     assert [float(cell) for cell in row[-2:]] == pytest.approx([0.02, 0.01])
+
+
+def test_the_energies_for_felupe_are_the_papers_in_any_frame() -> None:
+    pytest.importorskip("dolfinx")
+    from tests.finite_strain.test_laws import GIVEN, LAMBDA, MU, textbook  # noqa: PLC0415
+
+    stretches = np.array([1.3, 0.7, 1.1])
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    for name, law in GIVEN.items():
+        psi = energy(law, MU, LAMBDA, np)(turn @ np.diag(stretches**2) @ turn.T)
+        assert psi == pytest.approx(textbook(name, stretches), rel=1e-12), name
+    assert {type(law) for law, _ in LAW_BY_NAME.values()} == {type(law) for law in GIVEN.values()}
+
+
+def test_every_law_that_both_codes_solved_is_a_row_with_its_deviation_over_both_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = {"thirdbody-0.005": (0.61, 5.0e-3, 0.3e-3), "felupe-3x1": (0.62, 5.8e-3), "felupe-4x1": (0.62, 5.4e-3)}
+    for case, (normal, tangential, *error) in said.items():
+        found = {"code": case, "normal_force": normal, "tangential_force": tangential}
+        found |= {"tangential_force_error": error[0], "normal_force_error": 1e-3} if error else {}
+        (tmp_path / f"{case}-0.32-gent-0.48.json").write_text(json.dumps(found), encoding="utf-8")
+    run_study("peers", Options(out=tmp_path, tables=True))
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| gent-0.48 |")]
+    # 0.4e-3 apart, errors of 0.3e-3 and 0.4e-3
+    assert row.split("|")[-4:-1] == [" 0.01613 ", " 0.07407 ", " 0.8 "]
+
+
+def test_the_scene_of_this_project_names_each_law_with_its_numbers(tmp_path: Path) -> None:
+    for name, (law, poisson) in LAW_BY_NAME.items():
+        (tmp_path / "pair.toml").write_text(scene_text(0.32, "0.02", name), encoding="utf-8")
+        problem = read_scene(tmp_path / "pair.toml").problem
+        assert problem.finite_strain is not None
+        assert (problem.finite_strain.chosen, problem.layer.poisson) == (law, poisson)
 
 
 def test_the_grid_is_symmetric_about_the_axis_and_so_is_the_weight() -> None:

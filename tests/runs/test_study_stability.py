@@ -73,12 +73,17 @@ def test_a_path_out_of_balance_or_folded_over_is_called_wrong(record: dict[str, 
     assert words in why
 
 
-def test_a_state_that_the_result_calls_unresolved_is_not_resolved_whatever_its_checks_say() -> None:
-    off = path(1.5, 0.01, 0.03, 0.1, stored=1.0 + 2.0 * BALANCE)
-    told = found(a={"steps": off, "solved": {"notes": [f"{UNRESOLVED} 0.9 m from a ball's axis"]}})
-    ended, why = verdict(told, "a", {"check": None})
+def test_a_state_that_the_result_calls_unresolved_owes_equilibrium_alone() -> None:
+    def judged(**record: Any) -> tuple[str, str]:
+        steps = path(1.5, 0.01, 0.03, 0.1, **record)
+        notes = {"notes": [f"{UNRESOLVED} 0.9 m from a ball's axis"]}
+        return verdict(found(a={"steps": steps, "solved": notes}), "a", {"check": None})
+
+    ended, why = judged(stored=1.0 + 2.0 * BALANCE)
     assert ended == "T not resolved"
-    assert "0.9 m from a ball's axis; energy against work" in why
+    assert "0.9 m from a ball's axis; energy against work: 3.8 %; forces against base" in why
+    assert judged(smallest_volume_ratio=-0.1)[0] == "WRONG"
+    assert judged(force_balance=2.0 * FORCES)[0] == "WRONG"
 
 
 def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() -> None:

@@ -1,5 +1,6 @@
 """The study's tables and figure, from whatever cases are there; the text is in the template beside."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
-from runs.studies.laws.matrix import APPROACHES, cases
+from runs.studies.laws.matrix import cases
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.pictures import COLORS, MARKS, Paths, Rows, bars, finish
 from runs.studies.strengthening.ratios import factors
@@ -24,17 +25,14 @@ def present(found: Found, folder: Path) -> str:
         folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
     )
     laws, foams = ([each for each in paths if each[0].labels["group"] == group] for group in ("laws", "foam"))
-    drawn = [group for group in by_layer(laws) if not vanishes(group[1])]
+    drawn = [group for group in _by_layer(laws) if not _vanishes(group[1])]
     if drawn:
-        draw(drawn, folder)
-    return render(
-        __file__, laws=_laws(laws), spreads=_spreads(laws), deepest=APPROACHES[-1], foams=_foams(foams),
-        drawn=bool(drawn),
-    )  # fmt: skip
+        _draw(drawn, folder)
+    return render(__file__, laws=_laws(laws), spreads=_spreads(laws), foams=_foams(foams), drawn=bool(drawn))
 
 
 @look()
-def draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
+def _draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
     """Write S_Q of every law, a panel for each layer, as laws.svg and .png."""
     figure, axes = panels(*[4.4] * len(groups), height=4.2)
     for axis, ((h, nu), here) in zip(axes, groups, strict=True):
@@ -45,7 +43,7 @@ def draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
     save_figure(figure, folder, "laws")
 
 
-def by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
+def _by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
     """Return cases with their rows by thickness and Poisson's ratio."""
     groups: dict[tuple[float, float], list[tuple[Case, Rows]]] = {}
     for case, path in paths:
@@ -53,41 +51,54 @@ def by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
     return list(groups.items())
 
 
-def vanishes(paths: Paths) -> bool:
+def _vanishes(paths: Paths) -> bool:
     """Return whether T at small strain changes its sign along a load path: ratios then say little."""
     linear = [row["T_linear"] for _, path in paths for row in path]
     return min(linear) < 0.0 < max(linear)
+
+
+def _depths(paths: Paths) -> list[float]:
+    """Return the approaches over R that the cases are answered at, rising."""
+    return sorted({round(step * case.problem.load.values[0], 9) for case, _ in paths for step in case.steps or ()})
 
 
 def _laws(paths: Paths) -> list[dict[str, Any]]:
     """Return how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
     return [
         {"h / R": case.labels["h"], "law": case.labels["law"], "nu": case.labels["nu"]}
-        | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in APPROACHES for s in ("S_Q", "S_D")}
+        | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in _depths(paths) for s in ("S_Q", "S_D")}
         for case, path in paths
     ]
 
 
-def _spreads(paths: Paths) -> list[tuple[Any, ...]]:
+def _spreads(paths: Paths) -> list[dict[str, Any]]:
     """Return by h and nu: least and greatest S_Q at the last load, number of laws, and whether T vanishes."""
-    spreads: list[tuple[Any, ...]] = []
-    for group, here in by_layer(paths):
-        deepest = [known[0] for _, path in here if (known := at_depth(path, APPROACHES[-1], "S_Q")) is not None]
-        ends = [number(of(deepest, default=0.0), 4) for of in (min, max)]
-        spreads.append((*group, *ends, len(deepest), vanishes(here)))
+    spreads = []
+    for (h, nu), here in _by_layer(paths):
+        depth = _depths(here)[-1]
+        factor = {case.labels["law"]: at_depth(path, depth, "S_Q") for case, path in here}
+        known = sorted((value[0], law.replace("_", " ")) for law, value in factor.items() if value is not None)
+        ends = [f"{number(value, 4)} ({law})" for value, law in (known[:1] + known[-1:])]
+        spreads.append(
+            {"h": h, "nu": nu, "depth": depth, "ends": ends, "count": len(known), "vanishes": _vanishes(here)}
+        )
     return spreads
 
 
 def _foams(paths: Paths) -> list[dict[str, Any]]:
     """Return T of the paper's balls on foam at the last load, by law, over that of the neo-Hookean solid."""
-    solids = {case.labels["nu"]: path[-1] for case, path in paths if case.labels["law"] == "neo_hookean"}
+    solids = {case.labels["nu"]: path for case, path in paths if case.labels["law"] == "neo_hookean"}
     rows = []
     for case, path in paths:
-        row, solid = path[-1], solids.get(case.labels["nu"])
-        beside = row["T"] / row["Q"] / (solid["T"] / solid["Q"]) if solid else None
+        row, beside = path[-1], None
+        ratio, error = row["T"] / row["Q"], row["T_error"] / row["Q"]
+        solid = next((s for s in solids.get(case.labels["nu"], ()) if math.isclose(s["D"], row["D"])), None)
+        if solid is not None:
+            value = ratio / (solid["T"] / solid["Q"])
+            beside = value, abs(value) * math.hypot(error / ratio, solid["T_error"] / solid["T"])
         rows.append({
             "law": case.labels["law"], "nu": case.labels["nu"], "D / R": row["D"], "Q / E1 R²": row["Q"],
-            "T / Q": (row["T"] / row["Q"], row["T_error"] / row["Q"]), "T / Q over the solid's": beside,
+            "T / Q": (ratio, error), "T / Q over the solid's": beside,
             "S_Q": (row["S_Q"], row["S_Q_error"]), "S_D": (row["S_D"], row["S_D_error"]),
         })  # fmt: skip
     return rows

@@ -13,7 +13,7 @@ from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown
-from runs.studies.laws.materials import NAMED
+from runs.studies.laws.materials import LAW_BY_NAME
 
 SIZES = ("2x1", "3x1", "4x1")
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -38,7 +38,7 @@ def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, list[str]]]:
         for size in sizes[:1] if quick else sizes:
             for approach in REFERENCE:
                 yield folder / f"{code}-{size}-{approach}.json", [code, str(approach), size]
-    for law in () if quick else NAMED:
+    for law in () if quick else LAW_BY_NAME:
         for code, size in LAW_CASES:
             yield _law_file(folder, law, code, size), [code, str(LAW_DEPTH), size, law]
 
@@ -57,14 +57,15 @@ def page(folder: Path, quick: bool) -> str:
     laws = list(_laws(folder))
     write_csv(folder / "peers.csv", rows)
     write_csv(folder / "laws.csv", laws)
-    heading = f"**Laws**, D = {LAW_DEPTH:g} R: this project (asked for {LAW_CASES[0][1]}) beside FElupe of order 4."
     with_errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
     shown = [
         {name: (value, row[with_errors[name]]) if name in with_errors else value for name, value in row.items()}
         for row in laws
     ]
-    columns = [name for name in laws[0] if name not in with_errors.values()] if laws else []
-    return "\n".join([*markdown(rows), "", heading, "", *markdown(shown, columns)])
+    if not laws:
+        return "\n".join(markdown(rows))
+    columns = [name for name in laws[0] if name not in with_errors.values()]
+    return "\n".join([*markdown(rows), "", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(shown, columns)])
 
 
 def _law_file(folder: Path, law: str, code: str, size: str) -> Path:
@@ -77,7 +78,7 @@ def _laws(folder: Path) -> Iterator[dict[str, Any]]:
     FElupe's error is taken as the change from order 3 to order 4; the deviation is the difference of T over the root
     of the sum of both errors' squares.
     """
-    for law in NAMED:
+    for law in LAW_BY_NAME:
         ours, third, fourth = (read_json(_law_file(folder, law, *case)) for case in LAW_CASES)
         if not (ours and third and fourth):
             continue

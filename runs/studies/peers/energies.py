@@ -1,35 +1,37 @@
-"""The laws of `linear_bem.law` written a second time, as energies of C that tensortrax differentiates."""
+"""The laws of `linear_bem.law` written a second time, as energies of C for automatic differentiation."""
 
 from collections.abc import Callable
 from typing import Any
 
-import tensortrax.math as tm
-
 from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 
-def energy(law: Law, shear: float, lame: float) -> Callable[[Any], Any]:
-    """Return the strain energy density psi(C), C = F^T F; the formulas are those of the docstrings there."""
+def energy(law: Law, shear: float, lame: float, math: Any) -> Callable[[Any], Any]:
+    """Return the strain energy density psi(C), C = F^T F; the formulas are those of the docstrings there.
+
+    ``math`` is numpy, or a module with its functions that differentiates them. Raises `TypeError` for a law not here.
+    """
 
     def psi(C: Any) -> Any:
-        J, I1 = tm.sqrt(tm.linalg.det(C)), tm.trace(C)
-        A, U = I1 - 3 - 2 * tm.log(J), lame / 2 * (J - 1) ** 2
+        J, I1 = math.sqrt(math.linalg.det(C)), math.trace(C)
+        A, U = I1 - 3 - 2 * math.log(J), lame / 2 * (J - 1) ** 2
         if isinstance(law, NeoHookean):
             return shear / 2 * A + U
         if isinstance(law, MooneyRivlin):
-            B, s = (I1**2 - tm.trace(C @ C)) / 2 - 3 - 4 * tm.log(J), law.share
+            B, s = (I1**2 - math.trace(C @ C)) / 2 - 3 - 4 * math.log(J), law.share
             return shear / 2 * ((1 - s) * A + s * B) - s * shear * (J - 1) ** 2 + U
         if isinstance(law, Yeoh):
             c, d = law.ratios
             return shear / 2 * (A + c * A**2 + d * A**3) + U
         if isinstance(law, Ogden | Hyperfoam):
-            squares, b = tm.linalg.eigvalsh(C), lame / (2 * shear)
+            squares, b = math.linalg.eigvalsh(C), lame / (2 * shear)
             total = 0 if isinstance(law, Hyperfoam) else U
             for a, w in zip(law.exponents, law.weights, strict=True):
-                volume = (J ** (-a * b) - 1) / b if isinstance(law, Hyperfoam) else -a * tm.log(J)
-                total = total + 2 * shear * w / a**2 * (tm.sum(squares ** (a / 2)) - 3 + volume)
+                volume = (J ** (-a * b) - 1) / b if isinstance(law, Hyperfoam) else -a * math.log(J)
+                total = total + 2 * shear * w / a**2 * (math.sum(squares ** (a / 2)) - 3 + volume)
             return total
-        assert isinstance(law, Gent), f"{law.name} has no second derivation"
-        return -shear / 2 * law.limit * tm.log(1 - A / law.limit) + U
+        if not isinstance(law, Gent):
+            raise TypeError(f"{law.name} is not written a second time: add its energy here")
+        return -shear / 2 * law.limit * math.log(1 - A / law.limit) + U
 
     return psi

@@ -6,13 +6,11 @@ from typing import Any
 
 import felupe as fem
 import numpy as np
-import tensortrax
 from pypardiso import spsolve
 from scipy.interpolate import RegularGridInterpolator
 
-from runs.studies.laws.materials import NAMED
+from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers import scene
-from runs.studies.peers.energies import energy
 from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array, moduli
 
 
@@ -96,15 +94,20 @@ class Layer:
 def main(approach: float, size: str, law: str = "") -> None:
     """Solve with elements of order p on the grid of fineness n, ``size`` being "pxn", and print the answer.
 
-    ``law`` is a name in `laws.materials`; by default the benchmark's own, whose derivatives FElupe has.
+    ``law`` is a name in `LAW_BY_NAME`; by default the benchmark's own, whose derivatives FElupe has.
     """
     order, fineness = map(int, size.split("x"))
     grid = scene.lines(approach, fineness)
     psi: Callable[[Array], Array] = neo_hookean
     umat = fem.NeoHookeCompressible(mu=SHEAR) & fem.Volumetric(bulk=LAME)
     if law:
-        chosen, poisson = NAMED[law]
-        of_C = energy(chosen, *moduli(poisson))
+        import tensortrax  # noqa: PLC0415  (an extra of FElupe's, which the benchmark does not need)
+        import tensortrax.math  # noqa: PLC0415
+
+        from runs.studies.peers.energies import energy  # noqa: PLC0415
+
+        chosen, poisson = LAW_BY_NAME[law]
+        of_C = energy(chosen, *moduli(poisson), tensortrax.math)
         at, umat = tensortrax.function(of_C, ntrax=2), fem.Hyperelastic(of_C)
 
         def psi(F: Array) -> Array:

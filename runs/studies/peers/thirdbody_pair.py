@@ -7,21 +7,26 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from runs.studies.laws.materials import NAMED
+from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers.scene import THICKNESS, YOUNG, report
 
 SCENE = Path(__file__).with_name("pair.toml")
 
 
-def main(approach: float, size: str, law: str = "neo_hookean-0.48") -> None:
-    """Solve for T to the relative accuracy ``size`` under a law named in `laws.materials`, and print the answer."""
-    chosen, poisson = NAMED[law]
+def scene_text(approach: float, accuracy: str, law: str) -> str:
+    """Return the scene file for an approach, an accuracy and a law of `LAW_BY_NAME`."""
+    chosen, poisson = LAW_BY_NAME[law]
     numbers = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(chosen).items()}
     lines = "\n".join([f'law = "{chosen.name}"', *(f"{name} = {value}" for name, value in numbers.items())])
+    given = {"thickness": THICKNESS, "young": YOUNG, "poisson": poisson, "approach": approach, "accuracy": accuracy}
+    return SCENE.read_text(encoding="utf-8").format(**given, law=lines)
+
+
+def main(approach: float, size: str, law: str = "neo_hookean-0.48") -> None:
+    """Solve for T to the relative accuracy ``size`` under a law of `LAW_BY_NAME`, and print the answer."""
     with tempfile.TemporaryDirectory() as name:
         scene = Path(name) / "pair.toml"
-        given = {"thickness": THICKNESS, "young": YOUNG, "poisson": poisson, "approach": approach, "accuracy": size}
-        scene.write_text(SCENE.read_text(encoding="utf-8").format(**given, law=lines), encoding="utf-8")
+        scene.write_text(scene_text(approach, size, law), encoding="utf-8")
         command = [sys.executable, "-c", "from runs.entry import main; main()", "solve", str(scene), "--json"]
         done = subprocess.run([*command, "--out", f"{name}/out"], check=True, stdout=subprocess.PIPE)
     result = json.loads(done.stdout)

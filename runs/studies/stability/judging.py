@@ -93,20 +93,21 @@ class Checks:
     """Outcome of a case's checks."""
 
     faults: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     passed: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     resolved: bool = True
 
-    def judge(self, holds: bool, text: str) -> None:
-        """Record one check."""
-        (self.passed if holds else self.faults).append(text)
+    def judge(self, holds: bool, text: str, owed: bool = True) -> None:
+        """Record one check; one not ``owed`` need not hold for a state that its result calls unresolved."""
+        (self.passed if holds else self.faults if owed else self.doubts).append(text)
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
     T is not resolved if its error bar is larger than T and all checks pass, or if the result itself says that its state
-    is not resolved.
+    is not resolved and equilibrium holds.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # a case's working files are deleted when it ends
@@ -121,12 +122,14 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         _judge_agreement(checks, found, name, check)
     if state != DONE:
         reason += f"; what it reached: {'; '.join(checks.passed) or 'not checked'}"
-        return ("WRONG", "; ".join([*checks.faults, reason])) if checks.faults else (state, reason)
+        faults = checks.faults + checks.doubts
+        return ("WRONG", "; ".join([*faults, reason])) if faults else (state, reason)
     said = [note for note in record.get("solved", {}).get("notes", []) if note.startswith(UNRESOLVED)]
-    if said or checks.faults:
-        return (NOT_RESOLVED if said else "WRONG"), "; ".join([*said, *checks.faults])
-    if not checks.resolved:
-        return NOT_RESOLVED, "; ".join(["the error of T is larger than T", *checks.passed, *checks.notes])
+    if checks.faults or (checks.doubts and not said):
+        return "WRONG", "; ".join(checks.faults + checks.doubts)
+    if said or not checks.resolved:
+        why = said or ["the error of T is larger than T"]
+        return NOT_RESOLVED, "; ".join([*why, *checks.doubts, *checks.passed, *checks.notes])
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
 
 
@@ -139,7 +142,7 @@ def _judge_agreement(checks: Checks, found: Found, name: str, check: Mapping[str
     difference, allowed = outcome
     text = f"{check['words']}: T differs by {100 * difference:.2g} %, tolerance {100 * allowed:.2g} %"
     if allowed < 1.0 or difference > allowed:
-        checks.judge(difference <= allowed, text)
+        checks.judge(difference <= allowed, text, owed=False)
     else:
         checks.notes.append(f"{text}, which is no check")
 
@@ -149,9 +152,10 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
     steps, solved = record.get("steps", []), record.get("solved", {})
     energy = energy_balance(steps, meshed_forces(record))
     forces = max(_recorded(steps, "force_balance"), default=math.nan)
-    for value, limit, words in ((energy, BALANCE, "energy against work"), (forces, FORCES, "forces against base")):
-        if not math.isnan(value):
-            checks.judge(value <= limit, f"{words}: {100 * value:.2g} %")
+    if not math.isnan(energy):
+        checks.judge(energy <= BALANCE, f"energy against work: {100 * energy:.2g} %", owed=False)
+    if not math.isnan(forces):
+        checks.judge(forces <= FORCES, f"forces against base: {100 * forces:.2g} %")
     folded = min(_recorded(steps, "smallest_volume_ratio"), default=math.nan)
     if folded <= 0.0:
         checks.faults.append(f"an element is folded over: smallest J = {folded:.2g}")

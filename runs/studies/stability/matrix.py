@@ -20,8 +20,8 @@ from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-UNKNOWNS = {"touching-deep": 30e3, "film": 30e3, "cones": 70e3}
-"""Budgets of cases whose accuracy finer meshes do not reach."""
+LIMITED = {"cones": 70e3}
+"""Most unknowns of cases of `combined` whose accuracy larger meshes do not reach."""
 ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
 """Twice the default growth of element sizes."""
@@ -58,6 +58,7 @@ class Hard:
     accuracy: float | None = None
     levels: tuple[Level, ...] = ()
     steps: tuple[float, ...] | None = None
+    unknowns: float | None = None
 
 
 def scaled(problem: Problem, scale: float) -> Problem:
@@ -131,7 +132,10 @@ def hard_cases() -> list[Hard]:
         three("very-deep", "D = 1.0 R in h = 2 R", pair(1.0, thickness=2.0)),
         three("very-deep-foam", "the same for nu = 0.3", pair(1.0, thickness=2.0, poisson=0.3)),
         three("merging", "contacts that merge: D = 1.2 R on h = 6 R", pair(1.2, thickness=6.0)),
-        *(Hard(name, words, problem, (FINITE,)) for name, (words, problem) in combined().items()),
+        *(
+            Hard(name, words, problem, (FINITE,), unknowns=LIMITED.get(name))
+            for name, (words, problem) in combined().items()
+        ),
     ]  # fmt: skip
 
 
@@ -217,5 +221,5 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     if hard.levels:
         return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
     stop = hard.stop_after if model == FINITE else None
-    budget = {"unknowns": UNKNOWNS[hard.name]} if hard.name in UNKNOWNS else {}
+    budget = {} if hard.unknowns is None else {"unknowns": hard.unknowns}
     return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics, budget=budget)
