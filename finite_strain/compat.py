@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -101,8 +102,7 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
                 with suppress(BlockingIOError):
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     oldest = math.inf
-                there = set(os.listdir(cache))  # once: a status call for each of a thousand forms took seconds a run
-                for source in (cache / name for name in there if name.endswith(".c") and f"{name}.cached" not in there):
+                for source in _unfinished(cache, cache.stat().st_mtime_ns):
                     with suppress(FileNotFoundError):  # another run may remove it, too
                         if source.stat().st_mtime < oldest:
                             source.unlink()
@@ -113,6 +113,16 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
         if failure:
             raise OutputUnusable(failure)
         yield {"jit_params" if _OLD else "jit_options": {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache)}}
+
+
+@lru_cache(maxsize=1)
+def _unfinished(cache: Path, changed: int) -> list[Path]:
+    """Return the sources without a ``.cached`` file in a folder that was last ``changed`` then [ns].
+
+    Thousands of forms may be there: listing them for every form would take a fifth of a small run.
+    """
+    there = set(os.listdir(cache))
+    return [cache / name for name in there if name.endswith(".c") and f"{name}.cached" not in there]
 
 
 def vector_of(function: Any) -> PETSc.Vec:
