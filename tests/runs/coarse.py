@@ -10,7 +10,8 @@ def main() -> None:
     import finite_strain  # noqa: PLC0415
     from runs import cli  # noqa: PLC0415
 
-    finite_strain.Numerics = partial(finite_strain.Numerics, growth=4.0, more_loads=())  # type: ignore[misc, assignment]
+    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=())
+    finite_strain.Numerics = coarser  # type: ignore[misc, assignment]
     cli.main()
 
 
