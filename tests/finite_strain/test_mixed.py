@@ -284,7 +284,7 @@ def test_a_ball_pressed_deep_meets_the_published_incompressible_law(
     problem = single(0.5, thickness, 0.5)
     plan = coarse_plan(problem, extent=wide(problem))
     rig = coarse_rig(plan, tmp_path_factory.mktemp("deep"), CUBIC)
-    for record in rig.path.steps([0.1, 0.2, 0.4, 0.6, 0.8, 1.0]):
+    for record in rig.path.steps([0.2, 0.4, 0.7, 1.0]):
         if record.fraction >= 0.4:  # where the elements resolve the contact
             assert rig.path.augment(record)
             expected = long_force(record.fraction * 0.5, 1.0, problem.layer, thickness)

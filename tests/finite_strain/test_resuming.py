@@ -46,15 +46,6 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def on_two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
-    """What three runs on two ranks said, and the folder of their folders."""
-    base = tmp_path_factory.mktemp("two")
-    (base / "unreadable").mkdir()
-    (base / "unreadable" / NAME).write_bytes(b"")
-    return press(2, base, "whole", "failing", "unreadable"), base
-
-
-@pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run on four ranks that was stopped after its first step."""
     base = tmp_path_factory.mktemp("four")
@@ -62,13 +53,26 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return base / "stopped"
 
 
+@pytest.fixture(scope="module")
+def on_two(tmp_path_factory: pytest.TempPathFactory, stopped: Path) -> tuple[Any, Path]:
+    """What three runs on two ranks said, and the folder of their folders: "whole" goes on with that of four."""
+    base = tmp_path_factory.mktemp("two")
+    shutil.copytree(stopped, base / "whole")
+    (base / "unreadable").mkdir()
+    (base / "unreadable" / NAME).write_bytes(b"")
+    return press(2, base, "whole", "failing", "unreadable"), base
+
+
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_give_the_same_answer_as_one(result: Any, folder: Path, on_two: tuple[Any, Path]) -> None:
+def test_two_ranks_that_go_on_with_a_run_of_four_give_the_same_answer_as_one(
+    result: Any, folder: Path, on_two: tuple[Any, Path]
+) -> None:
     found, other = on_two[0]["whole"], on_two[1] / "whole"
     assert found["solved"]["ranks"] == 2
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
-    assert "main" in found["meshes_run"]
+    assert found["resumed"] == 1
+    assert found["meshes_run"] == ["main", "main, small strain"]
     for number in (0, 1):
         name = f"mesh_{number}.msh"
         assert (other / name).read_bytes() == (folder / name).read_bytes()

@@ -73,7 +73,8 @@ def main() -> None:
     pair_table.DEPTHS = DEPTHS
     pair_table.ARRANGEMENTS = {"three in a line": pair_table.ARRANGEMENTS["three in a line"]}
     evolving.TABLES = Path(sys.argv[2]).parent / "tables"
-    finite_strain.Numerics = partial(finite_strain.Numerics, growth=4.0, more_loads=())  # type: ignore[misc, assignment]
+    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.2)
+    finite_strain.Numerics = coarser  # type: ignore[misc, assignment]
     cli.main()
 
 

@@ -14,7 +14,7 @@ import pytest
 from linear_bem import Load, Result, solve
 from linear_bem.result import Solved, Step
 from runs import studies
-from runs.evolution import evolving, pair_table
+from runs.evolution import evolving, pair_table, showing
 from runs.evolution.forces import at
 from runs.evolution.providers import provider
 from runs.models import MODELS, choose, standing
@@ -33,6 +33,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(cases, "TABLES", folder / "tables")
         patch.setattr(evolving, "TABLES", folder / "tables")
         patch.setattr(pair_table, "MANY", pair_table.FEW)
+        patch.setattr(showing, "draw", lambda *given: None)  # the pictures of single runs: test_evolution_command.py
         studies.run_study("experiments", studies.Options(quick=True, out=folder / "out"))
     return folder / "out"
 

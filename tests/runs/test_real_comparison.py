@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.launch import ROOT, environment, launcher_forwards_last_words, mpirun
+from tests.launch import ROOT, environment, launcher_forwards_last_words, mpirun, thirdbody
 from tests.runs.test_command_line import strict
 from tests.scenes import thin_pair
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
+COARSE = "tests.runs.coarse"
 
 
 @pytest.fixture
@@ -32,7 +33,7 @@ def scene(tmp_path: Path) -> Path:
 def stop_after_first_step(scene: Path, out: Path) -> str:
     # a rank answers a signal after its assembly or factorisation; Open MPI's default is to kill it after 1 s
     patient = environment({"OMPI_MCA_odls_base_sigkill_timeout": "5"})
-    command = [shutil.which("mpirun") or "mpirun", "-n", "2", "--bind-to", "none", sys.executable, "-m", "runs.cli"]
+    command = [shutil.which("mpirun") or "mpirun", "-n", "2", "--bind-to", "none", sys.executable, "-m", COARSE]
     command += ["compare", str(scene), "--out", str(out)]
     said = ""
     with subprocess.Popen(command, cwd=ROOT, env=patient, stderr=subprocess.PIPE, text=True) as process:
@@ -56,7 +57,7 @@ def test_a_real_comparison_survives_interruption_and_tends_to_the_linear_model(s
     interrupted = strict((out / "result.json").read_text(encoding="utf-8"))["finite"]
     finished = interrupted["steps"]
     assert not interrupted["solved"]["converged"]
-    done = mpirun(1, "-m", "runs.cli", "compare", scene, "--out", out, "--json", timeout=280.0)
+    done = mpirun(1, "-m", COARSE, "compare", scene, "--out", out, "--json", timeout=280.0)
     assert done.returncode == 0, done.stderr
     assert "step 1 " not in done.stderr
     document = strict(done.stdout)
@@ -80,9 +81,11 @@ def test_a_real_comparison_survives_interruption_and_tends_to_the_linear_model(s
 
 
 def test_small_strain_elements_meet_the_linear_model_by_name(scene: Path, tmp_path: Path) -> None:
-    args = ("solve", scene, "--json", "--model")
-    elements = mpirun(2, "-m", "runs.cli", *args, "small_strain", "--out", tmp_path / "elements", timeout=280.0)
-    linear = mpirun(1, "-m", "runs.cli", *args, "linear_bem", "--out", tmp_path / "linear")
+    full = tmp_path / "full.toml"
+    full.write_text(scene.read_text(encoding="utf-8").replace("[0.04, 0.08]", "[0.08]"), encoding="utf-8")
+    args = ("solve", full, "--json", "--model")
+    elements = mpirun(2, "-m", COARSE, *args, "small_strain", "--out", tmp_path / "elements", timeout=280.0)
+    linear = thirdbody(*args, "linear_bem", "--out", tmp_path / "linear")
     assert elements.returncode == 0, elements.stderr
     one, other = strict(elements.stdout), strict(linear.stdout)
     assert one["model"] == "small_strain"
