@@ -48,8 +48,7 @@ def given_options() -> dict[str, str]:
 @contextmanager
 def with_options(options: Mapping[str, str]) -> Iterator[None]:
     """Add options of our prefix to those of the user inside a with block."""
-    database = PETSc.Options(PREFIX)
-    before = database.getAll()
+    database, before = PETSc.Options(PREFIX), given_options()  # ours, of an open solver, are not to become the user's
     for key, value in options.items():
         database[key] = value
     try:

@@ -268,6 +268,15 @@ def test_a_system_on_which_the_direct_solver_fails_too_is_reported(
         rig.press()
 
 
+def test_options_of_one_run_leave_those_of_an_open_solver_ours(tmp_path: Path) -> None:
+    rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "open")
+    with linear_solver.with_options({"pc_type": "lu"}):
+        assert linear_solver.given_options() == {"pc_type": "lu"}
+        linear_solver.install(choose(1e3, False, linear_solver.given_options()).options)
+    assert linear_solver.given_options() == {}  # the factors of the open solver are not taken for the user's choice
+    rig.solver.close()
+
+
 def test_closing_the_last_solver_removes_its_options(tmp_path: Path, options: Callable[[str, str], None]) -> None:
     options("ksp_rtol", "1e-7")
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
