@@ -60,8 +60,7 @@ def mpirun(
     if launcher is None:
         raise FileNotFoundError("mpirun is not on PATH: apt-get install openmpi-bin")
     options = ["-n", str(n), "--bind-to", "none", "--oversubscribe"]
-    # ranks that wait for each other spin: they leave the cores to the tests beside them
-    return _run(["nice", "-n", "19", launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
+    return _run([launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
 
 
 def thirdbody(
