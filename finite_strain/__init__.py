@@ -98,7 +98,7 @@ def solve(
         raise MissingDependency(
             f"{model} needs {', '.join(missing)}: not importable by {sys.executable} "
             f"(Python {sys.version.split()[0]}); "
-            "`thirdbody doctor` tells which Python has them and how to install them"
+            "`thirdbody doctor` states which Python has them and how to install them"
         )
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # one thread per rank: more threads would compete with ranks for cores

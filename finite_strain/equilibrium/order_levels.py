@@ -116,7 +116,7 @@ def upright(fine: Any) -> Coarse | None:
     shapes = sparse.csr_matrix((value[first], (row[first], place[first])), shape=(size, len(nodes)))
     owned = int(np.searchsorted(nodes, index_map.size_local))
     before = comm.exscan(owned) or 0
-    number = dolfinx.fem.Function(fine)  # the owner tells the other ranks
+    number = dolfinx.fem.Function(fine)  # the owner sends it to the other ranks
     entries = number.x.array.reshape(size, fine.dofmap.index_map_bs)
     entries[nodes[:owned], 0] = before + np.arange(owned)
     number.x.scatter_forward()

@@ -61,7 +61,7 @@ class OutputFolder:
         damaged = mark is None and (self.path / MARK).exists()
         if damaged and others and not fresh:
             raise OutputUnusable(
-                f"{self.path / MARK}: is damaged, and its run cannot be told from others; name another --out, or "
+                f"{self.path / MARK}: is damaged, and its run cannot be identified; name another --out, or "
                 "replace it with --fresh"
             )
         if mark is None and others and not damaged:

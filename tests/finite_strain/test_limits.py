@@ -31,20 +31,20 @@ BREAKS = 0.7
 def breaking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Make load steps fail for some element orders and kinematics, beyond `BREAKS` or once at a fraction."""
     solve = LoadPath._solve
-    told: dict[str, Any] = {"orders": (), "small": False, "once": None}
+    rule: dict[str, Any] = {"orders": (), "small": False, "once": None}
 
     def failing(self: Any, fraction: float, *args: Any, **options: Any) -> None:
         is_small = not self.model.is_finite
-        if self.model.order in told["orders"] and is_small == told["small"]:
-            if told["once"] is None and fraction > BREAKS:
+        if self.model.order in rule["orders"] and is_small == rule["small"]:
+            if rule["once"] is None and fraction > BREAKS:
                 raise NotConverged("no equilibrium")
-            if fraction == told["once"]:
-                told["orders"] = ()
+            if fraction == rule["once"]:
+                rule["orders"] = ()
                 raise NotConverged("no equilibrium at once")
         solve(self, fraction, *args, **options)
 
     monkeypatch.setattr(LoadPath, "_solve", failing)
-    return told
+    return rule
 
 
 def pressed(**options: Any) -> Any:
@@ -101,10 +101,10 @@ def test_a_run_goes_on_without_a_pair_that_fails_and_reports_it(breaking: dict[s
 
 def test_no_discretisation_has_more_unknowns_than_the_budget_allows(usual: Any) -> None:
     bound = pressed(tangential_force=1e-3, steps=(1.0,), unknowns=1.5 * usual.solved.unknowns)
-    told = bound.solved.accuracy
-    assert all(mesh["unknowns"] <= told["budget"]["unknowns"] for mesh in told["meshes"])
-    assert not told["met"]
-    assert "the budget of" in told["stopped"]
+    accuracy = bound.solved.accuracy
+    assert all(mesh["unknowns"] <= accuracy["budget"]["unknowns"] for mesh in accuracy["meshes"])
+    assert not accuracy["met"]
+    assert "the budget of" in accuracy["stopped"]
     assert any("was asked for" in note for note in bound.solved.notes)
     assert not any("more than the budget" in note for note in bound.solved.notes)
 

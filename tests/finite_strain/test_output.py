@@ -234,7 +234,7 @@ class Vtx:
         for function in self.functions:
             places = function.function_space.tabulate_dof_coordinates()
             found[function.name] = np.column_stack([places, function.x.array.reshape(len(places), -1)])
-        np.savez(self.folder / "told.npz", time=time, **found)
+        np.savez(self.folder / "read.npz", time=time, **found)
 
     def __exit__(self, *_: object) -> None:
         pass
@@ -250,7 +250,7 @@ def test_where_adios2_is_there_a_step_is_written_as_vtx_too(tmp_path: Path, monk
     assert not list(tmp_path.glob("*.bp"))
     monkeypatch.setattr(compat, "vtx_writer", lambda: Vtx)
     written(rig, tmp_path).close()  # and the folder of the step is replaced the second time
-    with written(rig, tmp_path) as file, np.load(tmp_path / "step_0001.bp" / "told.npz") as vtx:
+    with written(rig, tmp_path) as file, np.load(tmp_path / "step_0001.bp" / "read.npz") as vtx:
         assert vtx["time"] == 1.0
         for name, data in file["node_fields"].items():
             ours = np.column_stack([file["points"], np.reshape(data, (len(data), -1))])

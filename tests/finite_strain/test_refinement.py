@@ -206,15 +206,15 @@ def test_refinement_terminates() -> None:
 
 def test_the_accuracy_report_is_complete() -> None:
     records = first(0.04, discretisation=0.03, transfer=0.02)
-    told = account(0.02, records, 1, Budget(seconds=9.0), "the money is spent", "the largest tangential force")
-    assert json.loads(json.dumps(told)) == told
-    assert (told["asked"], told["reached"], told["met"]) == (0.02, 0.04, False)
-    assert told["terms"] == records[-1].terms
-    assert told["relative_to"] == {"what": "the largest tangential force", "force": 1e-3}
-    assert told["stopped"] == "the money is spent"
-    assert told["budget"] == {"seconds": 9.0, "unknowns": 120e3}
-    assert [mesh["order"] for mesh in told["meshes"]] == [2, 3]
-    assert [mesh["reached"] for mesh in told["meshes"]] == [None, 0.04]
+    accuracy = account(0.02, records, 1, Budget(seconds=9.0), "the money is spent", "the largest tangential force")
+    assert json.loads(json.dumps(accuracy)) == accuracy
+    assert (accuracy["asked"], accuracy["reached"], accuracy["met"]) == (0.02, 0.04, False)
+    assert accuracy["terms"] == records[-1].terms
+    assert accuracy["relative_to"] == {"what": "the largest tangential force", "force": 1e-3}
+    assert accuracy["stopped"] == "the money is spent"
+    assert accuracy["budget"] == {"seconds": 9.0, "unknowns": 120e3}
+    assert [mesh["order"] for mesh in accuracy["meshes"]] == [2, 3]
+    assert [mesh["reached"] for mesh in accuracy["meshes"]] == [None, 0.04]
 
 
 def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(tmp_path: Any) -> None:

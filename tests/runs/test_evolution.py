@@ -197,7 +197,7 @@ def test_the_straight_line_is_unstable_and_the_rhomb_stable(foam: Provider) -> N
     shaken = straight.positions + np.array([[0.0, 1e-5], [0.0, -1e-5], [0.0, 1e-5], [0.0, -1e-5]])
     x = equilibria.on_contacts(balls, shaken, straight.state.normal, balls.touching(straight.positions, TOLERANCE))
     moments = path(forces, problem, 20.0, x)
-    # the disturbance grows at the rate that the linearised drift tells
+    # the disturbance grows at the rate of the linearised drift
     bend = np.array([abs(m.positions[1, 1] - m.positions[2, 1]) for m in moments])
     early = (bend > 3e-5) & (bend < 3e-4)
     rate = np.polyfit(np.array([m.sigma for m in moments])[early], np.log(bend[early]), 1)[0]

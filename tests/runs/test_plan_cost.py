@@ -34,8 +34,8 @@ def test_an_evolution_is_planned_with_the_runs_of_its_table(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(planning, "PATIENCE", 0.0)  # the advice is another test's
     plan_scene(read_scene(DRIFTING), None, as_json=False)
-    told = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"evolve: 13 runs by finite_strain for its table of pairs, about [^,]* on two idle cores", told)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"evolve: 13 runs by finite_strain for its table of pairs, about [^,]* on two idle cores", printed)
 
 
 def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:

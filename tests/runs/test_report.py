@@ -76,9 +76,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, folder in made.items():
         done = thirdbody(*commands[name], "--out", folder, program=STAND_IN)
         assert done.returncode == 0, done.stderr
-        told = thirdbody("report", folder)
-        assert told.returncode == 0, told.stderr
-        assert "report.html" in told.stderr
+        done = thirdbody("report", folder)
+        assert done.returncode == 0, done.stderr
+        assert "report.html" in done.stderr
     return made
 
 

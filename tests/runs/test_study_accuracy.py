@@ -117,17 +117,17 @@ def test_the_front_holds_what_nothing_beats(found: Found) -> None:
 
 
 def test_the_cheapest_way_to_each_error_is_advised(found: Found) -> None:
-    told = {row["for"]: row for row in advice(measured(found), TRUE)}
-    assert told["10 %"]["use"] == "linear_bem, accuracy asked 0.01"
-    assert told["1 %"]["use"] == "finite_strain, accuracy asked 0.02"
-    assert told["0.1 %"]["use"] == "no case is known to reach it"
+    found_for = {row["for"]: row for row in advice(measured(found), TRUE)}
+    assert found_for["10 %"]["use"] == "linear_bem, accuracy asked 0.01"
+    assert found_for["1 %"]["use"] == "finite_strain, accuracy asked 0.02"
+    assert found_for["0.1 %"]["use"] == "no case is known to reach it"
 
 
 def test_an_error_that_is_small_by_chance_is_not_advised(found: Found) -> None:
     rows = measured(found)
     lucky = [dict(row, **{TRUE: 1e-6}) if row["case"] == "point-load" else row for row in rows]
-    told = {row["for"]: row["use"] for row in advice(lucky, TRUE)}
-    assert told["10 %"] == "linear_bem, accuracy asked 0.01"  # point_load itself claims no better than 20 %
+    found_for = {row["for"]: row["use"] for row in advice(lucky, TRUE)}
+    assert found_for["10 %"] == "linear_bem, accuracy asked 0.01"  # point_load itself claims no better than 20 %
     unknown = [dict(row, **{f"{TRUE}, known to": 0.05}) for row in rows]
     assert {row["for"]: row["use"] for row in advice(unknown, TRUE)}["1 %"] == "no case is known to reach it"
 

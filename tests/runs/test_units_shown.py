@@ -92,9 +92,9 @@ def test_a_table_of_many_balls_shows_the_largest_forces(tmp_path: Path) -> None:
         ball["tangential_force"] = [1e-6 * (1 + (37 * i) % len(many)), 0.0]
     shown = {i for i in range(len(many)) if (37 * i) % len(many) >= len(many) - tables.SHOWN}
     tables.show_balls(Console(file=text, width=200), many, Scale.of(read.problem, read.data), "many")
-    told = text.getvalue()
-    assert "the 20 largest T of 101 balls" in told
-    first = [line.split()[0] for line in told.splitlines() if line.split()]
+    printed = text.getvalue()
+    assert "the 20 largest T of 101 balls" in printed
+    first = [line.split()[0] for line in printed.splitlines() if line.split()]
     assert {int(word) for word in first if word.isdigit()} == shown
 
 

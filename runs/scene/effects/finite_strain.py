@@ -40,7 +40,7 @@ def _part(table: FiniteStrainTable) -> FiniteStrain:
 
 
 def effect_identity(effect: FiniteStrain) -> dict[str, Any]:
-    """Return what tells one effect from another: two laws may have numbers of the same names."""
+    """Return what distinguishes one effect from another: two laws may have numbers of the same names."""
     found = asdict(effect)
     return {"law": {"name": effect.law.name, **found["law"]}} if isinstance(effect.law, Law) else found
 
