@@ -73,8 +73,10 @@ def compute(folder: Path, options: Options) -> None:
 
 def page(folder: Path, quick: bool) -> str:
     """Write tables and figures; return the answer as Markdown."""
-    found = [done for case in cases.cases(quick) if (done := read(case, folder / CASES)) is not None]
-    write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in found])
+    there = [done for case in cases.cases(quick) if (done := read(case, folder / CASES)) is not None]
+    write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in there])
+    deep = [done for done in there if done.case.approach == cases.DEEP]
+    found = [done for done in there if done not in deep]
     laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
     if found:
         free = [done for done in found if done.case.rolling == 0.0]
@@ -83,7 +85,7 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
         if SHOWN in [done.case for done in free]:
             pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
-    return text(found, laws, boundary.read(folder / CASES), quick)
+    return text(found, laws, boundary.read(folder / CASES), quick, deep)
 
 
 def read(case: Case, folder: Path) -> Finished | None:
@@ -108,11 +110,12 @@ def growth(done: Finished) -> Growth | None:
 
 
 def text(
-    found: Sequence[Finished], laws: Mapping[float, PairLaw], touching: Sequence[dict[str, Any]], quick: bool
+    found: Sequence[Finished], laws: Mapping[float, PairLaw], touching: Sequence[dict[str, Any]], quick: bool,
+    deep: Sequence[Finished] = (),
 ) -> str:
-    """Return the answer as Markdown; ``touching`` are the rows of `boundary`."""
+    """Return the answer as Markdown; ``touching`` are the rows of `boundary`, ``deep`` the runs by both models."""
     free = [done for done in found if done.case.rolling == 0.0]
-    ended = [done for done in found if done.row["ended"] != "interrupted"]
+    ended = [done for done in (*found, *deep) if done.row["ended"] != "interrupted"]
     gathered = [done for done in free if done in ended and done.outcome == "gathers"]
     wanted = cases.cases(quick)
     return render(
@@ -124,6 +127,7 @@ def text(
         ends=_ends(done.row["cluster_mean"] for done in gathered),
         scenes={outcome: _scenes(free, outcome) for outcome in pictures.COLORS},
         held=[done for done in found if done.case.rolling > 0.0 and done.row["ended"] == "at rest"],
+        both=_both([done for done in deep if done in ended]), deep=cases.DEEP, between=cases.BETWEEN,
         gathered=len(gathered), resting=sum(done.row["ended"] == "at rest" for done in gathered),
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
         rows=[
@@ -134,9 +138,9 @@ def text(
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
         begun=[
             f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s"
-            for d in found if d not in ended
+            for d in (*found, *deep) if d not in ended
         ],
-        command=command("collective", quick), minutes=sum(done.row["seconds"] for done in found) / 60.0,
+        command=command("collective", quick), minutes=sum(done.row["seconds"] for done in (*found, *deep)) / 60.0,
     )  # fmt: skip
 
 
@@ -165,6 +169,22 @@ def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
         }
         for h, law in laws.items()
     ]
+
+
+def _both(deep: Sequence[Finished]) -> list[dict[str, Any]]:
+    """Return the pair law of each model, and what its layers came to from the same starts along the same path."""
+    rows = []
+    for finite in sorted({done.case.finite for done in deep}):
+        law = cases.pair_law(cases.BETWEEN, cases.DEEP, finite=finite)
+        row = {"model": "finite strain" if finite else "small strain", "T/Q in touch": float(law.ratio[0])}
+        row["T changes sign at (over R)"] = ", ".join(f"{d:.3g}" for d in law.changes) or "no distance"
+        chosen = [done for done in deep if done.case.finite == finite]
+        for fraction in sorted({done.case.fraction for done in chosen}):
+            ends = [done for done in chosen if done.case.fraction == fraction]
+            for name, key in (("mean cluster", "cluster_mean"), ("contacts per ball", "coordination")):
+                row[f"{name}, {fraction:g}"] = ", ".join(f"{done.row[key]:.3g}" for done in ends)
+        rows.append(row)
+    return rows
 
 
 def _growth(found: Sequence[Finished]) -> list[dict[str, Any]]:

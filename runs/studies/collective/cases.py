@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.problem import Ball, Layer, Load, Problem
+from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.evolution.evolving import TABLES, Evolution, open_session
 from runs.evolution.forces import Forces
 from runs.evolution.providers import provider
@@ -19,7 +19,11 @@ from runs.session.session import Options
 
 POISSON, APPROACH = 0.48, 0.1
 """Poisson's ratio of the layer; approach over R."""
-MODEL = "linear_bem"
+DEEP, BETWEEN = 0.3, 1.8
+"""Approach over R, and thickness over R, of the runs by both models."""
+BOTH = ((0.3, 1), (0.3, 2), (0.3, 3), (0.15, 1), (0.5, 1))
+"""Area fractions and seeds of these runs."""
+MODEL, FINITE = "linear_bem", "finite_strain"
 GATHERING, PARTING, RESISTED = 20.0, 1000.0, 1000.0
 """Longest run where balls in touch attract, where they separate, and with resistance to rolling: sliding path over
 friction times the largest T/Q of a pair, over R. Without resistance clusters continue to merge, ever more slowly."""
@@ -37,7 +41,8 @@ DISTANCES = np.linspace(2.0, 24.0, 221)
 class Case:
     """``count`` balls that cover ``fraction`` of the plane, on a layer of thickness h over R; ``seed`` of the start.
 
-    ``rolling``: resistance to rolling over the largest T/Q of a pair.
+    ``rolling``: resistance to rolling over the largest T/Q of a pair; ``approach`` over R; ``finite``: forces by finite
+    strain.
     """
 
     thickness: float
@@ -45,12 +50,16 @@ class Case:
     count: int
     seed: int
     rolling: float = 0.0
+    approach: float = APPROACH
+    finite: bool = False
 
     @property
     def name(self) -> str:
         """Name of the case's folder."""
-        resisted = f"-rolling{self.rolling:g}" if self.rolling > 0.0 else ""
-        return f"h{self.thickness:g}-phi{self.fraction:g}-n{self.count}-seed{self.seed}{resisted}"
+        name = f"h{self.thickness:g}-phi{self.fraction:g}-n{self.count}-seed{self.seed}"
+        name += f"-rolling{self.rolling:g}" if self.rolling > 0.0 else ""
+        name += f"-D{self.approach:g}" if self.approach != APPROACH else ""
+        return f"{name}-finite" if self.finite else name
 
     @property
     def length(self) -> float:
@@ -66,7 +75,8 @@ def cases(quick: bool) -> list[Case]:
     grid = [Case(h, phi, 200, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
     seeds = [Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3)]
     few, many = (Case(6.0, 0.3, count, 1, ROLLING) for count in (200, 1000))
-    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, many, Case(6.0, 0.3, 1000, 1)]
+    both = [Case(BETWEEN, phi, 200, seed, 0.0, DEEP, by) for phi, seed in BOTH for by in (False, True)]
+    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, *both, many, Case(6.0, 0.3, 1000, 1)]
 
 
 @dataclass(frozen=True)
@@ -78,11 +88,12 @@ class PairLaw:
     changes: tuple[float, ...]
 
 
-def pair_law(thickness: float) -> PairLaw:
+def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = False) -> PairLaw:
     """Return what moves two balls on a layer; T > 0 attracts."""
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
-    problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (APPROACH,) * 2))
-    forces: Forces = provider(MODELS[MODEL], problem, None, "pairs", TABLES).forces
+    effect = FiniteStrain() if finite else None
+    problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (approach,) * 2), finite_strain=effect)
+    forces: Forces = provider(MODELS[FINITE if finite else MODEL], problem, None, "pairs", TABLES).forces
     states = [forces(np.array([[-0.5 * d, 0.0], [0.5 * d, 0.0]])) for d in DISTANCES]
     ratio = np.array([s.tangential[0, 0] / s.normal[0] for s in states])
     largest = float(np.max(np.abs(ratio)))
@@ -109,7 +120,10 @@ def random_start(case: Case) -> Array:
 
 
 def scene_text(case: Case, law: PairLaw) -> str:
-    """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R."""
+    """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R.
+
+    ``law`` is that of small strain: runs by both models are told alike how far to slide, and where rest begins.
+    """
     longest = RESISTED if case.rolling > 0.0 else GATHERING if law.ratio[0] > 0.0 else PARTING
     resisted = f"[rolling_resistance]\nshare = {case.rolling * law.largest}\n" if case.rolling > 0.0 else ""
     positions = ",\n  ".join(f"[{x!r}, {y!r}]" for x, y in random_start(case).tolist())
@@ -124,7 +138,7 @@ positions = [
   {positions},
 ]
 [load]
-approach = {APPROACH}
+approach = {case.approach}
 [reciprocation]
 amplitude = {0.25 / law.largest}
 cycles = {longest}
@@ -133,7 +147,8 @@ tolerance = {TOLERANCE}
 rest = {REST * law.largest}
 [periodic]
 lengths = [{case.length!r}, {case.length!r}]
-{resisted}"""
+{resisted}{"[finite_strain]" if case.finite else ""}
+"""
 
 
 def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = True) -> dict[str, Any] | None:
@@ -142,10 +157,10 @@ def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = Tru
     if not file.exists():
         if not compute:
             return None
-        write_text(file, scene_text(case, pair_law(case.thickness)))
+        write_text(file, scene_text(case, pair_law(case.thickness, case.approach)))
     elif not compute:
         return saved(folder / case.name)
-    with open_session(read_scene(file), MODEL, Options(False, folder / case.name, fresh)) as session:
+    with open_session(read_scene(file), FINITE if case.finite else MODEL, Options(False, folder / case.name, fresh)) as session:
         return session.saved if session.complete else Evolution(session, TABLES).complete(pictures=False)
 
 
