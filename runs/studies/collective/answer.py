@@ -110,7 +110,10 @@ def growth(done: Finished) -> Growth | None:
 
 
 def text(
-    found: Sequence[Finished], laws: Mapping[float, PairLaw], touching: Sequence[dict[str, Any]], quick: bool,
+    found: Sequence[Finished],
+    laws: Mapping[float, PairLaw],
+    touching: Sequence[dict[str, Any]],
+    quick: bool,
     deep: Sequence[Finished] = (),
 ) -> str:
     """Return the answer as Markdown; ``touching`` are the rows of `boundary`, ``deep`` the runs by both models."""

@@ -160,7 +160,9 @@ def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = Tru
         write_text(file, scene_text(case, pair_law(case.thickness, case.approach)))
     elif not compute:
         return saved(folder / case.name)
-    with open_session(read_scene(file), FINITE if case.finite else MODEL, Options(False, folder / case.name, fresh)) as session:
+    with open_session(
+        read_scene(file), FINITE if case.finite else MODEL, Options(False, folder / case.name, fresh)
+    ) as session:
         return session.saved if session.complete else Evolution(session, TABLES).complete(pictures=False)
 
 
