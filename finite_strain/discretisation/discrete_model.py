@@ -7,6 +7,7 @@ also stationary. Loading is not part of this module.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import dolfinx
@@ -46,6 +47,7 @@ class Model:
         self.linear_space = compat.function_space(self.mesh, 1)
         self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
+        self._stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.length = min(ball.radius for ball in problem.balls)
         degree = 2 * order + contact_degree
         self.contact = Contact(
@@ -57,9 +59,8 @@ class Model:
     def _make_constraints(self) -> list[Any]:
         """Clamp the bottom; let the sides slide without leaving their plane (so they mirror the scene)."""
         zero = PETSc.ScalarType(0.0)
-        bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
-        self._bottom = bottom
-        bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), bottom, self.space)]
+        self._bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
+        bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), self._bottom, self.space)]
         for name, axis in _PLANES.items():
             facets = self.facet_tags.find(TAGS[name])
             component = self.space.sub(axis)
@@ -103,7 +104,6 @@ class Model:
         u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         fields = self.fields.functions
         self._direction = self.fields.like()
-        along = self._direction.functions
         self._with_contact = constant(self.mesh, 1.0)
         potential = bulk + self._with_contact * self.contact.energy
         # at small strain the bulk part of the tangent is constant; the contact part is added to it
@@ -112,17 +112,17 @@ class Model:
         varying = [ufl.derivative(bulk, u, test)] if self._has_constant_bulk else residuals
         tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
         pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
-        actions = [sum(ufl.derivative(r, f, d) for f, d in zip(fields, along, strict=True)) for r in residuals]
-        readings = self.contact.readings(self._stretch())
+        pairs = list(zip(fields, self._direction.functions, strict=True))
+        self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in residuals]
+        readings = self.contact.readings(self._stretch)
         self._asked = [constant(self.mesh, 0.0) for _ in readings]
         reading = sum(asked * form for asked, form in zip(self._asked, readings, strict=True))
-        border = ufl.derivative(readings[_NORMAL], u, test)
-        forms = [*tangents, *actions, *residuals, potential, border, reading, *[pressed] * self._has_constant_bulk]
+        self._by_move = ufl.derivative(readings[_NORMAL], u, test)
+        forms = [*tangents, *residuals, potential, reading, *[pressed] * self._has_constant_bulk]
         compiled = iter(compat.compile_forms(forms, self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
-        self._action, *self._volume_actions = [next(compiled) for _ in fields]
         self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
-        self._potential, self._border, self._reading, *self._contact_tangent = compiled
+        self._potential, self._reading, *self._contact_tangent = compiled
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -131,18 +131,20 @@ class Model:
         spaces = [pressure.function_space for pressure in self.fields.pressures]
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
-    def _stretch(self) -> Any:
-        """Return the ratio of deformed to undeformed area of the top; 1 at small strain."""
-        if not self.is_finite:
-            return constant(self.mesh, 1.0)
-        F = ufl.Identity(3) + ufl.grad(self.displacement)
-        normal = ufl.cross(F[:, 0], F[:, 1])
-        return ufl.sqrt(ufl.dot(normal, normal))
+    @cached_property
+    def _actions(self) -> list[Any]:
+        """The products of the tangent with a direction, compiled where a solver asks for them (collective)."""
+        return compat.compile_forms(self._products, self.comm)
+
+    @cached_property
+    def _border(self) -> Any:
+        """The residual's derivative by the approach, which given forces alone need (collective)."""
+        return compat.compile_form(self._by_move, self.comm)
 
     @property
     def contact_pressure_expression(self) -> Any:
         """The contact pressure per deformed area [Pa], for the cells below the top."""
-        return self.contact.pressure() / self._stretch()
+        return self.contact.pressure() / self._stretch
 
     def close(self) -> None:
         """Free the matrices and the work vectors (collective)."""
@@ -239,10 +241,7 @@ class Model:
         return self._by_pressure(self._volume_residuals)
 
     def volume_weights(self, bound: float) -> np.ndarray:
-        """Return kappa over the lumped mass of every pressure [m/N], this rank's own: see `Merit`.
-
-        kappa is the first Lame constant, but at most ``bound`` shear moduli.
-        """
+        """Return `Merit`'s weights [m/N], this rank's own: lambda, at most ``bound`` mu, over lumped masses."""
         forms, factors = [], []
         for bulk in self.bulks:
             if bulk.pressure is not None:
@@ -295,9 +294,9 @@ class Model:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""
         self._direction.set(x)
         self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
-        self._store_free(self._summed([self._action]), y)
+        self._store_free(self._summed(self._actions[:1]), y)
         if self.is_mixed:
-            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self._volume_actions)
+            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self._actions[1:])
 
     def _summed(self, forms: list[Any]) -> np.ndarray:
         """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""

@@ -32,6 +32,12 @@ class Finite:
         F = ufl.Identity(3) + gradient
         return stress * F.T / ufl.det(F)
 
+    def surface_stretch(self, gradient: Any) -> Any:
+        """Return the deformed over the undeformed area of a horizontal surface."""
+        F = ufl.Identity(3) + gradient
+        normal = ufl.cross(F[:, 0], F[:, 1])
+        return ufl.sqrt(ufl.dot(normal, normal))
+
 
 @dataclass(frozen=True)
 class Small:
@@ -45,6 +51,10 @@ class Small:
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
         """Return the stress itself: at small strain the configurations coincide."""
         return stress
+
+    def surface_stretch(self, gradient: Any) -> int:
+        """Return 1, for the same reason."""
+        return 1
 
 
 Kinematics = Finite | Small
