@@ -20,7 +20,7 @@ from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-LIMITED = {"cones": 70e3}
+LIMITED = {"cones": 70e3, "sharp-punches": 70e3}
 """Most unknowns of cases of `combined` whose accuracy larger meshes do not reach."""
 ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
