@@ -118,3 +118,17 @@ def test_the_force_of_touching_balls_vanishes_where_a_parabola_says() -> None:
     found = [[float(number) for number in re.findall(r"\d\.\d+", words)] for words in (small, finite)]
     assert [place for place, _ in found] == pytest.approx([1.65, 1.7], abs=2e-3)
     assert 0.01 <= found[1][1] < 0.02
+
+
+def test_runs_by_both_models_differ_in_the_model_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = cases.PairLaw(np.array([2e-3]), 2e-3, (2.3,))
+    small, finite = (Case(1.8, 0.3, 20, 1, 0.0, cases.DEEP, by) for by in (False, True))
+    assert cases.scene_text(finite, law).replace("[finite_strain]", "") == cases.scene_text(small, law)
+    assert f"approach = {cases.DEEP}" in cases.scene_text(small, law)
+    monkeypatch.setattr(cases, "pair_law", lambda *_, finite: dataclasses.replace(law, largest=1.0 + finite))
+    row = {"cluster_mean": 2.4, "coordination": 1.0, "ended": "path spent"}
+    deep = [answer.Finished(case, row, []) for case in (finite, small, dataclasses.replace(small, seed=2))]
+    rows = answer._both(deep)
+    assert [r["model"] for r in rows] == ["small strain", "finite strain"]
+    assert [r["mean cluster, 0.3"] for r in rows] == ["2.4, 2.4", "2.4"]
+    assert {r["T changes sign at (over R)"] for r in rows} == {"2.3"}
