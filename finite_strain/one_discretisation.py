@@ -138,6 +138,7 @@ class MeshRun:
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
             pair_iterations=sum(each.newton_iterations for each in small),
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
+            tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
             distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},

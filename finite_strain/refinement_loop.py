@@ -14,6 +14,7 @@ from mpi4py import MPI
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.notes import NEAR_ZERO, is_near_zero, result_notes
+from finite_strain.accuracy.pairs import LinearTruth
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
@@ -62,6 +63,7 @@ class Refinement:
         self.records: list[Record]
         self.records, damage = on_root(comm, self._saved)
         self.damage = [note for note in damage if note]
+        self.truths: dict[float, LinearTruth | str] = {}
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def _saved(self) -> tuple[list[Record], list[str]]:
@@ -134,6 +136,7 @@ class Refinement:
             raise
         run.close()  # after other errors, possibly on one rank only, no collective call is safe
         record.finished = True
+        self._again(number)
         self._judge(record)
         self._save()
 
@@ -174,7 +177,7 @@ class Refinement:
                 self._compare(number, done.fraction)
                 self._save()
                 continue
-            answer = self._answer(number, run.account(taken, pairs, own, mark), run.own.solver.tolerance)
+            answer = self._answer(number, len(record.steps) + 1, run.account(taken, pairs, own, mark))
             taken, pairs, mark, run.own.solver.effort = [], [], time.monotonic(), Effort()
             if writer is not None:
                 answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
@@ -204,17 +207,27 @@ class Refinement:
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))
 
+    def _truth(self, number: int, fraction: float) -> LinearTruth | str:
+        """Return what `linear_bem` says at a load fraction, asked once (collective)."""
+        if fraction not in self.truths:
+            self.truths[fraction] = on_root(self.comm, partial(self._answers(number).truth, fraction))
+        return self.truths[fraction]
+
     def _compare(self, number: int, fraction: float) -> None:
         """Record the change from the coarser discretisation at a load without an answer (collective)."""
-        answers = self._answers(number)
-        answers.compare(fraction, on_root(self.comm, partial(answers.truth, fraction)))
+        self._answers(number).compare(fraction, self._truth(number, fraction))
 
-    def _answer(self, number: int, account: SolverAccount, tolerance: float) -> Answer:
-        """Return the answer of a discretisation at its present step (collective)."""
-        answers = self._answers(number)
-        truth = on_root(self.comm, partial(answers.truth, account.fraction))
-        answer = answers.answer(len(self.records[number].steps) + 1, account, truth, tolerance)
+    def _answer(self, number: int, step: int, account: SolverAccount) -> Answer:
+        """Return the answer of a discretisation at the load step number ``step`` (collective)."""
+        answer = self._answers(number).answer(step, account, self._truth(number, account.fraction))
         return replace(answer, mesh=number)
+
+    def _again(self, number: int) -> None:
+        """Answer all steps of a discretisation again, those with few smaller loads with larger ones (collective)."""
+        record = self.records[number]
+        for place, old in enumerate(record.steps):
+            answer = self._answer(number, old.step, old.account)
+            record.steps[place] = replace(answer, seconds_output=old.seconds_output)
 
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int

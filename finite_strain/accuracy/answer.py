@@ -11,7 +11,7 @@ from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unp
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.records import Answer, Record, Row, SolverAccount
-from finite_strain.planning.run_plan import RunPlan
+from finite_strain.planning.run_plan import ENOUGH, RunPlan
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult
@@ -53,16 +53,13 @@ class Answers:
             **{name: np.array([getattr(ball, name) for _, ball in chosen]) for name in names},
         )
 
-    def answer(self, step: int, account: SolverAccount, said: LinearTruth | str, tolerance: float) -> Answer:
-        """Return the answer at load step number ``step``, described by ``account``.
-
-        ``said`` is what `truth` returned, ``tolerance`` [N] the solver's residual.
-        """
+    def answer(self, step: int, account: SolverAccount, said: LinearTruth | str) -> Answer:
+        """Return the answer at load step number ``step``; ``said`` is what `truth` returned."""
         truth = None if isinstance(said, str) else said
         fine, now, before = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
         share = enforcement(fine.own, fine.small, weight, account.augmented)
-        solver = np.full(len(weight), tolerance) + (0.0 if truth is None else truth.error)
+        solver = np.full(len(weight), account.tolerance) + (0.0 if truth is None else truth.error)
         size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
         none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
         apart, moved, pulled = self._changed(account.fraction, now, before, truth)
@@ -76,8 +73,8 @@ class Answers:
                 adds(at_force.transfer, 2.0 * size * now.force_transfer), solver,
             )  # fmt: skip
             left, rate = MOST * share, np.ones_like(size)
-        changed = follows * moved
-        through = Terms(changed, np.abs(follows) * left, np.abs(follows) * now.force_transfer, tolerance * rate).total
+        shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
+        through = Terms(*shares, account.tolerance * rate).total
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
         return Answer(
             **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total), step=step,
@@ -153,14 +150,18 @@ class Answers:
         return apart, moved, gain(self.fine.level, self.coarse.level) * pulled
 
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
-        """Return the discretisation error (balls,) from the changes up to a load; store this one for later loads."""
+        """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.
+
+        Nearby are smaller loads and, where these are fewer than `ENOUGH`, the next larger ones that are there.
+        """
         path = self.fine.changes.setdefault(name, [])
-        near = [
-            np.array(value) for value, row in zip(path, self.fine.rows, strict=False)
-            if row.own.fraction >= self.plan.nearby * fraction
-        ]  # fmt: skip
-        path.append(change.tolist())
-        return discretisation([*near, change], self.fine.level, self.coarse.level)
+        loads = [row.own.fraction for row in self.fine.rows]
+        place, nearby = loads.index(fraction), self.plan.nearby
+        path[place:] = path[place:] or [change.tolist()]
+        first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
+        later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
+        near = [*range(first, place + 1), *later[: max(0, ENOUGH - (place + 1 - first))]]
+        return discretisation([np.array(path[i]) for i in near], self.fine.level, self.coarse.level)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

@@ -26,9 +26,9 @@ error oscillates with the edge's position in its element, and its amplitude fall
 """
 
 
-SINGLE = 2.0
-"""Factor on a change that no nearby load confirms: it oscillates along the load, and is below half of its amplitude
-at a third of all loads."""
+FEW = {1: 2.0, 2: 1.27}
+"""Factors on the largest of one or two changes: they oscillate along the load, and the largest of n independent ones is
+below sin(pi/2 3^(-1/n)) of the amplitude at a third of all loads."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
 def discretisation(path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation) -> np.ndarray:
     """Return the error of a value (balls,) from its changes (balls,) at the nearby loads, the present one included.
 
-    A change vanishes by chance at some loads, so the largest counts; a single one counts `SINGLE` times.
+    A change vanishes by chance at some loads, so the largest counts, and more where they are `FEW`.
     """
-    return np.asarray((1.0 if len(path) > 1 else SINGLE) * gain(fine, coarse) * np.max(path, axis=0))
+    return np.asarray(FEW.get(len(path), 1.0) * gain(fine, coarse) * np.max(path, axis=0))
 
 
 def enforcement(

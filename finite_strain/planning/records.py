@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -83,10 +83,10 @@ class SolverAccount:
     """Cost and residuals of a load step with output.
 
     Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
-    the small-strain problem. ``residual`` [N] is Newton's last, ``residuals`` those of its last solve; ``penetration``
-    [m]; ``force_balance`` is the relative difference of the forces on balls and base; ``distorted_at`` are the places
-    (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J]
-    is that of the whole scene.
+    the small-strain problem. ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its
+    last solve; ``penetration`` [m]; ``force_balance`` is the relative difference of the forces on balls and base;
+    ``distorted_at`` are the places (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface
+    stretch; ``strain_energy`` [J] is that of the whole scene.
     """
 
     fraction: float
@@ -97,6 +97,7 @@ class SolverAccount:
     augmented: bool
     cuts: int
     residual: float
+    tolerance: float
     penetration: float
     force_balance: float
     smallest_volume_ratio: float
@@ -132,6 +133,11 @@ class Answer(SolverAccount):
     tangential_force_error_at_force: list[float]
     mesh: int | None = None
     seconds_output: float | None = None
+
+    @property
+    def account(self) -> SolverAccount:
+        """The account alone."""
+        return SolverAccount(**{each.name: getattr(self, each.name) for each in fields(SolverAccount)})
 
     def to_step(self) -> Step:
         """Return the step of the public contract, whose record holds all but the balls."""

@@ -13,7 +13,7 @@ import pytest
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.error_budget import (
     FASTEST,
-    SINGLE,
+    FEW,
     SLOWEST,
     Terms,
     discretisation,
@@ -50,7 +50,7 @@ def test_a_change_bounds_the_error_of_values_that_converge_with_the_slowest_orde
         return np.array([2.0 + 0.1 * (level.order * level.fineness) ** -order])
 
     def error(order: float) -> np.ndarray:
-        return discretisation([value(coarse, order) - value(fine, order)] * 2, fine, coarse)
+        return discretisation([value(coarse, order) - value(fine, order)] * 3, fine, coarse)
 
     assert error(SLOWEST) == relatively(value(fine, SLOWEST) - 2.0, 1e-9)
     assert error(SLOWEST + 1.0) > value(fine, SLOWEST + 1.0) - 2.0
@@ -68,19 +68,42 @@ def test_a_correction_small_by_chance_is_bounded_below_by_the_coarser_one_and_it
 
 
 def test_the_largest_change_of_nearby_load_steps_counts() -> None:
-    path = [np.array([0.3, 0.0]), np.array([0.0, 0.1])]
+    path = [np.array([0.3, 0.0]), np.array([0.0, 0.1]), np.zeros(2)]
     factor = gain(CUBIC, QUADRATIC)
     assert discretisation(path, CUBIC, QUADRATIC) == relatively([0.3 * factor, 0.1 * factor], ROUNDOFF)
-    # a single one may be small by chance
-    assert discretisation(path[:1], CUBIC, QUADRATIC) == relatively([0.3 * SINGLE * factor, 0.0], ROUNDOFF)
+    # one or two may be small by chance; three count as they are
+    assert discretisation(path[:1], CUBIC, QUADRATIC) == relatively([0.3 * FEW[1] * factor, 0.0], ROUNDOFF)
+    assert discretisation(path[:2], CUBIC, QUADRATIC) == relatively(
+        [0.3 * FEW[2] * factor, 0.1 * FEW[2] * factor], ROUNDOFF
+    )
+    for number, few in FEW.items():
+        assert few == relatively(1.0 / math.sin(0.5 * math.pi * 3.0 ** (-1.0 / number)), 1e-2)
+
+
+def at_loads(*fractions: float) -> Answers:
+    """Return answers whose finer discretisation has results at some load fractions."""
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    answers.fine.rows += [Row(SimpleNamespace(fraction=fraction)) for fraction in fractions]  # type: ignore[arg-type]
+    return answers
 
 
 def test_changes_at_much_smaller_loads_do_not_count() -> None:
-    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
-    factor = gain(CUBIC, QUADRATIC)
-    for fraction, change, counted in ((0.1, 5.0, 5.0 * SINGLE), (0.4, 1.0, 5.0), (0.5, 0.2, 1.0), (1.0, 0.1, 1.0)):
+    answers, factor = at_loads(0.1, 0.4, 0.5, 0.9, 1.0), gain(CUBIC, QUADRATIC)
+    for fraction, change, counted in (
+        (0.1, 5.0, 5.0 * FEW[1]), (0.4, 1.0, 5.0 * FEW[2]), (0.5, 0.2, 1.0 * FEW[2]), (0.9, 0.3, 1.0), (1.0, 0.1, 1.0)
+    ):  # fmt: skip
         assert answers._change("R", fraction, np.array([change])) == relatively([counted * factor], ROUNDOFF)
-        answers.fine.rows.append(Row(SimpleNamespace(fraction=fraction)))  # type: ignore[arg-type]
+
+
+def test_later_loads_count_where_there_are_few_smaller_ones() -> None:
+    answers, factor = at_loads(0.25, 0.5, 0.75, 1.0), gain(CUBIC, QUADRATIC)
+    changes = {0.25: 0.06, 0.5: 0.03, 0.75: 0.9, 1.0: 0.5}
+    for fraction, change in changes.items():
+        answers._change("R", fraction, np.array([change]))
+    # 0.25 and 0.5 are small by chance; 0.25 is not near enough to 1.0 to count there
+    for fraction, counted in ((0.25, 0.9), (0.5, 0.9), (0.75, 0.9), (1.0, 0.9)):
+        assert answers._change("R", fraction, np.array([np.nan])) == relatively([counted * factor], ROUNDOFF)
+    assert answers.fine.changes == {"R": [[change] for change in changes.values()]}
 
 
 def seen(force: float, pull: float) -> Paired:
@@ -89,25 +112,24 @@ def seen(force: float, pull: float) -> Paired:
 
 
 def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_sign() -> None:
-    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    answers = at_loads(0.8, 0.9, 1.0)
     now, before = seen(1.0, 1.0), seen(1.01, 1.01**3)  # 1 % in T / Q^2 and in Q: 3 % in T
-    answers._changed(0.9, now, now, None)
-    answers.fine.rows.append(Row(SimpleNamespace(fraction=0.9)))  # type: ignore[arg-type]
+    for fraction in (0.8, 0.9):
+        answers._changed(fraction, now, now, None)
     apart, moved, pulled = answers._changed(1.0, now, before, None)
     assert math.hypot(apart[0], 2.0 * moved[0]) < pulled[0]
     assert pulled == relatively([(1.01**3 - 1.0) * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 
 def test_a_ball_that_only_the_coarser_discretisation_presses_has_an_error() -> None:
-    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
-    _, moved, pulled = answers._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
-    assert moved == relatively([SINGLE * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    _, moved, pulled = at_loads(1.0)._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
+    assert moved == relatively([FEW[1] * gain(CUBIC, QUADRATIC)], ROUNDOFF)
     assert pulled == relatively([0.01 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 
 def test_a_load_with_a_known_error_keeps_its_place_among_the_changes() -> None:
     problem = replace(pair(0.1), finite_strain=None)
-    answers = Answers(plan_run(problem, 0.1, "small_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    answers = Answers(plan_run(problem, 0.1, "small_strain"), [Record(QUADRATIC), at_loads(0.5, 1.0).fine])
     known = SimpleNamespace()
     assert answers._changed(0.5, seen(1.0, 1.0), seen(1.1, 1.0), known)[0] == [0.0]  # type: ignore[arg-type]
     answers._changed(1.0, seen(1.0, 1.0), seen(1.1, 1.0), None)
@@ -145,9 +167,10 @@ def test_an_imbalance_of_forces_increases_the_error() -> None:
 
 
 def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> None:
-    plan, records = plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)]
-    Answers(plan, records)._change("R", 0.5, np.array([0.2]))
-    save_records(tmp_path, "key", records)
+    answers = at_loads(0.5)
+    answers._change("R", 0.5, np.array([0.2]))
+    answers.fine.rows.clear()
+    save_records(tmp_path, "key", [answers.coarse, answers.fine])
     resumed, _ = saved_records(tmp_path, "key")
     assert resumed[-1].changes == {"R": [[0.2]]}
 

@@ -128,7 +128,7 @@ def _answered(
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
             account = mesh.account([done], [], own, began)
             began, mesh.own.solver.effort = time.monotonic(), Effort()
-            step = answers.answer(len(steps) + 1, account, truth, mesh.own.solver.tolerance).to_step()
+            step = answers.answer(len(steps) + 1, account, truth).to_step()
             steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
     except NotConverged as error:
         if not incomplete or not steps:
