@@ -111,13 +111,14 @@ class Adviser:
         said = f"finite strain {verb} T by {_rounded(change, 2):+g} \u00b1 {_rounded(error, 1):g} % at equal force"
         if beyond:
             said = (
-                f"finite strain {verb} T by something like {_rounded(change, 1):+g} % at equal force, of unknown "
-                f"error, perhaps of the other sign: {'; '.join(beyond)}, outside the fit's range"
+                f"finite strain {verb} T by an unknown amount of either sign: {'; '.join(beyond)}, outside the range "
+                "of the fit; `thirdbody compare` computes it"
             )
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; the scene can do without" if present else "; not needed"
-        return Advice("finite_strain", present, change, None if beyond else error, matters, said + do)
+        known = (None, None) if beyond else (change, error)
+        return Advice("finite_strain", present, *known, matters, said + do)
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from typing import Any
 
 import pytest
@@ -73,7 +74,7 @@ def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
 def test_outside_its_range_the_fit_decides_nothing() -> None:
     found = advice(pair(0.55))["finite_strain"]
     assert found.matters is None
-    assert "outside the fit's range" in found.text
+    assert "outside the range of the fit" in found.text
 
 
 @pytest.mark.parametrize("shape", ["sphere", "paraboloid"])
@@ -149,7 +150,14 @@ def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
         assert item["text"] in said.stdout
 
 
+def test_outside_the_fits_range_no_number_is_given() -> None:
+    found = advice(dataclasses.replace(pair(0.16), layer=Layer(1.0, 0.45, 1.2)))["finite_strain"]
+    assert (found.change, found.error, found.matters) == (None, None, None)
+    assert "nu = 0.45 is not 0.47 to 0.49" in found.text
+    assert "`thirdbody compare` computes it" in found.text
+    assert "%" not in found.text
+
+
 def test_advice_writes_per_cents_without_an_exponent() -> None:
-    deep = dataclasses.replace(pair(0.16), layer=Layer(1.0, 0.45, 1.2))  # outside the fit's range
-    said = advice(deep)["finite_strain"].text
-    assert "by something like +10 % at equal force" in said
+    said = advice(dataclasses.replace(pair(0.2), layer=Layer(1.0, 0.48, 1.16)))["finite_strain"].text
+    assert re.search(r"by \+1\d ± \d(\.\d)? % at equal force", said), said
