@@ -41,7 +41,10 @@ class Observer(Protocol):
         """Note an iteration and its residual norm [N]."""
 
     def step_done(self, step: Step, surface: Callable[[], SurfaceFields | None], /) -> None:
-        """Take an answered step; ``surface`` gathers the whole scene's top surface on rank 0 (collective)."""
+        """Take an answered step; ``surface`` gathers the whole scene's top surface on rank 0 (collective).
+
+        Its error bars may still change: after full load, steps with few smaller loads are judged by larger ones, too.
+        """
 
 
 class Silence:
