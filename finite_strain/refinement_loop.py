@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
-from finite_strain.accuracy.notes import NEAR_ZERO, is_near_zero, result_notes
+from finite_strain.accuracy.notes import relative_to, result_notes
 from finite_strain.accuracy.pairs import LinearTruth
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
@@ -123,12 +123,12 @@ class Refinement:
 
     def _press(self, number: int) -> None:
         """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""
-        record = self.records[number]
+        record, began = self.records[number], time.monotonic()
         name = NAMES[min(number, 2)]
         mesh = self.meshed or self.folder / f"mesh_{number}.msh"
         run = MeshRun(self.plan, record.level, mesh, self.comm, self.observer, name)
         try:
-            self._along(run, record, number)
+            self._along(run, record, number, began)
         except NotConverged as error:
             record.stopped = f"{name} mesh ({record.unknowns} unknowns): {error}"
         except ThirdBodyError:
@@ -140,8 +140,8 @@ class Refinement:
         self._judge(record)
         self._save()
 
-    def _along(self, run: MeshRun, record: Record, number: int) -> None:
-        plan, began, spent = self.plan, time.monotonic(), record.seconds
+    def _along(self, run: MeshRun, record: Record, number: int, began: float) -> None:
+        plan, spent = self.plan, record.seconds
         record.unknowns = run.own.model.unknowns
         coarse = self.records[number - 1] if number else None
         writer = None
@@ -281,19 +281,20 @@ class Refinement:
             each.path.resume([each.predicted_by(Snapshot.load(file)) for file in good])
 
     def _judge(self, record: Record) -> None:
-        """Record the accuracy of T at the last step: the largest error of a ball's T over the scale, and its terms."""
+        """Record the accuracy at the last step: the largest error of a ball's T over the scale, and its terms."""
         if not record.steps:
             return
         last = record.steps[-1]
         forces = np.array([ball.normal_force for ball in last.balls])
         largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
         record.scale = max(largest, scale_of_force(self.plan.problem, forces))
-        worst = int(np.argmax([ball.tangential_force_error for ball in last.balls]))
-        if record.scale > 0.0:
-            record.terms = {name: values[worst] / record.scale for name, values in last.error_terms.items()}
-            record.reached = last.balls[worst].tangential_force_error / record.scale
-        else:
-            record.reached = 0.0
+        known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
+        if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts
+            known = [(error, getattr(ball, name)) for ball in last.balls for name, error in ball.errors.items()]
+        shares = [error / size if size > 0.0 else 0.0 for error, size in known]
+        worst = int(np.argmax(shares))
+        record.reached, size = shares[worst], known[worst][1]
+        record.terms = {name: values[worst] / size for name, values in last.error_terms.items() if size > 0.0}
         if last.fraction < self.plan.goals[-1]:
             record.reached = math.inf
 
@@ -303,8 +304,7 @@ class Refinement:
     def _result(self, answered: int, why: str) -> Result:
         plan, record = self.plan, self.records[answered]
         steps = record.steps
-        reference = NEAR_ZERO if is_near_zero(record) else "the largest tangential force"
-        said = account(plan.accuracy, self.records, answered, plan.budget, why, reference)
+        said = account(plan.accuracy, self.records, answered, plan.budget, why, relative_to(record))
         notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))

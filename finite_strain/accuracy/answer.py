@@ -74,15 +74,16 @@ class Answers:
             )  # fmt: skip
             left, rate = MOST * share, np.ones_like(size)
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
-        through = Terms(*shares, account.tolerance * rate).total
+        other = Terms(*shares, account.tolerance * rate)
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
+        mutual = np.any(self._scale(now.normal_force) > 0.0)
         return Answer(
-            **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total), step=step,
+            **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total, other.total), step=step,
             linear_failure=said if isinstance(said, str) else "",
-            error_terms={name: self._per_ball(doubt * term) for name, term in vars(terms).items()},
+            error_terms={n: self._per_ball(doubt * term) for n, term in vars(terms if mutual else other).items()},
             pair_weight=self._per_ball(weight), imbalance=imbalance,
-            normal_force_error=self._per_ball(none if self.forces_given else through),
-            approach_error=self._per_ball(through if self.forces_given else none),
+            normal_force_error=self._per_ball(none if self.forces_given else other.total),
+            approach_error=self._per_ball(other.total if self.forces_given else none),
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
         )  # fmt: skip
 
@@ -96,8 +97,13 @@ class Answers:
             now = replace(now, **{n: transfer(getattr(now, n), getattr(before, n), *levels) for n in UNSURE})
         return fine, now, before
 
-    def _balls(self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray) -> tuple[BallResult, ...]:
-        """Return the state of every ball of the scene; ``error`` (balls,) [N] is that of T."""
+    def _balls(
+        self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray, through: np.ndarray
+    ) -> tuple[BallResult, ...]:
+        """Return the state of every ball of the scene.
+
+        ``error`` (balls,) [N] is that of T, ``through`` (balls,) that of the force [N] or approach [m] not given.
+        """
         area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
         if truth is not None and fine.small is not None:
             area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
@@ -110,7 +116,7 @@ class Answers:
             turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
             balls.append(BallResult(
                 ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), turned["domain"],
-                float(error[b]), float(peak[b]), float(area[b]), turned,
+                float(error[b]), float(peak[b]), float(area[b]), turned, {self.follows: float(through[b])},
             ))  # fmt: skip
         return tuple(balls)
 

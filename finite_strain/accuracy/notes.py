@@ -21,6 +21,14 @@ def is_near_zero(record: Record) -> bool:
     return record.scale > max(math.hypot(*ball.tangential_force) for ball in record.steps[-1].balls)
 
 
+def relative_to(record: Record) -> str:
+    """Return what the accuracy is relative to."""
+    if record.scale > 0.0:
+        return NEAR_ZERO if is_near_zero(record) else "the largest tangential force"
+    (name,) = record.steps[-1].balls[0].errors
+    return f"the {name.replace('_', ' ')}"
+
+
 def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
     """Return the notes on the answers of a discretisation, the last of a run of ``seconds``; ``why`` the run ended."""
     notes, last = form_notes(plan.problem), record.steps[-1]
@@ -32,8 +40,9 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"of the balls' own T the error is {known}"
         )
     if record.reached > plan.accuracy:
+        name = "tangential force" if record.scale > 0.0 else relative_to(record)
         notes.append(
-            f"tangential force known to {100 * record.reached:.3g} % at full load; "
+            f"{name} known to {100 * record.reached:.3g} % at full load; "
             f"{100 * plan.accuracy:.2g} % was asked for: {why}"
         )
     if plan.is_paired and record.rows[-1].small is None:

@@ -27,14 +27,15 @@ class Locations:
     def find(self, nodes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the cell (n,) of each point (n, 3) [m], and its reference coordinates (n, 3) there, within [0, 1].
 
-        ``nodes`` (cells, k, 3) [m] are those of the mesh's cells. Raises `OutputUnusable` if a point lies in none.
+        ``nodes`` (cells, k, 3) [m] are those of the mesh's cells. Points outside their box, as in a wider domain, are
+        moved to its surface. Raises `OutputUnusable` if a point then lies in no cell.
         """
         if not np.array_equal(nodes, self._nodes):
             self._nodes, self._found = nodes, []
         for known, found in self._found:
             if np.array_equal(known, points):
                 return found
-        found = _located(nodes, points)
+        found = _located(nodes, np.clip(points, nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))))
         self._found.append((points, found))
         return found
 

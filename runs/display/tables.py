@@ -144,13 +144,14 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
-    """Return the error of T at full load, its terms, and the meshes used."""
+    """Return the error of T at full load (of Q or D where there is no T), its terms, and the meshes used."""
     accuracy = solved.get("accuracy") or {}
     terms = error_terms(accuracy)
     if not terms:
         return []
     meshes = "; ".join(f"{mesh_words(mesh)}: {mesh['unknowns']} unknowns" for mesh in accuracy["meshes"])
-    return [f"T is known to {100.0 * accuracy['reached']:.2g} % at full load: {terms}", f"meshes: {meshes}"]
+    symbol = {"the normal force": "Q", "the approach": "D"}.get(accuracy["relative_to"]["what"], "T")
+    return [f"{symbol} is known to {100.0 * accuracy['reached']:.2g} % at full load: {terms}", f"meshes: {meshes}"]
 
 
 def mesh_words(mesh: Mapping[str, Any]) -> str:

@@ -138,14 +138,25 @@ def test_a_file_that_holds_no_state_is_refused_by_its_name(tmp_path: Path) -> No
             Snapshot.load(path)
 
 
-def test_a_state_of_another_scene_is_refused(two: list[Any], tmp_path: Path) -> None:
+def test_a_wider_domain_takes_the_states_of_the_outline(two: list[Any], tmp_path: Path) -> None:
     source = fields_on(two[0], 2)
-    snapshot = taken(1.0, source)
+    source.displacement.interpolate(lambda x: np.stack([x[0], 2.0 * x[1], x[2]]))
+    low, high = (getattr(np, name)(two[0].geometry.x, axis=0) for name in ("min", "max"))
     wider = mesh_box(
         coarse_plan(pair(0.1, distance=4.0, poisson=0.3)).box(Discretisation(2, 1.0)), tmp_path / "m.msh", MPI.COMM_SELF
     )[0]
+    target = fields_on(wider, 2)
+    assert np.any(target.points[0] > high + 0.1)
+    x = np.clip(target.points[0], low, high)
+    nodal = taken(1.0, source).at(target)[0][0]
+    assert np.abs(nodal - x * (1.0, 2.0, 1.0)).max() < ROUNDOFF
+
+
+def test_a_point_between_the_cells_of_a_mesh_is_refused(two: list[Any]) -> None:
+    nodes = taken(1.0, fields_on(two[0], 2)).nodes
+    kept = nodes[[int(nodes[:, :, 0].mean(axis=1).argmin()), int(nodes[:, :, 0].mean(axis=1).argmax())]]
     with pytest.raises(OutputUnusable, match="belongs to another scene"):
-        snapshot.at(fields_on(wider, 2))
+        Locations().find(kept, nodes.mean(axis=1))
 
 
 @pytest.mark.mpi
