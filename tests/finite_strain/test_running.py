@@ -19,6 +19,7 @@ from finite_strain.accuracy.error_budget import SLOWEST
 from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
+from linear_bem import Load
 from tests.finite_strain.press import ACCURACY, STEPS
 from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
 
@@ -209,3 +210,16 @@ def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path)
     error = largest * result.balls[0].normal_force ** 2 / (ratio**SLOWEST - 1.0)
     term = result.steps[0].record["error_terms"]["discretisation"][0]
     assert error <= term <= 2.0 * error  # and the part of Q
+
+
+def test_the_force_of_one_ball_is_known_to_the_accuracy_asked(tmp_path: Path) -> None:
+    scene = replace(light_pair(), balls=light_pair().balls[:1], load=Load("approach", light_pair().load.values[:1]))
+    result = finite_strain.solve(scene, tangential_force=0.05, folder=tmp_path, numerics=COARSER)
+    (ball,), accuracy = result.balls, result.solved.accuracy
+    assert ball.tangential_force == (0.0, 0.0)
+    assert accuracy["relative_to"] == {"what": "the normal force", "force": 0.0}
+    assert 0.0 < accuracy["reached"] <= 0.05
+    assert ball.errors["normal_force"] == relatively(accuracy["reached"] * ball.normal_force, 1e-9)
+    assert math.hypot(*accuracy["terms"].values()) == relatively(accuracy["reached"], 1e-9)
+    exact = linear_bem.solve(replace(scene, finite_strain=None)).balls[0].normal_force
+    assert ball.normal_force == relatively(exact, 0.1)
