@@ -216,16 +216,16 @@ def _validate(data: dict[str, Any]) -> tuple[PlainTables | None, list[str], set[
 
     A faulty key is replaced by a harmless value, so that the other keys are still checked.
     """
-    try:
-        return Tables.model_validate(data), [], set()
-    except ValidationError as error:
-        errors = error.errors()
-    texts = [messages.of_key(e, Tables, data) for e in errors]
-    repaired, doubtful = messages.stand_in(errors, data)
-    try:
-        return Tables.model_validate(repaired), texts, doubtful
-    except ValidationError:
-        return None, texts, doubtful
+    texts, doubtful = list[str](), set[str]()
+    for _ in range(3):  # a table is checked as a whole once its keys are valid
+        try:
+            return Tables.model_validate(data), texts, doubtful
+        except ValidationError as error:
+            errors = error.errors()
+        texts += [messages.of_key(e, Tables) for e in errors]
+        data, replaced = messages.stand_in(errors, data)
+        doubtful |= replaced
+    return None, texts, doubtful
 
 
 def _read_text(path: Path) -> str:

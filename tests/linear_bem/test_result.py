@@ -5,7 +5,18 @@ from dataclasses import replace
 
 import pytest
 
-from linear_bem import Ball, Layer, Load, Problem, Result, solve_contact
+from linear_bem import (
+    Ball,
+    InvalidProblem,
+    Layer,
+    Load,
+    Problem,
+    Result,
+    interior_displacement,
+    solve_contact,
+    stress,
+    vertical_stress,
+)
 
 PAIR = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.25), 1.0))
 
@@ -61,6 +72,18 @@ def test_json_gives_back_every_bit(solution):
     assert again == result
     assert again.balls[0].errors == result.balls[0].errors
     assert again.to_json() == result.to_json()
+
+
+@pytest.mark.parametrize("text", ["{}", "[]", '{"finite": {}, "linear": {}, "comparison": []}'])
+def test_json_of_something_else_is_refused_with_what_a_result_has(text):
+    with pytest.raises(InvalidProblem, match=r"must have the keys model, balls and solved, .*\[\"finite\"\]"):
+        Result.from_json(text)
+
+
+def test_fields_of_a_result_without_them_name_the_function_that_has_them(solution):
+    for function in (stress, interior_displacement, vertical_stress):
+        with pytest.raises(InvalidProblem, match=f"{function.__name__}: needs the fields that solve_contact returns"):
+            function(solution.result(), 0.0, 0.0, 0.0)
 
 
 def test_figures_show_contacts_and_forces(solution):
