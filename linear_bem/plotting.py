@@ -16,7 +16,7 @@ CELLS = 200
 
 
 def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
-    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size).
+    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size) of numbered balls.
 
     ``balls`` are `BallResult`s. With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
     """
@@ -36,13 +36,15 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
         u, v = np.meshgrid(np.linspace(left, right, CELLS), np.linspace(low, high, CELLS))
         drawn = axes.imshow(pressure(u, v), extent=(left, right, low, high), origin="lower", cmap="Blues")
         figure.colorbar(drawn, ax=axes, label="contact pressure [Pa]")
-    for number, (centre, radius) in enumerate(zip(zip(x, y, strict=True), radii, strict=True)):
-        axes.add_patch(Circle(centre, radius, fill=False, color="0.3", lw=0.8))
-        if len(balls) > NUMBERED:
-            continue
-        axes.annotate(f"{number}", (centre[0], centre[1] + radius), (0, 1), textcoords="offset points",
-                      ha="center", va="bottom", fontsize="small")  # fmt: skip
     largest = float(np.max(sizes))
+    for i, (centre, radius) in enumerate(zip(np.stack([x, y], axis=1), radii, strict=True)):
+        axes.add_patch(Circle(tuple(centre), radius, fill=False, color="0.3", lw=0.8))
+        if len(balls) <= NUMBERED:
+            away = -force[i] / sizes[i] if sizes[i] > 1e-3 * largest else np.array([0.0, 1.0])  # clear of the arrow
+            axes.annotate(
+                f"{i}", tuple(centre + radius * away), tuple(7.0 * away), textcoords="offset points",
+                ha="center", va="center", fontsize="small",
+            )  # fmt: skip
     if largest > 0.0:
         length = 2.0 * float(np.max(radii)) / largest
         axes.quiver(

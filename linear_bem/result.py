@@ -148,7 +148,7 @@ class Result:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Result:
-        """Return the result that ``to_dict`` wrote; the scene is left out. Raises `InvalidProblem` for another object."""
+        """Return the result that ``to_dict`` wrote; the scene is left out; raises `InvalidProblem`."""
         if not (isinstance(data, Mapping) and {"model", "balls", "solved"} <= data.keys()):
             keys = ", ".join(data) if isinstance(data, Mapping) else type(data).__name__
             raise InvalidProblem(

@@ -172,7 +172,7 @@ class Adviser:
         change = self._changed(self.problem, MODELS["point_load"].solve)
         matters = self._judged(change)
         words = "" if matters else "; --model point_load would do"
-        text = f"the size of the contacts: treating the balls as point loads would change T by {_percent(change)}{words}"
+        text = f"size of the contacts: treating the balls as point loads would change T by {_percent(change)}{words}"
         return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
 
     def _neighbours(self) -> Iterator[Advice]:
