@@ -21,7 +21,7 @@ def draw(folder: Path) -> None:
     x = np.linspace(-3.3, 3.3, 331)
     surface = -solution.displacement(x, np.zeros_like(x))
     attract = np.sign(solution.result().balls[0].tangential_force[0])
-    figure = blank(5.2, 2.8)
+    figure = blank(4.6, 3.05)
     axes = figure.subplots()
     axes.fill_between(x, -THICKNESS, surface, color="#e8dcc8", lw=0.0, zorder=1)
     axes.plot(x, surface, color="#8a6d3b", lw=1.2, zorder=3)
