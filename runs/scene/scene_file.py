@@ -21,8 +21,12 @@ from runs.scene.units import (
     Number,
     Pressure,
     Table,
+    Units,
     Whole,
 )
+
+SOFTEST = 100.0
+"""Young's modulus [Pa] of a layer below which it may be a number whose unit was forgotten."""
 
 
 class InvalidScene(InvalidProblem):
@@ -184,6 +188,14 @@ class Scene:
     def reciprocation(self) -> ReciprocationTable | None:
         """The sliding that moves the balls; None: they stay where they are."""
         return self.drift.get("reciprocation")
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A note where lengths carry units and the layer is so soft that its modulus may lack one."""
+        young = self.problem.layer.young
+        if young >= SOFTEST or Units.written(self.data) is None:
+            return ()
+        return (f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?",)
 
 
 def read_scene(path: Path) -> Scene:
