@@ -150,7 +150,7 @@ class Adviser:
                 break
         if softest is None:
             text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {_percent(change)}"
-            return [Advice("substrate", False, change, None, False, f"{text}; not needed")]
+            return [Advice("substrate", False, change, None, False, text)]
         text = (
             f"a substrate {softest:g} times as stiff as the layer would change T by {_percent(change)}; "
             "add [substrate] if yours is no stiffer"
