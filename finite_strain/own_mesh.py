@@ -43,6 +43,8 @@ class OwnMesh:
     def __init__(self, source: Any, comm: MPI.Comm) -> None:
         if isinstance(source, (str, Path)):
             path = Path(source)
+            if not on_root(comm, path.exists):
+                raise InvalidProblem(f"mesh: the file {path} does not exist")
             if not on_root(comm, path.is_file) or path.suffix != ".msh":
                 raise InvalidProblem(f"mesh: must be a .msh file, or (mesh, cell tags, facet tags), got {path}")
             source = compat.read_mesh(path, comm)

@@ -7,7 +7,7 @@
 -1.1613e-07
 """
 
-from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, UnsupportedProblem
+from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, TooLarge, UnsupportedProblem
 from linear_bem.grid.height_field import HeightFieldContact, contact_area_curve, solve_height_field
 from linear_bem.grid.topography import read_heights
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
@@ -54,6 +54,7 @@ __all__ = [
     "Sphere",
     "SurfaceResponse",
     "ThirdBodyError",
+    "TooLarge",
     "UnsupportedProblem",
     "Yeoh",
     "contact_area_curve",

@@ -52,7 +52,7 @@ class Indenter:
     @property
     def apex_radius(self) -> float:
         """Radius of curvature [m] at the lowest point, the length that estimates are scaled by."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__}: define apex_radius, its radius of curvature [m] at the apex")
 
     @property
     def reach(self) -> float:
@@ -65,7 +65,7 @@ class Indenter:
 
     def height(self, x: Any, y: Any) -> Any:
         """Return the height [m] of the surface above its lowest point."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__}: define height(x, y), its surface above the apex [m]")
 
     def gap(self, x: Any, y: Any, z: Any) -> Any:
         """Return a distance [m] of points from the body, negative inside, with gradient (0, 0, -1) at its apex.

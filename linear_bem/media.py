@@ -110,5 +110,5 @@ def large_strain_note(layer: Layer, substrate: Elastic | None, deepest: float, c
         return ()
     return (
         f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
-        f"model is valid up to about {LINEAR_UP_TO:g}",
+        f"model is valid up to about {LINEAR_UP_TO:g} of it",
     )

@@ -7,12 +7,16 @@ import numpy as np
 
 from linear_bem.arrays import Array
 
+UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
+"""Units of the axes: the largest of which the figure is at least a tenth wide; the drawn data are in m."""
+NUMBERED = 100
+"""Largest number of balls that are numbered."""
 CELLS = 200
 """Points across the map of the pressure."""
 
 
 def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
-    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size), lengths in m.
+    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size) of numbered balls.
 
     ``balls`` are `BallResult`s. With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
     """
@@ -22,18 +26,25 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
     x, y = (np.array([ball.position[k] for ball in balls]) for k in (0, 1))
     radii = np.sqrt(np.array([ball.contact_area for ball in balls]) / np.pi)
     force = np.array([ball.tangential_force for ball in balls])
-    size = np.hypot(*force.T)
+    sizes = np.hypot(*force.T)
     margin = 2.5 * float(np.max(radii))
     left, right, low, high = np.min(x) - margin, np.max(x) + margin, np.min(y) - margin, np.max(y) + margin
-    figure = Figure(figsize=(6.4, float(np.clip(6.4 * (high - low) / (right - left), 2.4, 8.0))), layout="constrained")
+    shape = float(np.clip(5.4 * (high - low) / (right - left), 1.8, 8.0))
+    figure = Figure(figsize=(6.4, shape + 1.1), layout="constrained")  # room for title and labels
     axes = figure.subplots()
     if pressure is not None:
         u, v = np.meshgrid(np.linspace(left, right, CELLS), np.linspace(low, high, CELLS))
         drawn = axes.imshow(pressure(u, v), extent=(left, right, low, high), origin="lower", cmap="Blues")
         figure.colorbar(drawn, ax=axes, label="contact pressure [Pa]")
-    for centre, radius in zip(zip(x, y, strict=True), radii, strict=True):
-        axes.add_patch(Circle(centre, radius, fill=False, color="0.3", lw=0.8))
-    largest = float(np.max(size))
+    largest = float(np.max(sizes))
+    for i, (centre, radius) in enumerate(zip(np.stack([x, y], axis=1), radii, strict=True)):
+        axes.add_patch(Circle(tuple(centre), radius, fill=False, color="0.3", lw=0.8))
+        if len(balls) <= NUMBERED:
+            away = -force[i] / sizes[i] if sizes[i] > 1e-3 * largest else np.array([0.0, 1.0])  # clear of the arrow
+            axes.annotate(
+                f"{i}", tuple(centre + radius * away), tuple(7.0 * away), textcoords="offset points",
+                ha="center", va="center", fontsize="small",
+            )  # fmt: skip
     if largest > 0.0:
         length = 2.0 * float(np.max(radii)) / largest
         axes.quiver(
@@ -41,5 +52,9 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
             color="tab:red", width=0.006, zorder=3,
         )  # fmt: skip
         axes.set_title(f"tangential forces, the longest arrow {largest:.3g} N", fontsize="medium")
-    axes.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    extent = max(right - left, high - low)
+    unit, size = next((name, size) for name, size in UNITS.items() if extent > 0.1 * size or name == "µm")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda value, _: f"{value / size:.6g}")
+    axes.set(xlim=(left, right), ylim=(low, high), xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", aspect="equal")
     return figure

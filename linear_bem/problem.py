@@ -175,6 +175,8 @@ class Problem:
 
     def _type_faults(self) -> list[str]:
         """Return the values that are not numbers; strings with units are accepted in scene files only."""
+        if not isinstance(self.balls, Sequence) or not all(isinstance(ball, Ball) for ball in self.balls):
+            return [f"balls: must be a tuple of Ball, a single one as (Ball(...),), got {self.balls!r:.80}"]
         numbers: dict[str, object] = {"layer.thickness": self.layer.thickness}
         for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
             if solid is not None:
@@ -224,6 +226,7 @@ class Problem:
             positions = np.minimum(positions - cell * np.floor(positions / cell), np.nextafter(cell, 0.0))
         pairs = whole[cKDTree(positions[whole], boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")]
         faults = self._own_overlaps(whole.tolist()) if self.periodic is not None else []
+        found: list[tuple[float, float, int, int]] = []
         for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
             a, b = self.balls[i], self.balls[j]
             if cell is not None:
@@ -232,11 +235,15 @@ class Problem:
             gap = math.dist(a.position, b.position)
             touch = _touching_distance(a, b)
             if gap < touch * (1.0 - 1e-9):
-                faults.append(
-                    f"balls.positions: balls {i} and {j} overlap by {touch - gap:.3g} m: their axes are {gap:.9g} m "
-                    f"apart, radii {a.radius:g} m and {b.radius:g} m need at least {touch:.9g} m; caps of a rough "
-                    "surface may stand closer: Ball(..., asperity=True)"
-                )
+                found.append((touch - gap, gap, i, j))
+        if found:
+            by, gap, i, j = max(found, key=lambda pair: pair[0])
+            others = f", the most of {len(found)} pairs that do" if len(found) > 1 else ""
+            faults.append(
+                f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{others}: their axes are {gap:.9g} m apart, "
+                f"radii {self.balls[i].radius:g} m and {self.balls[j].radius:g} m need at least {gap + by:.9g} m; caps "
+                "of a rough surface may stand closer: Ball(..., asperity=True)"
+            )
         return faults
 
     def _own_overlaps(self, whole: list[int]) -> list[str]:

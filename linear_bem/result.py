@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from linear_bem.errors import InvalidProblem
+
 COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [N]", "peak p [Pa]", "area [m²]")
 """Of the table of balls in `Result.summary`."""
 LONGEST = 20
@@ -146,7 +148,13 @@ class Result:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Result:
-        """Return the result that ``to_dict`` wrote; the scene is left out."""
+        """Return the result that ``to_dict`` wrote; the scene is left out; raises `InvalidProblem`."""
+        if not (isinstance(data, Mapping) and {"model", "balls", "solved"} <= data.keys()):
+            keys = ", ".join(data) if isinstance(data, Mapping) else type(data).__name__
+            raise InvalidProblem(
+                f"result: must have the keys model, balls and solved, got {keys or 'none'}; of a comparison take one "
+                'model\'s part: Result.from_dict(json.loads(text)["finite"]), or "linear"'
+            )
         balls = tuple(BallResult.from_dict(ball) for ball in data["balls"])
         steps = tuple(Step.from_dict(step) for step in data.get("steps", ()))
         return cls(data["model"], balls, Solved.from_dict(data["solved"]), steps)

@@ -110,7 +110,7 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
     contacts = answer.contacts
     deepest, largest = (float(np.max(values)) for values in (contacts.approaches, contacts.contact_areas))
     strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)
-    deep = tuple(f"{note}; the effect finite_strain reaches 0.9" for note in strained)
+    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in strained)
     notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *deep)
     worst = max(contacts.certificate.values())
     if worst > CERTIFIED:

@@ -95,6 +95,8 @@ def _of_unit_force(solution: Solution, r: Array, depth: float, name: str) -> Arr
 
 
 def _check_depth(solution: Solution, depth: float, what: str) -> None:
+    if not isinstance(solution, Solution):
+        raise InvalidProblem(f"{what}: needs the fields that solve_contact returns, got {type(solution).__name__}")
     problem = solution.problem
     if isinstance(problem.layer, SurfaceResponse):
         raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
@@ -166,7 +168,7 @@ def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth:
 
 def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return sigma_z [Pa] alone, as `stress` does; at depth 0 it is minus the contact pressure."""
-    if np.ndim(depth) == 0 and depth == 0.0:
+    if isinstance(solution, Solution) and np.ndim(depth) == 0 and depth == 0.0:
         return -solution.pressure(*np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)))
     _check_depth(solution, depth, "vertical_stress")
     return _summed(solution, x, y, depth, VERTICAL)[0]

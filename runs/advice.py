@@ -60,7 +60,9 @@ class Adviser:
         """Return advice for every effect that can be judged; none for a single ball, on which no T acts."""
         if self.problem.size < 2 or self.size <= self.ahead.balls[self.ball].tangential_force_error:
             return []
-        found = [self._finite_strain(), self._reciprocation()]
+        found = [self._finite_strain()]
+        if "reciprocation" not in self.effects:
+            found.append(self._reciprocation())
         if self.ahead.solved.seconds * 8.0 < PATIENCE:
             for part in (self._shape, self._substrate, self._volume, self._point_load):
                 try:
@@ -139,8 +141,7 @@ class Adviser:
         if substrate is not None:
             change = self._changed(dataclasses.replace(self.problem, substrate=None))
             matters = self._judged(change)
-            words = "" if matters else "; the scene can do without"
-            text = f"the substrate's compliance: a rigid base would change T by {_percent(change)}{words}"
+            text = f"the substrate's compliance: a rigid base would change T by {_percent(change)}"
             return [Advice("substrate", True, change, None, matters, text)]
         change, softest = 0.0, None
         for ratio in sorted(STIFFNESSES, reverse=True):
@@ -150,7 +151,7 @@ class Adviser:
                 break
         if softest is None:
             text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {_percent(change)}"
-            return [Advice("substrate", False, change, None, False, f"{text}; not needed")]
+            return [Advice("substrate", False, change, None, False, text)]
         text = (
             f"a substrate {softest:g} times as stiff as the layer would change T by {_percent(change)}; "
             "add [substrate] if yours is no stiffer"
@@ -164,7 +165,7 @@ class Adviser:
         change = self._changed(dataclasses.replace(self.problem, layer=dataclasses.replace(layer, poisson=0.5)))
         text = (
             f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {_percent(change)}, "
-            f"{_percent(change * 0.01 / (0.5 - layer.poisson))} for each 0.01 on the way"
+            f"about {_percent(change * 0.01 / (0.5 - layer.poisson))} per 0.01"
         )
         return [Advice("poisson", True, change, None, self._judged(change), text)]
 
@@ -172,7 +173,7 @@ class Adviser:
         change = self._changed(self.problem, MODELS["point_load"].solve)
         matters = self._judged(change)
         words = "" if matters else "; --model point_load would do"
-        text = f"the size of the contacts: balls as point loads would change T by {_percent(change)}{words}"
+        text = f"size of the contacts: treating the balls as point loads would change T by {_percent(change)}{words}"
         return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
 
     def _neighbours(self) -> Iterator[Advice]:
@@ -204,20 +205,17 @@ class Adviser:
             yield Advice("neighbours", True, None, None, True, "all neighbours matter, even the farthest")
         else:
             text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {_percent(change)} in all"
-            yield Advice("neighbours", True, change, None, False, f"{text}; the ball can do without")
+            yield Advice("neighbours", True, change, None, False, text)
 
     def _reciprocation(self) -> Advice:
         ball = self.ahead.balls[self.ball]
         share = self.size / ball.normal_force if ball.normal_force > 0.0 else math.inf
         drift = share / FRICTION
         text = (
-            f"reciprocating sliding moves a ball by about {number(drift, 2)} of the sliding path "
-            f"(|T| / Q over a friction of {FRICTION:g})"
+            f"reciprocating sliding would move a ball by about {number(100.0 * drift, 2)} % of the sliding path "
+            f"(|T|/({FRICTION:g} Q)); add [reciprocation] if it slides"
         )
-        present = "reciprocation" in self.effects
-        return Advice(
-            "reciprocation", present, None, None, None, text + ("" if present else "; add [reciprocation] if it slides")
-        )
+        return Advice("reciprocation", False, None, None, None, text)
 
 
 def _percent(change: float) -> str:

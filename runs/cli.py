@@ -29,9 +29,7 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (compare: no model)."),
 ]
-FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Delete what the output folder holds of this run and start again.")
-]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete this run's files and start again.")]
 ModelOption = Annotated[
     ModelName | None,
     typer.Option(

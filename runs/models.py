@@ -177,7 +177,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
         raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model has it yet; remove the table")
     if asked is None:
         model = next(m for m in MODELS.values() if wanted <= m.effects and m.called_for_by <= wanted)
-        return model, scene.problem, ()
+        return model, scene.problem, scene.doubts
     model = MODELS[asked]
     lacking = wanted - model.effects - model.leaves_out
     if lacking:
@@ -192,7 +192,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
         )
     dropped = sorted(wanted & model.leaves_out)
     notes = tuple(f"[{e}] left out by --model {asked}: {EFFECTS[e].without}" for e in dropped)
-    return model, without(scene.problem, dropped), notes
+    return model, without(scene.problem, dropped), (*scene.doubts, *notes)
 
 
 def planned_runs(

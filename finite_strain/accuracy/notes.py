@@ -7,7 +7,7 @@ from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.result import UNRESOLVED
 
-NEAR_ZERO = "a tenth of the half-space's mutual force"
+NEAR_ZERO = "a tenth of the force between the balls on a half-space"
 SQUEEZED, OF_FILM = 0.1, 0.5
 """Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
 ball: foam (nu = 0) under a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
@@ -34,10 +34,10 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     notes, last = form_notes(plan.problem), record.steps[-1]
     if is_near_zero(record) and record.scale > 0.0:
         sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in last.balls]
-        known = ", ".join(f"{100 * error / size:.2g} %" if size > 0.0 else "zero" for size, error in sizes)
+        known = dict.fromkeys(f"{100 * error / size:.2g} %" for size, error in sizes if size > 0.0)
         notes.append(
-            f"T is near its zero: its accuracy is measured against {NEAR_ZERO}, {record.scale:.3g} N; "
-            f"of the balls' own T the error is {known}"
+            f"T is smaller than {NEAR_ZERO}, {record.scale:.3g} N, so its accuracy is relative to that force"
+            + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
         )
     if record.reached > plan.accuracy:
         name = "tangential force" if record.scale > 0.0 else relative_to(record)

@@ -164,7 +164,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     for name in document["effects_present"]:
         say(f"  [{name}] {EFFECTS[name].words}")
     if not document["effects_present"]:
-        say("  no optional effect")
+        say("  optional effects: none")
     say("not simulated:")
     for name in document["effects_absent"]:
         say(f"  [{name}] {EFFECTS[name].words}: {EFFECTS[name].without}")
@@ -203,7 +203,7 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
 
 
 def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:
-    headings = {True: "matters", False: "below that", None: "perhaps"}
+    headings = {True: "matters", False: "negligible", None: "perhaps"}
     if advice:
         say(f"what would change T by more than {100.0 * (accuracy or USUAL):.2g} %, by the linear model:", "bold")
     for matters, heading in headings.items():

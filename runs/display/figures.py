@@ -61,7 +61,7 @@ def draw_comparison(
     factors.set_xlabel(length.heading("approach $D$"))
     factors.set_ylabel("T finite / T linear")
     factors.set_xlim(left=0.0)
-    factors.set_title("Strengthening by finite strain")
+    factors.set_title("Finite over small strain")
     if factors.get_legend_handles_labels()[0]:
         factors.legend()
     else:

@@ -23,7 +23,7 @@ def _section(name: str, command: Any) -> str:
     rows = [
         f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"
     ]
-    table = "| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
+    table = "| option | meaning |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
     return f"## `{name}`\n\n{command.help}\n\n```text\nthirdbody {name} {usage}\n```\n\n{table}"
 
 

@@ -9,8 +9,9 @@ import re
 from typing import Any
 
 FENCED = re.compile(
-    r"^```(?P<language>toml|sh|python)\n(?P<code>.*?)^```$(?:\n+^```text\n(?P<printed>.*?)^```$)?", re.S | re.M
+    r"^```(?P<language>toml|sh|python)\n(?P<code>.*?)^```$(?P<printed>(?:\n+^```(?:text|none)\n.*?^```$)*)", re.S | re.M
 )
+FENCE = re.compile(r"^```.*\n?", re.M)
 LINK = re.compile(r"\[([^\]]*)\]\((?!https?:)[^)]*\)")
 ROLE = re.compile(r"\{[a-z:]+\}(`[^`]*`)")
 
@@ -41,7 +42,7 @@ def _code(block: re.Match[str]) -> dict[str, Any]:
     if language == "toml" and not named:
         return _cell("markdown", block[0])
     magic = {"toml": f"%%writefile {named[1]}\n" if named else "", "sh": "%%bash\n", "python": ""}[language]
-    printed = [] if block["printed"] is None else [_printed(block["printed"])]
+    printed = [_printed(text)] if (text := FENCE.sub("", block["printed"]).lstrip("\n")) else []
     return {**_cell("code", magic + code), "execution_count": None, "outputs": printed}
 
 

@@ -30,7 +30,7 @@ def page() -> str:
             parts.append(f"Effect: {effect.words}. Without this table, {effect.without}.\n")
         parts.append(_prose(table))
         rows = [_row(name, key, field) for key, field in table.model_fields.items()]
-        parts.append("| key | value | default | example | |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n")
+        parts.append("| key | meaning | value | default | example |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n")
     return "\n".join(parts)
 
 
@@ -64,7 +64,7 @@ def _row(table: str, key: str, field: FieldInfo) -> str:
     examples = {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
     example = _toml(examples[key]) if key in examples else ""
     default = "needed" if field.is_required() else "" if field.default is None else _toml(field.default)
-    cells = (f"`{key}`", meaning(field), default, example, field.description or "")
+    cells = (f"`{key}`", field.description or "", meaning(field), default, example)
     return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
 
 

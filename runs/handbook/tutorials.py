@@ -11,12 +11,16 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 NOT_RUN = "# not run here"
-WIDTH = 100
+WIDTH = 200
+"""Columns of the blocks' terminal: pages wrap sentences themselves."""
+RULE = "\u2500" * 3
+"""Part of the line below the heading of a table."""
 
 
 class TutorialFailed(Exception):
@@ -48,7 +52,7 @@ class Tutorial:
             case "python":
                 self._printed = self._stdout([sys.executable, "-c", text], block)
             case "output":
-                return f"```text\n{self._printed}```"
+                return _shown(self._printed)
             case _:
                 return block[0].replace(NOT_RUN + "\n", "")
         return block[0]
@@ -62,6 +66,13 @@ class Tutorial:
             raise TutorialFailed(f"{self.page}:{line}: exit code {done.returncode}\n{block['text']}\n{done.stderr}")
         lines = [line.rstrip() for line in done.stdout.strip("\n").splitlines()]
         return "\n".join(lines) + "\n" if lines else ""
+
+
+def _shown(printed: str) -> str:
+    """Return what was printed as fenced blocks: sentences as ``text``, which pages wrap, tables as ``none``."""
+    kinds = groupby(printed.split("\n\n"), key=lambda part: "none" if RULE in part else "text")
+    blocks = ((kind, "\n\n".join(parts).rstrip("\n") + "\n") for kind, parts in kinds)
+    return "\n\n".join(f"```{kind}\n{text if text.strip() else ''}```" for kind, text in blocks)
 
 
 def environment() -> Mapping[str, str]:

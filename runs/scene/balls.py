@@ -29,7 +29,7 @@ class BallsTable(Table):
     semi_axes: ThreeLengths | None = None
     """Of an ellipsoid, along x, y and z."""
     slope: Angle | None = None
-    """Of a cone's flank against the surface."""
+    """Angle between a cone's flank and the surface."""
     tip_radius: Length | None = None
     """Of a cone's rounded tip."""
     edge_radius: Length | None = None

@@ -1,6 +1,6 @@
 """The scene's table [load]: one key of the load, and the intermediate load steps."""
 
-from typing import Any
+from typing import Self
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
@@ -26,14 +26,13 @@ class LoadTable(Table):
     steps: Listed | None = None
     """Loads with output on the way, rising, in the unit of the load; fractions of it where the balls' loads differ."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _exactly_one(cls, data: Any) -> Any:
-        named = [key for key in LOAD_KEYS if isinstance(data, dict) and key in data]
-        if isinstance(data, dict) and len(named) != 1:
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Self:
+        named = [key for key in LOAD_KEYS if getattr(self, key) is not None]
+        if len(named) != 1:
             got = f"{len(named)} ({', '.join(named)})" if named else "none of them"
             raise fault(f"needs exactly one of approach, force, total_force, got {got}")
-        return data
+        return self
 
     @property
     def given(self) -> tuple[LoadKind, OneOrMany]:

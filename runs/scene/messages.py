@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from runs.scene.effects import EFFECTS
-from runs.scene.units import NUMBER_AND_UNIT
+from runs.scene.units import NUMBER_AND_UNIT, Units
 
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
 EXAMPLES: dict[str, dict[str, Any]] = {
@@ -42,8 +42,8 @@ RARER_EXAMPLES: dict[str, dict[str, Any]] = {
 """The same for keys that only some scenes take."""
 
 
-def of_key(error: ErrorDetails, tables: type[BaseModel], data: Mapping[str, Any]) -> str:
-    """Return the text of one fault that pydantic found in the scene ``data``."""
+def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
+    """Return the text of one fault that pydantic found in a scene."""
     place = [part for part in error["loc"] if isinstance(part, str)]
     table, key = [*place, "", ""][:2]
     where = f"[{table}] {key}".rstrip() if key or table in EXAMPLES else table
@@ -77,7 +77,10 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
     as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
-    remedy = "move them apart or make them smaller" if "overlap" in rule else remedy or _example(table, key)
+    if "overlap" in rule:
+        length, remedy = (Units.written(data) or Units()).length, "move them apart or make them smaller"
+        rule = re.sub(r"(\d\S*) m\b", lambda number: length(float(number[1]), 9), rule)
+    remedy = remedy or _example(table, key)
     return f"[{table}] {key}{ball}: {rule}{as_given}; {remedy}"
 
 

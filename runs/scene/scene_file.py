@@ -21,8 +21,12 @@ from runs.scene.units import (
     Number,
     Pressure,
     Table,
+    Units,
     Whole,
 )
+
+SOFTEST = 100.0
+"""Young's modulus [Pa] of a layer below which it may be a number whose unit was forgotten."""
 
 
 class InvalidScene(InvalidProblem):
@@ -185,6 +189,14 @@ class Scene:
         """The sliding that moves the balls; None: they stay where they are."""
         return self.drift.get("reciprocation")
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A note where lengths carry units and the layer is so soft that its modulus may lack one."""
+        young = self.problem.layer.young
+        if young >= SOFTEST or Units.written(self.data) is None:
+            return ()
+        return (f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?",)
+
 
 def read_scene(path: Path) -> Scene:
     """Return the scene in ``path``; raises `InvalidScene` with all its faults at once."""
@@ -216,16 +228,16 @@ def _validate(data: dict[str, Any]) -> tuple[PlainTables | None, list[str], set[
 
     A faulty key is replaced by a harmless value, so that the other keys are still checked.
     """
-    try:
-        return Tables.model_validate(data), [], set()
-    except ValidationError as error:
-        errors = error.errors()
-    texts = [messages.of_key(e, Tables, data) for e in errors]
-    repaired, doubtful = messages.stand_in(errors, data)
-    try:
-        return Tables.model_validate(repaired), texts, doubtful
-    except ValidationError:
-        return None, texts, doubtful
+    texts, doubtful = list[str](), set[str]()
+    for _ in range(3):  # a table is checked as a whole once its keys are valid
+        try:
+            return Tables.model_validate(data), texts, doubtful
+        except ValidationError as error:
+            errors = error.errors()
+        texts += [messages.of_key(e, Tables) for e in errors]
+        data, replaced = messages.stand_in(errors, data)
+        doubtful |= replaced
+    return None, texts, doubtful
 
 
 def _read_text(path: Path) -> str:

@@ -189,3 +189,15 @@ def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, not
     assert [note for note in notes if "not resolved 1 m from a ball's axis" in note and "J falls to" in note] == (
         notes if noted else []
     )
+
+
+def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
+    plan = plan_run(pair(0.1), 0.1, "finite_strain")
+    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.0082, approach=0.1)
+    step = SimpleNamespace(balls=(ball, ball), smallest_volume_ratio=1.0, linear_failure="")
+    rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=2.0)  # type: ignore[list-item]
+    assert result_notes(plan, record, "", 1.0) == [
+        "T is smaller than a tenth of the force between the balls on a half-space, 2 N, so its accuracy is relative to "
+        "that force; relative to T itself its error is 0.82 %"
+    ]

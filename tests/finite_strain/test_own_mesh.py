@@ -147,7 +147,8 @@ def hollow() -> tuple[Any, Any, Any]:
 
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
-    "no file": (lambda: "nowhere.msh", r"must be a \.msh file, .* got nowhere\.msh"),
+    "no file": (lambda: "nowhere.msh", r"mesh: the file nowhere\.msh does not exist"),
+    "another file": (lambda: __file__, r"must be a \.msh file, .* got .*test_own_mesh\.py"),
     "no tags": (lambda: (block()[0], None, None), "tags are needed, got None"),
     "no top": (lambda: block(facets=("bottom",)), r"no facet has the tag 11 \(top\)"),
     "a facet left out": (lambda: block(skip=1), r"1 outer facets at z = -?[\d.]+ m lack the tag"),

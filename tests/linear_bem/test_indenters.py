@@ -26,7 +26,7 @@ from linear_bem import (
     solve_point_load,
 )
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.indenter import slope
+from linear_bem.indenter import Indenter, slope
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)
 MODULUS = HALF_SPACE.contact_modulus
@@ -267,3 +267,13 @@ def test_bodies_stand_no_closer_than_they_are_wide(body, apart):
     pair(apart)
     with pytest.raises(InvalidProblem, match="overlap"):
         pair(0.99 * apart)
+
+
+def test_a_body_of_ones_own_is_told_what_it_lacks():
+    class Bare(Indenter):
+        pass
+
+    with pytest.raises(NotImplementedError, match="Bare: define apex_radius"):
+        Ball((0.0, 0.0), shape=Bare())
+    with pytest.raises(NotImplementedError, match=r"Bare: define height\(x, y\)"):
+        Bare().height(0.0, 0.0)

@@ -16,6 +16,8 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"layer": Layer("1 MPa", 0.3, 1.0)}, r"layer\.young: must be a number, got '1 MPa'"),
         ({"load": Load("force", 0.1)}, r"load\.force: must be a tuple of numbers, got 0\.1"),
         ({"balls": (Ball((-1, 0, 0), 1),)}, r"balls\.positions\[0\]: must be two numbers, x and y, got \(-1, 0, 0\)"),
+        ({"balls": Ball((0.0, 0.0), 1.0)}, r"balls: must be a tuple of Ball, .* as \(Ball\(...\),\), got Ball"),
+        ({"balls": (1.0,)}, r"balls: must be a tuple of Ball, .* got \(1\.0,\)"),
         ({"balls": (Ball((0.0, 0.0), "1 mm"),)}, r"balls\.radius\[0\]: must be a number"),
         ({"finite_strain": FiniteStrain("gum")}, r'finite_strain\.law: must be one of neo_hookean, .*, got "gum"'),
         ({"finite_strain": FiniteStrain("gent")}, r'finite_strain\.limit: is missing for law "gent"'),
@@ -33,6 +35,7 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
     for approach, noted in ((2.0, False), (15.0, True)):
         notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes
         assert any("of the layer's thickness" in note for note in notes) == noted
+        assert any("up to about 0.9 ball radii" in note for note in notes) == noted
 
 
 def test_asperities_may_stand_closer_than_their_radii_and_whole_balls_may_not():

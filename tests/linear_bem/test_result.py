@@ -5,7 +5,19 @@ from dataclasses import replace
 
 import pytest
 
-from linear_bem import Ball, Layer, Load, Problem, Result, solve_contact
+from linear_bem import (
+    Ball,
+    InvalidProblem,
+    Layer,
+    Load,
+    Problem,
+    Result,
+    interior_displacement,
+    solve,
+    solve_contact,
+    stress,
+    vertical_stress,
+)
 
 PAIR = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.25), 1.0))
 
@@ -63,6 +75,18 @@ def test_json_gives_back_every_bit(solution):
     assert again.to_json() == result.to_json()
 
 
+@pytest.mark.parametrize("text", ["{}", "[]", '{"finite": {}, "linear": {}, "comparison": []}'])
+def test_json_of_something_else_is_refused_with_what_a_result_has(text):
+    with pytest.raises(InvalidProblem, match=r"must have the keys model, balls and solved, .*\[\"finite\"\]"):
+        Result.from_json(text)
+
+
+def test_fields_of_a_result_without_them_name_the_function_that_has_them(solution):
+    for function in (stress, interior_displacement, vertical_stress):
+        with pytest.raises(InvalidProblem, match=f"{function.__name__}: needs the fields that solve_contact returns"):
+            function(solution.result(), 0.0, 0.0, 0.0)
+
+
 def test_figures_show_contacts_and_forces(solution):
     from matplotlib.patches import Circle  # noqa: PLC0415
 
@@ -74,3 +98,21 @@ def test_figures_show_contacts_and_forces(solution):
         assert len(axes.images) == maps
         largest = max(math.hypot(*ball.tangential_force) for ball in solution.result().balls)
         assert f"{largest:.3g} N" in axes.get_title()
+        assert [text.get_text() for text in axes.texts] == ["0", "1"]
+        assert axes.get_xlabel() == "x [m]"
+
+
+@pytest.mark.parametrize(("size", "unit"), [(1e-3, "mm"), (1e-7, "µm")])
+def test_a_figure_of_small_balls_has_small_units_and_all_of_its_labels(size, unit):
+    pair = tuple(Ball((x * size, 0.0), size) for x in (-1.5, 1.5))
+    figure = solve(Problem(Layer(1.0, 0.45, 2.0 * size), pair, Load("approach", (1e-3 * size,) * 2)), 1e-2).plot()
+    axes = figure.axes[0]
+    assert axes.get_xlabel() == f"x [{unit}]"
+    figure.draw_without_rendering()
+    ticks = {f"{1e3 * tick:.6g}" if unit == "mm" else f"{1e6 * tick:.6g}" for tick in axes.get_xticks()}
+    assert {label.get_text() for label in axes.get_xticklabels()} <= ticks
+    box = figure.bbox
+    for text in (axes.title, axes.xaxis.label, axes.yaxis.label):
+        shown = text.get_window_extent()
+        assert box.x0 <= shown.x0 < shown.x1 <= box.x1
+        assert box.y0 <= shown.y0 < shown.y1 <= box.y1

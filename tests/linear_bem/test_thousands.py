@@ -304,7 +304,7 @@ def test_the_pressure_of_many_contacts_is_the_sum_over_all(meshed):
     assert solution.pressure(x, y) == pytest.approx(every, rel=1e-12)
 
 
-def test_overlaps_among_many_balls_are_found_and_named_in_order():
+def test_overlaps_among_many_balls_are_found():
     balls = [Ball((2.0 * i, 2.0 * j), 1.0) for i in range(40) for j in range(40)]
     balls[1234] = Ball((balls[1233].position[0], balls[1233].position[1] + 1.5), 1.0)
     balls.append(Ball((-30.0, 0.0), 20.0, "paraboloid"))

@@ -69,14 +69,14 @@ document.getElementById("answers").textContent = JSON.stringify(answers);
 </script>"""
 
 
-def in_browser(points: list[dict[str, float]], folder: Path) -> list[dict[str, Any]]:
-    """Return what the live page computes and shows with its sliders at ``points``."""
+def in_browser(points: list[dict[str, float]], folder: Path, before: str = "") -> list[dict[str, Any]]:
+    """Return what the live page computes and shows with its sliders at ``points``, after a script ``before``."""
     browser = headless_browser()
     if browser is None:
         pytest.skip("no headless browser here (apt-get install chromium-headless-shell)")
     page = folder / "live.html"
     script = SCRIPT % json.dumps(points)
-    page.write_text(f"<!doctype html><meta charset=utf-8>{widget.html()}{script}", encoding="utf-8")
+    page.write_text(f"<!doctype html><meta charset=utf-8>{widget.html()}{before}{script}", encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
     command = [browser, *options, f"--user-data-dir={folder / 'browser'}", "--dump-dom", page.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120.0)
@@ -113,6 +113,25 @@ def test_the_live_page_shows_published_factors_and_no_others(tmp_path: Path) -> 
     known, unknown = in_browser([thin, {**thin, "thickness": 2.6}], tmp_path)
     assert known["factor"].startswith("1.282 ± 0.002")
     assert unknown["factor"] == "not known here"
+
+
+FIELDS = """<script>
+const field = (name) => document.querySelector(`[data-shows="${name}-value"]`);
+for (const [name, value] of [["thickness", "11"], ["poisson", "0.49"]]) {
+  field(name).value = value;
+  field(name).dispatchEvent(new Event("change"));
+}
+</script>"""
+
+
+def test_number_fields_set_values_exactly_and_t_has_the_sign_and_digits_of_its_kind_and_error(tmp_path: Path) -> None:
+    (answer,) = in_browser([{}], tmp_path, FIELDS)
+    assert answer["at"][:2] == [0.49, 11 / 2.5]
+    (thin,) = in_browser([{}], tmp_path)  # as the page opens
+    assert thin["kind"] == "separation"
+    assert re.fullmatch(r"\u2212\d+(\.\d+)? \u00b1 \d+(\.\d+)? [mµn]?N", thin["shown"])
+    value, error = thin["shown"].split(" ")[::2]
+    assert len(value.partition(".")[2]) == len(error.partition(".")[2])
 
 
 def test_the_drift_of_the_live_page_is_that_of_the_forces(tmp_path: Path) -> None:

@@ -275,6 +275,19 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     assert len(found) == 5
 
 
+def test_a_misspelt_only_load_key_is_named_beside_the_rule(tmp_path: Path) -> None:
+    unknown, rule = faults(tmp_path, PAIR.replace("approach =", "aproach ="))
+    assert unknown.startswith('[load] aproach: unknown key; did you mean "approach"?')
+    assert "exactly one of approach, force, total_force, got none of them" in rule
+
+
+def test_overlaps_are_one_fault_with_the_worst_pair_in_the_unit_of_the_scene(tmp_path: Path) -> None:
+    row = '[["-8 mm", 0], ["8 mm", 0], ["20 mm", 0], ["35 mm", 0]]'
+    (fault,) = faults(tmp_path, PAIR.replace('[["-8 mm", 0], ["0.8 cm", 0]]', row))
+    assert "balls 1 and 2 overlap by 4 mm, the most of 2 pairs that do: their axes are 12 mm apart" in fault
+    assert "radii 8 mm and 8 mm need at least 16 mm; move them apart" in fault
+
+
 def test_a_stand_in_for_a_faulty_key_raises_no_fault_of_its_own(tmp_path: Path) -> None:
     assert len(faults(tmp_path, PAIR.replace('radius = "8 mm"', 'radius = "8 kg"'))) == 1
     assert len(faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = 3"))) == 1

@@ -48,6 +48,18 @@ def test_a_tutorial_with_finite_elements_runs_as_printed(name: str, tmp_path: Pa
     assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
 
 
+def test_tables_scroll_and_sentences_wrap_and_a_notebook_joins_them(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    lines = ["one", "", "a  b", "\u2500\u2500\u2500\u2500", "1  2", "", "two", "", "three"]
+    page.write_text(f"```python\nprint({chr(10).join(lines)!r})\n```\n\n```output\n```\n", encoding="utf-8")
+    text = Tutorial(page, tmp_path / "work").run()
+    found = re.findall(r"^```(text|none)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert [kind for kind, _ in found] == ["text", "none", "text"]
+    assert found[2][1].split() == ["two", "three"]
+    (cell,) = json.loads(notebook(text))["cells"]
+    assert [line for line in "".join(cell["outputs"][0]["text"]).splitlines() if line] == [x for x in lines if x]
+
+
 def test_the_tutorial_of_nine_balls_gathers_them(tmp_path: Path) -> None:
     page = Tutorial(PAGES / "tutorials" / "nine_balls.md", tmp_path).run()
     assert "```output" not in page

@@ -14,6 +14,7 @@ from runs.commands import plan
 from runs.display import tables
 from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows
+from runs.models import choose
 from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
 from runs.reporting import page_of
@@ -51,6 +52,17 @@ def test_units_are_those_of_the_scene(tmp_path: Path) -> None:
     assert units == Units(Unit("mm", 1e-3), Unit("mN", 1e-3), Unit("kPa", 1e3))
     assert units.pressure(57.4e3) == "57.4 kPa"
     assert Units.written({"title": "5 m", "layer": {"young": 2e5}}) is None
+
+
+def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path: Path) -> None:
+    forgotten = SCENE.replace('"57.4 kPa"', "57.4")
+    _, _, notes = choose(scene(tmp_path, forgotten))
+    assert notes == ("[layer] young: 57.4 Pa is softer than foam and rubber; did you mean kPa or MPa?",)
+    assert choose(scene(tmp_path))[2] == ()
+    plain = SCENE.replace('"57.4 kPa"', "1.0")
+    for written, bare in (('"3 mm"', "3"), ('["2.5 mm", "4 mm"]', "[1, 4]"), ('"-4 mm"', "-4"), ('"4 mm"', "4")):
+        plain = plain.replace(written, bare)
+    assert choose(scene(tmp_path, plain.replace('"500 mN"', "1")))[2] == ()
 
 
 def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:

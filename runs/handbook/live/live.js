@@ -112,11 +112,14 @@ const liveModel = (() => {
 
   const digits = (x, n = 3) => (x === 0 ? "0" : Number(x.toPrecision(n)).toLocaleString("en", {maximumSignificantDigits: n,
     useGrouping: false}));
-  function withUnit(x, unit, error, n = 3) {
+  const withError = (x, error) => {  // the value to the one digit of its error
+    const bar = Number(error.toPrecision(1)), places = Math.max(0, -Math.floor(Math.log10(bar) + 1e-9));
+    return `${x.toFixed(places)} ± ${bar.toFixed(places)}`.replace("-", "−");
+  };
+  function withUnit(x, unit, error) {
     const size = Math.abs(x);
     const [factor, prefix] = size >= 1 || size === 0 ? [1, ""] : size >= 1e-3 ? [1e3, "m"] : size >= 1e-6 ? [1e6, "µ"] : [1e9, "n"];
-    const bar = error === undefined ? "" : ` ± ${digits(error * factor, 1)}`;
-    return `${digits(x * factor, n)}${bar} ${prefix}${unit}`;
+    return `${error === undefined ? digits(x * factor) : withError(x * factor, error * factor)} ${prefix}${unit}`;
   }
 
   function limit(name, low, high) {
@@ -134,17 +137,14 @@ const liveModel = (() => {
     const at = [nu, h / R, L / R, D / R], force = E * R * R;  // MPa mm² = N
     const found = model.pair(...at), T = found.tangential * force, error = found.error * force;
     const Q = found.normal * force, resolved = Math.abs(T) > error;
-    for (const [name, value, unit] of [["radius", R, "mm"], ["thickness", h, "mm"], ["young", E, "MPa"], ["poisson", nu, ""],
-      ["distance", L, "mm"], ["approach", D, "mm"], ["friction", f, ""]]) {
-      shown[`${name}-value`].textContent = `${digits(value)} ${unit}`.trim();
-    }
-    shown.normal.textContent = withUnit(Q, "N", found.normalError * force, 4);
-    shown.tangential.textContent = withUnit(Math.abs(T), "N", error, 4);
+    for (const [name, slider] of Object.entries(input)) shown[`${name}-value`].value = digits(Number(slider.value), 4);
+    shown.normal.textContent = withUnit(Q, "N", found.normalError * force);
+    shown.tangential.textContent = withUnit(T, "N", error);
     shown.kind.textContent = resolved ? (T > 0 ? "attraction" : "separation") : "neither: T is below its error";
     shown.kind.dataset.kind = resolved ? (T > 0 ? "attraction" : "separation") : "neither";
     shown.share.textContent = digits(found.tangential / found.normal, 3).replace("-", "−");
     const S = model.strengthening(...at);
-    shown.strengthening.textContent = S ? `${S.factor.toFixed(3)} ± ${digits(S.error, 1)}` : "not known here";
+    shown.strengthening.textContent = S ? withError(S.factor, S.error) : "not known here";
     shown.drift.textContent = resolved ? driftText(model.drift(...at), T > 0, R, f) : "no motion that the table resolves";
     draw(at, T, resolved);
     root.dataset.values = JSON.stringify({at, Q, T, error, normalError: found.normalError * force, S,
@@ -194,7 +194,12 @@ const liveModel = (() => {
     const c = table.strengthening[Number(shown.cases.value)], R = Number(input.radius.value);
     if (c) set({poisson: c.poisson, thickness: c.thickness * R, distance: c.distance * R, approach: c.points.at(-2)[0] * R});
   });
-  Object.values(input).forEach((slider) => slider.addEventListener("input", update));
+  Object.values(input).forEach((slider) => {
+    const field = shown[`${slider.name}-value`];
+    slider.addEventListener("input", update);
+    slider.setAttribute("aria-label", slider.parentElement.firstChild.textContent.trim());
+    field.addEventListener("change", () => set({[slider.name]: Number(field.value)}));
+  });
   root.addEventListener("set-values", (event) => set(event.detail));
   update();
 })();

@@ -8,25 +8,28 @@ from runs.scene.units import Direction, Length, Number, Table, Whole
 
 
 class ReciprocationTable(Table):
-    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`.
-
-    ``amplitude`` [m], ``cycles``, effective ``friction`` coefficient (it changes only the time scale), ``direction``
-    (x, y) of the main motion (it affects only the arrow in the pictures); random ``perturbation`` [m] of the positions
-    from ``seed``, repeated with the next seeds for an ``ensemble``; ``tolerance``: error of one step, in radii;
-    ``rest``: force over load below which a ball counts as at rest; ``forces`` from the table of "pairs", or "direct":
-    the model solved at every step.
-    """
+    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`."""
 
     amplitude: Length
+    """Of the sliding, from the middle to one end: a cycle slides by four amplitudes."""
     cycles: Number
+    """How many; the run ends earlier where all balls come to rest."""
     friction: Number
+    """Effective coefficient of friction; it changes only the time scale."""
     direction: Direction = (1.0, 0.0)
+    """Of the sliding, (x, y); it changes only the arrow in the pictures."""
     perturbation: Length = 0.0
+    """Largest random shift of each ball along x and y before the run."""
     seed: Whole = 0
+    """Of the random shifts; the same seed gives the same ones."""
     ensemble: Whole = 1
+    """Number of runs, each with the next seed."""
     tolerance: Number = 1e-6
+    """Error of one step of the path, in radii."""
     rest: Number = 1e-6
+    """Force over load below which a ball counts as at rest."""
     forces: Literal["pairs", "direct"] = "pairs"
+    """By a table of pairs, or the model solved at every step."""
 
     @property
     def path_per_cycle(self) -> float:

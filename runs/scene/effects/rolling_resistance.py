@@ -8,12 +8,10 @@ from runs.scene.units import Number, Table
 
 
 class RollingResistanceTable(Table):
-    """[rolling_resistance]: ``share`` of its load below which the force on a ball does not move it.
-
-    See `runs.evolution.motion`.
-    """
+    """[rolling_resistance]: a force that does not move a ball; needs [reciprocation]. See `runs.evolution.motion`."""
 
     share: Number
+    """Force over the ball's load below which it stays at rest; above it, only the excess moves the ball."""
 
 
 def _faults(table: RollingResistanceTable, scene: Any) -> list[str]:
