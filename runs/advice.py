@@ -119,8 +119,8 @@ class Adviser:
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; the scene can do without" if present else "; not needed"
-        known = (None, None) if beyond else (change, error)
-        return Advice("finite_strain", present, *known, matters, said + do)
+        shown = (change, error) if not beyond else (None, None)
+        return Advice("finite_strain", present, shown[0], shown[1], matters, said + do)
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}
