@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
-from linear_bem.grid.contacts import excess_edge
+from linear_bem.grid.outline import edge_error, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
@@ -28,7 +28,8 @@ class HeightFieldContact:
 
     Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
     measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
-    exceed the contact by at its edges (`linear_bem.grid.contacts.excess_edge`), ``contact_area_error`` that excess.
+    exceed the contact by at its edges, ``contact_area_error`` what the edges' place in the cells leaves open
+    (`linear_bem.grid.outline`).
     ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says so where
     a layer is pressed in by more than half of its thickness, where small strain does not hold.
     """
@@ -188,7 +189,8 @@ def _patch(kernel: LayeredKernel, cell: float, shape: tuple[int, ...], periodic:
 
 def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, iterations: int) -> HeightFieldContact:
     gap, contact, area = w + above - depth, pressure > 0.0, whole.cell**2
-    excess = excess_edge(contact, contact, periodic=isinstance(whole, PeriodicPatch)) * area
+    periodic = isinstance(whole, PeriodicPatch)
+    excess = excess_edge(contact, contact, periodic=periodic) * area
     return HeightFieldContact(
         pressure=pressure / whole.kernel.singular,
         displacement=w,
@@ -196,7 +198,7 @@ def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, 
         normal_force=float(np.sum(pressure)) * area / whole.kernel.singular,
         mean_gap=float(np.mean(gap)),
         contact_area=float(np.count_nonzero(contact)) * area - excess,
-        contact_area_error=excess,
+        contact_area_error=edge_error(contact, contact, periodic=periodic) * area,
         iterations=iterations,
         gap_in_contact=float(np.max(np.abs(gap[contact]))) / abs(depth),
         penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / abs(depth),
