@@ -101,8 +101,9 @@ def errors_of_one(contacts: Contacts) -> Errors:
         c = contacts.coarseness
         peak = max(c, edge_peak(contacts))
         force = 0.5 * c**2 + contacts.edge_shares
-        shares = {"normal_force": force, "approach": force, "peak_pressure": peak, "contact_area": 0.5 * c}
-        return _at_prescribed_load(contacts, {name: shares[name] * np.abs(v) for name, v in values.items()})
+        own: dict[str, Array | float] = {"normal_force": force, "approach": force}
+        own |= {"peak_pressure": peak, "contact_area": 0.5 * c}
+        return _at_prescribed_load(contacts, {name: own[name] * np.abs(v) for name, v in values.items()})
     gap = contacts.certificate["gap_in_contact"]
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
     degree = contacts.smooth.nodes[0].zone.degree

@@ -247,8 +247,8 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         loose = loosely_known(contacts, errors) / _enough(wanted)
         if last.excess(wanted) <= 1.0 and (loose <= 1.0 or contacts.unknowns > CHEAP):
-            known = f"{loose * _enough(wanted):.1e}"
-            note = f"forces and approaches are known to {known} of each, {_enough(wanted):.0e} was requested"
+            share = f"{loose * _enough(wanted):.1e}"
+            note = f"forces and approaches are known to {share} of each, {_enough(wanted):.0e} was requested"
             notes = (note, *small_force_note(contacts, error, wanted)) if loose > LOOSE else ()
             return Estimated(rested(contacts), error + missed_pulls(contacts), errors, notes)
     assert last is not None

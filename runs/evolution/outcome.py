@@ -156,14 +156,12 @@ def direct_check(
             continue
         balls = [ball.to_dict() for ball in full.balls]
         true = np.array([ball.tangential_force for ball in full.balls])
-        largest = float(np.max(np.hypot(*true.T)))
-        rows.append(
-            {
-                "at": name,
-                "share": float(np.max(np.hypot(*(state.tangential - true).T))) / largest if largest > 0.0 else 0.0,
-                "full_model_error": max(b.tangential_force_error for b in full.balls) / (largest or 1.0),
-            }
-        )
+        largest, known = float(np.max(np.hypot(*true.T))), max(b.tangential_force_error for b in full.balls)
+        if largest <= 2.0 * known:
+            rows.append({"at": name, "share": None, "reason": "T is zero there to its error"})
+            continue
+        away = float(np.max(np.hypot(*(state.tangential - true).T)))
+        rows.append({"at": name, "share": away / largest, "full_model_error": known / largest})
     return rows, balls
 
 

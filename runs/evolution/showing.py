@@ -107,7 +107,7 @@ def _compared(document: Document) -> list[str]:
     lines = []
     for row in document["direct_check"] or []:
         if row["share"] is None:
-            lines.append(f"the full linear model has no answer at the {row['at']}: {row['reason']}")
+            lines.append(f"T at the {row['at']} is not compared with the full linear model: {row['reason']}")
         else:
             share = f"{100.0 * row['share']:.2g} % of the largest"
             lines.append(f"T at the {row['at']} differs from the full linear model by {share}")

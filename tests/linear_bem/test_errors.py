@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import gamma
 
 from linear_bem import Ball, Cone, Elastic, Ellipsoid, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
@@ -96,7 +97,7 @@ def test_grids_of_sharp_bodies_cover_closed_forms(accuracy):
 
 
 def rounded_punch(radius, edge):
-    """Return D and Q of a rounded punch on `HALF_SPACE` by the contact radius [Sneddon 1965]: f' = 0 on its flat end."""
+    """Return D and Q of a rounded punch on `HALF_SPACE` by its contact's radius [Sneddon 1965]."""
     start = np.arcsin((1.0 - edge) / radius)
     nodes, weights = np.polynomial.legendre.leggauss(400)
     angle, weights = start + 0.5 * (nodes + 1.0) * (np.pi / 2.0 - start), 0.5 * weights * (np.pi / 2.0 - start)

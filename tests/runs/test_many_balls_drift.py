@@ -64,6 +64,7 @@ def test_the_shipped_layer_gathers_and_a_larger_resistance_stops_it(
 ) -> None:
     monkeypatch.setattr(showing, "draw", lambda *given: None)
     monkeypatch.setattr(outcome, "position_error", lambda *given: None)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     shipped = (ROOT / "runs" / "scenes" / "layer_of_36_balls.toml").read_text(encoding="utf-8")
     file = tmp_path / "layer.toml"
     file.write_text(shipped.replace("cycles = 200", "cycles = 0.3"), encoding="utf-8")
