@@ -106,9 +106,11 @@ def solve_height_field(
     penetration anywhere, over the approach from the lowest height, recomputed on the whole grid. ``layer`` may be a
     `SurfaceResponse`. Raises `InvalidProblem` and `NotConverged`.
     """
-    heights = np.asarray(heights, dtype=float)
+    heights = _real(heights)
     loads = {"normal_force": normal_force, "approach": approach, "mean_gap": mean_gap}
-    faults = [*material_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    faults = [*_medium_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    if not (isinstance(tolerance, Real) and 0.0 < tolerance < 0.1):
+        faults.append(f"tolerance: must be a number greater than 0 and less than 0.1, got {tolerance!r}")
     if faults:
         raise InvalidProblem(*faults)
     layer, substrate = without_empty_layer(layer, substrate)
@@ -221,6 +223,31 @@ def contact_area_curve(
         solve_height_field(layer, substrate, heights, cell, normal_force=force, **options) for force in normal_forces
     )
     return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
+
+
+def _real(heights: Array) -> Array:
+    """Return heights as an array of numbers; raises `InvalidProblem` where they are none."""
+    try:
+        given = np.asarray(heights)
+    except ValueError:  # rows of unlike length
+        given = np.array("")
+    if given.dtype.kind not in "biuf":
+        raise InvalidProblem("heights: must be real numbers in rows of equal length [m], got text, complex or others")
+    return given.astype(float)
+
+
+def _medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
+    if not isinstance(layer, Layer):
+        return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
+    if not isinstance(substrate, Elastic | None):
+        return [f"substrate: must be Elastic or None, got {substrate!r}"]
+    faults = [
+        f"{name}.{key}: must be a number, got {value!r}"
+        for name, solid in (("layer", layer), ("substrate", substrate))
+        for key in ("young", "poisson", "thickness")
+        if not isinstance(value := getattr(solid, key, 0.0), Real)
+    ]
+    return faults or material_faults(layer, substrate)
 
 
 def _grid_faults(heights: Array, cell: float) -> list[str]:

@@ -151,6 +151,25 @@ def test_the_area_error_covers_hertz(count):
     assert contact.contact_area_error < 1.5 / count * exact
 
 
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"layer": Layer("1 MPa", 0.3, 1.0)}, r"layer\.young: must be a number, got '1 MPa'"),
+        ({"layer": 1.0}, r"layer: must be a Layer or a SurfaceResponse, got 1\.0"),
+        ({"substrate": 2.0}, r"substrate: must be Elastic or None, got 2\.0"),
+        ({"heights": [[1.0, 2.0], [3.0]]}, "heights: must be real numbers in rows of equal length"),
+        ({"heights": [["a"] * 4] * 4}, "heights: must be real numbers"),
+        ({"heights": 1j * np.ones((8, 8))}, "heights: must be real numbers"),
+        *(({"tolerance": value}, "tolerance: must be a number greater than 0") for value in (-1.0, 0.0, 5.0, "1e-8")),
+    ],
+)
+def test_what_is_no_medium_height_or_tolerance_is_refused(changed, words):
+    heights, cell = paraboloid(8)
+    given = {"layer": HALF_SPACE, "substrate": None, "heights": heights, "cell": cell, "approach": 0.01} | changed
+    with pytest.raises(InvalidProblem, match=words):
+        solve_height_field(**given)
+
+
 def wave(count, amplitude=0.02, across=8):
     x = (np.arange(count) + 0.5) / count
     return amplitude * (1.0 - np.cos(2.0 * np.pi * x))[:, None] * np.ones(across), 1.0 / count
