@@ -152,12 +152,6 @@ def _on_one_grid(contacts: GridContacts) -> Errors:
     return errors
 
 
-def loosely_known(contacts: Contacts, errors: Errors) -> float:
-    """Return the largest error of a force or an approach over its value."""
-    values, touching = quantities(contacts), contacts.normal_forces > 0.0
-    return max(float(np.max(errors[k][touching] / np.abs(values[k][touching]))) for k in ("normal_force", "approach"))
-
-
 def _at_prescribed_load(contacts: Contacts, errors: Errors) -> Errors:
     """Return errors with those of what the load prescribes: 0 for approaches, what is missing for forces."""
     load, touching = contacts.problem.load, contacts.normal_forces > 0.0

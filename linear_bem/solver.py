@@ -15,7 +15,6 @@ from linear_bem.error_estimate import (
     errors_by_change,
     errors_of_one,
     least_error,
-    loosely_known,
     missed_pulls,
     pulls,
     reference_force,
@@ -47,9 +46,6 @@ GRIDDED = 500
 """Largest number of balls that go to grids where polynomials do not converge."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
-CHEAP, LOOSE = 100_000, 3.0
-"""Cells up to which a grid is refined for errors of forces above the requested ones, and the ratio of
-both above which a note says so: of punches, whose forces are known in closed form, bars are 10 times the errors."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, one after the other."""
 
@@ -246,12 +242,8 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
         known = last.errors if np.isfinite(last.reached) else None
         errors = errors_by_change(last.contacts, contacts, known)
         last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
-        loose = loosely_known(contacts, errors) / _enough(wanted)
-        if last.excess(wanted) <= 1.0 and (loose <= 1.0 or contacts.unknowns > CHEAP):
-            share = f"{loose * _enough(wanted):.1e}"
-            note = f"forces and approaches are known to {share} of each, {_enough(wanted):.0e} was requested"
-            notes = (note, *small_force_note(contacts, error, wanted)) if loose > LOOSE else ()
-            return Estimated(rested(contacts), error + missed_pulls(contacts), errors, notes)
+        if last.excess(wanted) <= 1.0:
+            return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     error, note = last.error, last.note(f"finest grid that {fits}", wanted)

@@ -65,7 +65,7 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         cell = None if periodic is None else np.array(periodic.lengths)
         lines.append(outcome.arrangement_sentence(members[0], problem.positions, cell, length))
     if periodic is not None:
-        lines.append("positions go on beyond the cell's edges: its lengths are to be subtracted from them")
+        lines.append("positions are not wrapped into the cell: those of balls that have left it lie beyond its edges")
     smallest = min(ball.radius for ball in problem.balls)
     path = Unit("m", 1.0) if length.name != "R" and end["sigma"] >= LONG * length.size else length
     lines.append(

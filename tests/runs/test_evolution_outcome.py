@@ -76,7 +76,7 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     assert "T at the end differs from the full linear model" in said
     # what is printed and saved as the end is the full model where that is the model asked for
     assert ("the final state of the balls is the full linear model's" in said) == (model == "linear_bem")
-    assert ("positions go on beyond the cell's edges" in said) == bool(more)
+    assert ("positions are not wrapped into the cell" in said) == bool(more)
 
 
 def test_too_many_balls_for_the_full_model_are_told(
