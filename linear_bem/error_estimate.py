@@ -57,13 +57,16 @@ def error_of_one(contacts: SmoothContacts) -> Array:
 def change(before: Contacts, after: Contacts) -> tuple[Array, float]:
     """Return the change of every T [N] and the largest relative change of loads and approaches.
 
-    On polynomials a tenth of the changes of area and peak pressure counts too; on grids these are too noisy.
+    On polynomials a tenth of the changes of area and peak pressure counts too; on grids these are too noisy, and what
+    the edges' place in the cells leaves open of loads and approaches counts.
     """
     error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), least_error(after))
     loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
     touching = after.normal_forces > 0.0
     moved = np.abs(after.approaches - before.approaches)[touching]
     settled = max(loads, float(np.max(moved) / np.max(np.abs(after.approaches[touching]))))
+    if isinstance(after, GridContacts):
+        settled = max(settled, float(np.max(after.edge_shares)))
     if isinstance(after, SmoothContacts) and isinstance(before, SmoothContacts):
         pairs = (before.contact_areas, after.contact_areas), (before.peak_pressures, after.peak_pressures)
         for old, new in pairs:
@@ -97,8 +100,10 @@ def errors_of_one(contacts: Contacts) -> Errors:
     if isinstance(contacts, GridContacts):
         c = contacts.coarseness
         peak = max(c, edge_peak(contacts))
-        shares = {"normal_force": 0.5 * c**2, "approach": 0.5 * c**2, "peak_pressure": peak, "contact_area": 0.5 * c}
-        return _at_prescribed_load(contacts, {name: shares[name] * np.abs(v) for name, v in values.items()})
+        force = 0.5 * c**2 + contacts.edge_shares
+        own: dict[str, Array | float] = {"normal_force": force, "approach": force}
+        own |= {"peak_pressure": peak, "contact_area": 0.5 * c}
+        return _at_prescribed_load(contacts, {name: own[name] * np.abs(v) for name, v in values.items()})
     gap = contacts.certificate["gap_in_contact"]
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
     degree = contacts.smooth.nodes[0].zone.degree
@@ -123,20 +128,28 @@ def edge_peak(contacts: GridContacts) -> float:
 def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None = None) -> Errors:
     """Return error estimates from the last refinement; ``previous`` are those of the refinement before.
 
-    On polynomials the change itself. On grids, which converge with uneven steps, twice the change or once that before
-    it, whichever is larger, with a share of cell over contact radius squared; for areas a third of the edge's cells.
+    On polynomials the change itself. On grids, which converge with uneven steps, twice the change or half of what was
+    estimated before, whichever is larger, above `_on_one_grid`.
     """
     old, new = quantities(before), quantities(after)
     errors = {name: np.abs(new[name] - old[name]) + LEAST * np.abs(new[name]) for name in new}
-    if isinstance(after, GridContacts):
+    if isinstance(after, GridContacts) and isinstance(before, GridContacts):
+        known, left = _on_one_grid(before), _on_one_grid(after)
         for name, error in errors.items():
-            floor = after.edge_areas / 3.0 if name == "contact_area" else 0.1 * after.coarseness**2 * np.abs(new[name])
-            if name == "peak_pressure":
-                floor = np.maximum(floor, edge_peak(after) * new[name])
-            error[:] = np.maximum(2.0 * error, 0.5 * previous[name] if previous else 0.0) + floor
-    else:
+            kept = 0.5 * (previous[name] - known[name]) if previous else 0.0
+            error[:] = np.maximum(2.0 * error, kept) + left[name]
+    elif isinstance(after, SmoothContacts):
         errors = {name: error + 3.0 * after.smooth.residual * np.abs(new[name]) for name, error in errors.items()}
     return _at_prescribed_load(after, errors)
+
+
+def _on_one_grid(contacts: GridContacts) -> Errors:
+    """Return what two grids may miss alike: a share of cell over contact radius squared, and the place of the edge."""
+    values = quantities(contacts)
+    errors = {k: (0.1 * contacts.coarseness**2 + contacts.edge_shares) * np.abs(v) for k, v in values.items()}
+    errors["contact_area"] = contacts.area_errors
+    errors["peak_pressure"] = np.maximum(errors["peak_pressure"], edge_peak(contacts) * values["peak_pressure"])
+    return errors
 
 
 def _at_prescribed_load(contacts: Contacts, errors: Errors) -> Errors:

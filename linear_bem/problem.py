@@ -186,7 +186,9 @@ class Problem:
         for i, ball in enumerate(self.balls):
             if not _are_numbers(ball.position) or len(ball.position) != 2:
                 faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r}")
-        if self.periodic is not None:
+        if not isinstance(self.periodic, Periodic | None):
+            faults.append(f"periodic: must be a cell such as Periodic((10.0, 10.0)), got {self.periodic!r}")
+        elif self.periodic is not None:
             lengths = self.periodic.lengths
             if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
                 faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r}")

@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 from math import tan
+from numbers import Real
 
 import numpy as np
 
@@ -100,8 +101,8 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
         )
-    if not 0.0 < accuracy < 1.0:
-        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+    if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
+        raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
     begun = time.perf_counter()
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.grid.clusters import shared_patches
+from linear_bem.grid.outline import edge_error, edge_mean, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
@@ -100,6 +101,25 @@ class GridContacts:
     def edge_areas(self) -> Array:
         """Area [m^2] by which the cells in contact exceed the contact of every ball; see `excess_edge`."""
         return self._of_balls(lambda _, patch, p, mine: excess_edge(mine, p > 0.0) * patch.cell**2)
+
+    @cached_property
+    def area_errors(self) -> Array:
+        """Error of every contact area [m^2], from the place of its edge in the cells; see `edge_error`."""
+        return self._of_balls(lambda _, patch, p, mine: edge_error(mine, p > 0.0) * patch.cell**2)
+
+    @cached_property
+    def edge_shares(self) -> Array:
+        """Relative change of every normal force, or approach, with the error of its contact area.
+
+        A pressure K/sqrt(2 pi s) at the distance s from the edge, as under a sharp punch, takes the energy K^2/(2 E*)
+        per area of contact [Johnson 1985, Contact Mechanics, section 5.5]; its mean over the last cell d is
+        K sqrt(2/(pi d)). At a fixed approach D the force Q then changes by K^2/(E* D) per area. Where cells resolve an
+        edge at which the pressure vanishes, this is of the order (d/a)^2 of the area's error.
+        """
+        release = self._of_balls(lambda _, patch, p, mine: 0.5 * np.pi * patch.cell * edge_mean(p**2, mine, p > 0.0))
+        work = self.normal_forces * self.approaches
+        safe = np.where(work > 0.0, work, np.inf)
+        return np.asarray(np.pi * self.kernel.singular * release * self.area_errors / safe)
 
     @property
     def elastic_energy(self) -> float:
@@ -197,24 +217,6 @@ class GridContacts:
             "negative_pressure": max(negative, 0.0),
             "load": force_error(self.problem.load, self.normal_forces),
         }
-
-
-def excess_edge(mine: Mask, contact: Mask, *, periodic: bool = False) -> float:
-    """Return by how many cells those in ``mine`` exceed the true contact, on average over the edge's position.
-
-    (pi - 1 + ln 2)/24 per side shared by a cell in ``mine`` and one out of ``contact``
-    [Yastrebov, Anciaux, Molinari 2017, Tribol. Int. 114, 161, doi 10.1016/j.triboint.2017.04.023, eq. 8].
-    """
-    sides = 0
-    for axis in (0, 1):
-        for step in (1, -1):
-            free = ~np.roll(contact, step, axis)
-            if not periodic:  # a cell at the rim has no neighbour beyond it
-                rim = [slice(None), slice(None)]
-                rim[axis] = slice(0, 1) if step == 1 else slice(-1, None)
-                free[tuple(rim)] = False
-            sides += int(np.count_nonzero(mine & free))
-    return (np.pi - 1.0 + np.log(2.0)) / 24.0 * sides
 
 
 def _heights(problem: Problem, patch: Patch) -> Array:

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
-from linear_bem.grid.contacts import excess_edge
+from linear_bem.grid.outline import edge_error, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
@@ -28,7 +28,8 @@ class HeightFieldContact:
 
     Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
     measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
-    exceed the contact by at its edges (`linear_bem.grid.contacts.excess_edge`), ``contact_area_error`` that excess.
+    exceed the contact by at its edges, ``contact_area_error`` what the edges' place in the cells leaves open
+    (`linear_bem.grid.outline`).
     ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says so where
     a layer is pressed in by more than half of its thickness, where small strain does not hold.
     """
@@ -105,9 +106,11 @@ def solve_height_field(
     penetration anywhere, over the approach from the lowest height, recomputed on the whole grid. ``layer`` may be a
     `SurfaceResponse`. Raises `InvalidProblem` and `NotConverged`.
     """
-    heights = np.asarray(heights, dtype=float)
+    heights = _real(heights)
     loads = {"normal_force": normal_force, "approach": approach, "mean_gap": mean_gap}
-    faults = [*material_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    faults = [*_medium_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    if not (isinstance(tolerance, Real) and 0.0 < tolerance < 0.1):
+        faults.append(f"tolerance: must be a number greater than 0 and less than 0.1, got {tolerance!r}")
     if faults:
         raise InvalidProblem(*faults)
     layer, substrate = without_empty_layer(layer, substrate)
@@ -188,7 +191,8 @@ def _patch(kernel: LayeredKernel, cell: float, shape: tuple[int, ...], periodic:
 
 def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, iterations: int) -> HeightFieldContact:
     gap, contact, area = w + above - depth, pressure > 0.0, whole.cell**2
-    excess = excess_edge(contact, contact, periodic=isinstance(whole, PeriodicPatch)) * area
+    periodic = isinstance(whole, PeriodicPatch)
+    excess = excess_edge(contact, contact, periodic=periodic) * area
     return HeightFieldContact(
         pressure=pressure / whole.kernel.singular,
         displacement=w,
@@ -196,7 +200,7 @@ def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, 
         normal_force=float(np.sum(pressure)) * area / whole.kernel.singular,
         mean_gap=float(np.mean(gap)),
         contact_area=float(np.count_nonzero(contact)) * area - excess,
-        contact_area_error=excess,
+        contact_area_error=edge_error(contact, contact, periodic=periodic) * area,
         iterations=iterations,
         gap_in_contact=float(np.max(np.abs(gap[contact]))) / abs(depth),
         penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / abs(depth),
@@ -219,6 +223,31 @@ def contact_area_curve(
         solve_height_field(layer, substrate, heights, cell, normal_force=force, **options) for force in normal_forces
     )
     return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
+
+
+def _real(heights: Array) -> Array:
+    """Return heights as an array of numbers; raises `InvalidProblem` where they are none."""
+    try:
+        given = np.asarray(heights)
+    except ValueError:  # rows of unlike length
+        given = np.array("")
+    if given.dtype.kind not in "biuf":
+        raise InvalidProblem("heights: must be real numbers in rows of equal length [m], got text, complex or others")
+    return given.astype(float)
+
+
+def _medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
+    if not isinstance(layer, Layer):
+        return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
+    if not isinstance(substrate, Elastic | None):
+        return [f"substrate: must be Elastic or None, got {substrate!r}"]
+    faults = [
+        f"{name}.{key}: must be a number, got {value!r}"
+        for name, solid in (("layer", layer), ("substrate", substrate))
+        for key in ("young", "poisson", "thickness")
+        if not isinstance(value := getattr(solid, key, 0.0), Real)
+    ]
+    return faults or material_faults(layer, substrate)
 
 
 def _grid_faults(heights: Array, cell: float) -> list[str]:

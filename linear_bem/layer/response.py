@@ -26,6 +26,8 @@ from linear_bem.problem import Elastic, Layer, SurfaceResponse
 
 UNITY, SPAN = 1e-10, 15.0
 """|G - 1| that counts as none, and the t from which a layer's G is that close to 1."""
+SMALL, ROUNDOFF = 0.1, 1e-9
+"""Arguments up to which, and values up to which a response that is not positive is one lost in roundoff."""
 FIRST, LAST = 1e-6, 2.0**14
 """Arguments between which a user's response is measured."""
 
@@ -109,11 +111,22 @@ class MeasuredResponse:
     def _asked(self, t: Array) -> Array:
         """Return the user's G; raises `InvalidProblem` where it is not a positive number."""
         values = np.asarray(self._medium.response(t), dtype=float)
-        if values.shape != t.shape or not np.all(np.isfinite(values)) or not np.all(values > 0.0):
-            bad = values[~(np.isfinite(values) & (values > 0.0))] if values.shape == t.shape else values.shape
+        if values.shape != t.shape:
             raise InvalidProblem(
-                f"layer.response: must return a positive number for each argument between {t[0]:.3g} and {t[-1]:.3g}, "
-                f"an array of shape {t.shape}; got {np.array2string(np.asarray(bad), threshold=4)}"
+                f"layer.response: must return an array of shape {t.shape}, that of its argument, got {values.shape}"
+            )
+        bad = ~(np.isfinite(values) & (values > 0.0))
+        if np.any(bad):
+            at = t[bad]
+            lost = np.max(at) < SMALL and np.all(np.abs(values[bad]) < ROUNDOFF)
+            remedy = (
+                "; the response of an incompressible bonded layer falls like the cube of its argument and is lost in "
+                "roundoff there: return the leading term of its series, or take a Poisson's ratio of 0.4999"
+            )
+            raise InvalidProblem(
+                f"layer.response: must return positive numbers, got {values[bad][-1]:.3g} at {at[-1]:.3g}: "
+                f"not positive at {at.size} of {t.size} arguments between {np.min(at):.3g} and {np.max(at):.3g}"
+                + (remedy if lost else "")
             )
         return values
 
@@ -123,6 +136,11 @@ class MeasuredResponse:
         measured = 0.0 if self._power > 0.5 else 2.0 * self._first - second
         if stated is None:
             return max(measured, 0.0)
+        if self._power > 0.5 and stated > self._first:
+            raise InvalidProblem(
+                f"layer.far_ratio: must be the limit of the response at 0, which falls to {self._first:.3g} at "
+                f"{FIRST:g} and on, got {stated:g}; leave it out to have it measured"
+            )
         if abs(self._power) < 1e-2 and abs(stated - measured) > 0.01 * measured:
             raise InvalidProblem(
                 f"layer.far_ratio: must be the limit of the response at 0, which is {measured:.6g} at {FIRST:g}, got "

@@ -16,7 +16,7 @@ from runs.evolution.drift import Drift, Moment
 from runs.evolution.hard_balls import TOUCHING, HardBalls
 from runs.evolution.layer_pictures import some
 from runs.evolution.pair_forces import PairForces
-from runs.evolution.providers import DIRECT_ACCURACY, Provider, provider
+from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider, provider
 from runs.evolution.record import Record, events, gathered_at, summary
 from runs.process import ranks, signals
 from runs.process.files import write_csv
@@ -225,6 +225,15 @@ class Evolution:
             "direct_check": None,
             "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
         }
+        model = self.session.model.name
+        if model != "finite_strain" and self.problem.size <= MEASURED:
+            found["direct_check"], full = outcome.direct_check(
+                self.problem, balls, forces, moments, self.session.scene.tangential_force or DIRECT_ACCURACY
+            )
+            if full and model == "linear_bem":
+                found["balls"] = full
+            elif full:
+                found["balls"] = outcome.without_pressures(self.problem, moments[-1], full)
         if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
             return found
         found["position_error"] = outcome.position_error(
@@ -233,12 +242,6 @@ class Evolution:
         if balls.cell is None and balls.rolling == 0.0:
             found["equilibrium"] = outcome.equilibrium(forces, balls, end, given.difference)
             found["pair_equilibria"] = outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None
-        model = self.session.model.name
-        if model != "finite_strain" and balls.cell is None:
-            checks, states = outcome.direct_check(self.problem, forces, moments, DIRECT_ACCURACY)
-            found["direct_check"] = checks
-            if states and model == "linear_bem":
-                found["balls"] = states
         return found
 
 

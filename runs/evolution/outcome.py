@@ -1,23 +1,28 @@
 """The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces."""
 
-import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.errors import NotConverged
-from linear_bem.problem import Problem
+from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
+from linear_bem.problem import Periodic, Problem
 from runs.evolution import equilibria
 from runs.evolution.drift import Drift, Moment
 from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.record import Record, arrays, positions_at
+from runs.evolution.structure import nearest_distances
 from runs.process.json_values import Document
+from runs.scene.units import Unit
 
 COARSER = 10.0
 """Tolerance of a second run over that of the first; their difference is the error of the positions."""
+NAMED = 3
+"""Sizes of clusters that are named, the largest."""
 FURTHEST = 12.0
 """Distance over the touching one up to which the equilibria of a pair are looked for."""
 
@@ -28,14 +33,41 @@ def rest(end: Moment) -> Document:
     return {"at_rest": end.resting, "speed": end.speed, "force_over_load": left}
 
 
-def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float) -> str:
-    """Return the sentence that says whether the balls rest."""
+def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rolling: float = 0.0) -> str:
+    """Return the sentence that says whether the balls rest; ``rolling`` is the rolling resistance over the load."""
     left = f"largest |T|/Q left: {found['force_over_load']:.2g}"
     if not found["at_rest"]:
-        return f"still moving after {cycles:.4g} cycles: {found['speed']:.2g} of their load drives the balls ({left})"
-    if contacts:
-        return f"at rest after {cycles:.4g} cycles: {contacts} contacts hold the balls ({left})"
-    return f"at rest after {cycles:.4g} cycles: no tangential force is left ({left})"
+        return (
+            f"still moving after {cycles:.4g} cycles; largest driving force: {found['speed']:.2g} of the load ({left})"
+        )
+    holds = [_count(contacts, "contact")] if contacts else []
+    if rolling > 0.0:
+        holds.append(f"the rolling resistance of {rolling:g} of the load")
+    if not holds:
+        return f"at rest after {cycles:.4g} cycles: no tangential force is left ({left})"
+    verb = "holds" if contacts + (rolling > 0.0) == 1 else "hold"
+    return f"at rest after {cycles:.4g} cycles: {' and '.join(holds)} {verb} the balls ({left})"
+
+
+def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | None, length: Unit) -> str:
+    """Return the sentence that says how the balls are grouped at the ``end``, a `runs.evolution.record.summary`.
+
+    ``begin`` (balls, 2) [m] are the positions as given, ``cell`` the lengths [m] of a cell, ``length`` a unit.
+    """
+    contacts = _count(end["contacts"], "contact") if end["contacts"] else "no contacts"
+    if len(end["groups"]) == 1:
+        return f"{len(begin)} balls in one group, {contacts}"
+    sizes = Counter(end["groups"])  # from the largest on
+    groups = [f"{_count(count, 'cluster')} of {size}" for size, count in sizes.items()]
+    if len(groups) > NAMED:
+        others = sum(list(sizes.values())[NAMED:])
+        groups[NAMED:] = [f"{others} smaller ones"]
+    here, there = (length(float(np.min(nearest_distances(x, cell)))) for x in (np.array(end["positions"]), begin))
+    return f"{contacts}; {', '.join(groups)}; nearest distance {here} ({there} at the start)"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def position_error(
@@ -102,37 +134,46 @@ def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
 
 
 def direct_check(
-    problem: Problem, forces: Forces, moments: Sequence[Moment], accuracy: float
+    problem: Problem, hard: HardBalls, forces: Forces, moments: Sequence[Moment], accuracy: float
 ) -> tuple[list[Document], list[Document]]:
-    """Return the deviation of the forces from the full linear model at start and end, and its balls at the end."""
+    """Return the deviation of the forces from the full linear model at start and end, and its balls at the end.
+
+    ``share`` is the size of the largest difference of T over the largest T of the full model, None where this fails.
+    """
     from linear_bem import solve  # noqa: PLC0415
 
     rows: list[Document] = []
     balls: list[Document] = []
+    cell = None if hard.cell is None else Periodic((float(hard.cell[0]), float(hard.cell[1])))
     for name, moment in (("start", moments[0]), ("end", moments[-1])):
         state = forces(moment.positions)
         try:
-            full = solve(at(problem, moment.positions), accuracy=accuracy)
-        except NotConverged as error:
-            rows.append({"at": name, "share": math.nan, "reason": str(error)})
+            apart = at(problem, hard.parted(moment.positions, np.ones(len(moment.positions))))
+            full = solve(replace(apart, periodic=cell), accuracy=accuracy)
+        except (NotConverged, UnsupportedProblem, TooLarge) as error:
+            rows.append({"at": name, "share": None, "reason": str(error)})
             balls = []
             continue
         balls = [ball.to_dict() for ball in full.balls]
         true = np.array([ball.tangential_force for ball in full.balls])
-        largest = float(np.max(np.hypot(*true.T)))
-        rows.append(
-            {
-                "at": name,
-                "share": float(np.max(np.abs(state.tangential - true))) / largest if largest > 0.0 else 0.0,
-                "full_model_error": max(b.tangential_force_error for b in full.balls) / (largest or 1.0),
-            }
-        )
+        largest, known = float(np.max(np.hypot(*true.T))), max(b.tangential_force_error for b in full.balls)
+        if largest <= 2.0 * known:
+            rows.append({"at": name, "share": None, "reason": "T is zero there to its error"})
+            continue
+        away = float(np.max(np.hypot(*(state.tangential - true).T)))
+        rows.append({"at": name, "share": away / largest, "full_model_error": known / largest})
     return rows, balls
 
 
-def without_pressures(problem: Problem, moment: Moment) -> list[Document]:
-    """Return the balls of a state with known forces and unknown pressures, which are null."""
-    state = moment.state
+def without_pressures(problem: Problem, moment: Moment, full: Sequence[Mapping[str, Any]] = ()) -> list[Document]:
+    """Return the balls of a state with known forces and unknown pressures, which are null.
+
+    The error of T is at least its largest difference from the ``full`` linear model's balls, where these are given.
+    """
+    state, error = moment.state, moment.state.error
+    if full:
+        away = np.hypot(*(state.tangential - [ball["tangential_force"] for ball in full]).T)
+        error = np.maximum(error, np.max(away + [ball["tangential_force_error"] for ball in full]))
     return [
         {
             "position": moment.positions[i].tolist(),
@@ -140,7 +181,7 @@ def without_pressures(problem: Problem, moment: Moment) -> list[Document]:
             "approach": problem.load.values[i],
             "normal_force": float(state.normal[i]),
             "tangential_force": state.tangential[i].tolist(),
-            "tangential_force_error": float(state.error[i]),
+            "tangential_force_error": float(error[i]),
             "peak_pressure": None,
             "contact_area": None,
             "tangential_force_routes": {},

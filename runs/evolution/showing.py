@@ -3,17 +3,23 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from linear_bem.problem import Problem
+import numpy as np
+
 from runs.display import tables
 from runs.display.numbers import number
 from runs.display.rows import LEGEND
 from runs.evolution import drawing, layer_pictures, outcome, structure
 from runs.evolution.drift import Moment
-from runs.evolution.hard_balls import IN_ONE_FILE, HardBalls
+from runs.evolution.hard_balls import HardBalls
 from runs.process.json_values import Document
-from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.scene.scene_file import Scene
 from runs.scene.units import Unit
 from runs.session.session import Session
+
+LISTED = 20
+"""Largest number of balls whose final state is printed."""
+LONG = 1e4
+"""Path in the scene's unit of length from which it is printed in metres."""
 
 
 def draw(session: Session, document: Document, moments: Sequence[Moment], balls: HardBalls) -> None:
@@ -38,30 +44,38 @@ def show(session: Session, document: Document) -> None:
     out = tables.console()
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
-    if len(document["balls"]) <= IN_ONE_FILE:
-        periodic = "periodic" in session.scene.drift
+    periodic = "periodic" in session.scene.drift
+    if len(document["balls"]) <= LISTED:
         tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
         tables.say(out, session.scale.legend(), *(() if periodic else (LEGEND,)))
     else:
-        tables.say(out, title)
-    tables.say(out, *_sentences(session.problem, session.scene.reciprocation, document, session.scale.units.length))
+        tables.say(out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls")
+    tables.say(out, *_sentences(session.scene, document, session.scale.units.length))
     tables.say(out, *tables.notes(document["solved"]))
 
 
-def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document, length: Unit) -> list[str]:
+def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     """Return the outcome of the run, one sentence each, in the scene's unit of length."""
-    end = document["path"][-1]
-    contacts = end["contacts"] if isinstance(end["contacts"], int) else len(end["contacts"])
-    lines = [outcome.rest_sentence(document["rest"], contacts, end["cycle"])]
+    sliding, problem, end, members = scene.reciprocation, scene.problem, document["path"][-1], document["ensemble"]
+    assert sliding is not None
+    periodic, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
+    contacts = members[0]["contacts"]
+    lines = [outcome.rest_sentence(document["rest"], contacts, end["cycle"], 0.0 if rolling is None else rolling.share)]
+    if len(members) == 1:
+        cell = None if periodic is None else np.array(periodic.lengths)
+        lines.append(outcome.arrangement_sentence(members[0], problem.positions, cell, length))
+    if periodic is not None:
+        lines.append("positions are not wrapped into the cell: those of balls that have left it lie beyond its edges")
     smallest = min(ball.radius for ball in problem.balls)
+    path = Unit("m", 1.0) if length.name != "R" and end["sigma"] >= LONG * length.size else length
     lines.append(
-        f"friction {sliding.friction:g} changes only the time scale: {length(end['sigma'])} of sliding path over "
-        f"friction, {length(sliding.path_per_cycle)} of path a cycle"
+        f"friction {sliding.friction:g} changes only the time scale: sliding path / friction = {path(end['sigma'])}, "
+        f"{length(sliding.path_per_cycle)} of path a cycle"
     )
     if document["position_error"] is not None:
         lines.append(
-            f"positions are known to {number(document['position_error'] / smallest, 2)} R (against a tolerance ten "
-            "times coarser)"
+            f"estimated error of the positions: {number(document['position_error'] / smallest, 2)} R, by comparison "
+            f"with a {outcome.COARSER:g} times coarser tolerance"
         )
     lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
     if document["cut_error"]:
@@ -69,11 +83,7 @@ def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document
             f"forces between balls far apart are left out; with ten times less left out, T at the start changes by "
             f"{100.0 * document['cut_error']:.1g} % of the largest"
         )
-    for row in document["direct_check"] or []:
-        if row["share"] is None or row["share"] != row["share"]:
-            lines.append(f"the full linear model has no answer at the {row['at']}: {row['reason']}")
-        else:
-            lines.append(f"T at the {row['at']} differs from the full linear model by {100.0 * row['share']:.2g} %")
+    lines += _compared(document)
     solved = document["solved"]
     lines.append(f"{solved['iterations']} steps in {number(solved['seconds'], 3)} s of processor time")
     if document["equilibrium"] is not None:
@@ -84,12 +94,27 @@ def _sentences(problem: Problem, sliding: ReciprocationTable, document: Document
         lines.append(
             f"two balls rest at no distance up to {outcome.FURTHEST:g} times the touching one: T separates throughout"
         )
-    members = document["ensemble"]
     if len(members) > 1:
         ends = sorted({(m["contacts"], tuple(m["groups"])) for m in members}, reverse=True)
         for contacts, groups in ends:
             count = sum((m["contacts"], tuple(m["groups"])) == (contacts, groups) for m in members)
             lines.append(f"{count} of {len(members)} members end with {contacts} contacts in groups of {list(groups)}")
+    return lines
+
+
+def _compared(document: Document) -> list[str]:
+    """Return how much T differs from that of the full linear model, where that was asked."""
+    lines = []
+    for row in document["direct_check"] or []:
+        if row["share"] is None:
+            lines.append(f"T at the {row['at']} is not compared with the full linear model: {row['reason']}")
+        else:
+            share = f"{100.0 * row['share']:.2g} % of the largest"
+            lines.append(f"T at the {row['at']} differs from the full linear model by {share}")
+    if document["model"] == "linear_bem" and document["balls"][0]["peak_pressure"] is not None:
+        lines.append(
+            "the final state of the balls is the full linear model's, T on the path that of the drift's forces"
+        )
     return lines
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Voronoi, cKDTree
 from scipy.special import j0
 
 from linear_bem.arrays import Array, Indices
@@ -20,6 +20,8 @@ WAVES = 48
 """Rings of wave numbers, from 0 to two over the smallest touching distance, times 2 pi."""
 FLAT = 1e-3
 """Width over length below which balls are in one line."""
+EDGE = 1e-6
+"""Length of the edge between two Voronoi cells over their balls' distance up to which it is a corner."""
 AROUND = 0.5
 """Share of a periodic cell whose images surround it where neighbours are looked for."""
 
@@ -43,8 +45,9 @@ def coordination(contacts: int, count: int) -> float:
 def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     r"""Return psi_6 of every ball: the mean of exp(6 i theta) over the directions theta to its neighbours.
 
-    Neighbours are those of Delaunay's triangulation; balls in one line have none, and 0. |psi_6| = 1 in a triangular
-    lattice; the size of the mean over all balls is less than the mean size where grains point differently.
+    Neighbours are those whose cells of Voronoi's diagram share an edge longer than `EDGE`, so that four balls on one
+    circle, as at a vacancy of a lattice, have no diagonal; balls in one line have none, and 0. |psi_6| = 1 in a
+    triangular lattice; the size of the mean over all balls is less than the mean size where grains point differently.
     [Halperin, Nelson 1978, doi 10.1103/PhysRevLett.41.121]
     """
     count, points = len(x), x
@@ -56,8 +59,12 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
         images = (inside[None] + cell * shifts[:, None]).reshape(-1, 2)
         kept = np.all((images > -AROUND * cell) & (images < (1.0 + AROUND) * cell), axis=1)
         points = images[kept]  # the cell's own balls come first
-    start, neighbours = Delaunay(points).vertex_neighbor_vertices
-    owner = np.repeat(np.arange(len(points)), np.diff(start))
+    diagram = Voronoi(points)
+    pairs, ends = diagram.ridge_points, np.array(diagram.ridge_vertices)
+    apart = np.hypot(*(points[pairs[:, 1]] - points[pairs[:, 0]]).T)
+    edges = np.hypot(*(diagram.vertices[ends[:, 1]] - diagram.vertices[ends[:, 0]]).T)
+    pairs = pairs[(ends[:, 0] < 0) | (edges > EDGE * apart)]  # an outer edge has no end
+    owner, neighbours = np.concatenate([pairs, pairs[:, ::-1]]).T
     between = points[neighbours] - points[owner]
     turned = (np.exp(6j * np.arctan2(between[:, 1], between[:, 0])))[owner < count]
     own = owner[owner < count]
@@ -86,10 +93,12 @@ def structure_factor(x: Array, cell: Array | None, largest: float) -> tuple[Arra
     power = np.abs(waves) ** 2 / len(x)
     ring = np.digitize(size.ravel(), edges) - 1
     used = (ring < WAVES) & (size.ravel() > 0.0)
-    number = np.bincount(ring[used], minlength=WAVES)
-    total = np.bincount(ring[used], power.ravel()[used], WAVES)
-    mean = np.bincount(ring[used], size.ravel()[used], WAVES)
-    there = number > 0
+    # a wave and its opposite are one; of those along y alone both are there
+    weight = np.where(along[:, None] > 0, 1.0, 0.5) + np.zeros(size.shape)
+    number, total, mean = (
+        np.bincount(ring[used], (weight * values).ravel()[used], WAVES) for values in (1.0, power, size)
+    )
+    there = number > 0.0
     return mean[there] / number[there], total[there] / number[there]
 
 

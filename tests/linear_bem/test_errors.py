@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import gamma
 
 from linear_bem import Ball, Cone, Elastic, Ellipsoid, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
@@ -93,6 +94,33 @@ def test_grids_of_sharp_bodies_cover_closed_forms(accuracy):
         problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=body),), Load("approach", (at,)))
         ball, known = solve(problem, accuracy).balls[0], solve(problem, 1e-4).balls[0]
         assert abs(ball.peak_pressure - known.peak_pressure) <= ball.errors["peak_pressure"]
+
+
+def rounded_punch(radius, edge):
+    """Return D and Q of a rounded punch on `HALF_SPACE` by its contact's radius [Sneddon 1965]."""
+    start = np.arcsin((1.0 - edge) / radius)
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    angle, weights = start + 0.5 * (nodes + 1.0) * (np.pi / 2.0 - start), 0.5 * weights * (np.pi / 2.0 - start)
+    r = radius * np.sin(angle)
+    slope = (r - 1.0 + edge) / np.sqrt(edge**2 - (r - 1.0 + edge) ** 2)
+    return radius * weights @ slope, 2.0 * HALF_SPACE.contact_modulus * weights @ (r**2 * slope)
+
+
+@pytest.mark.parametrize(("edge", "depth"), [(0.1, 0.003), (0.03, 0.05), (0.1, 0.05)])
+def test_an_edge_narrower_than_a_cell_is_covered(edge, depth):
+    """Two coarse grids that do not resolve the rounded edge agree, and are both wrong."""
+    radius = brentq(lambda a: rounded_punch(a, edge)[0] - depth, 1.0 - edge + 1e-9, 1.0 - 1e-9)
+    force = rounded_punch(radius, edge)[1]
+    problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=Punch(1.0, edge)),), Load("approach", (depth,)))
+    kernel = LayeredKernel.of(problem)
+    before = previous = None
+    for contacts in itertools.islice(grid_levels(problem, kernel, first_guess(problem, kernel)), 3):
+        errors = errors_of_one(contacts) if before is None else errors_by_change(before, contacts, previous)
+        assert abs(contacts.normal_forces[0] - force) <= errors["normal_force"][0] < 0.03 * force
+        assert abs(contacts.contact_areas[0] - np.pi * radius**2) <= errors["contact_area"][0] < 0.2 * radius**2
+        before, previous = contacts, None if before is None else errors
+    ball = solve(problem, 1e-3).balls[0]
+    assert abs(ball.normal_force - force) <= ball.errors["normal_force"] < 3e-3 * force
 
 
 def test_the_peak_at_the_edge_of_a_stiff_film_is_covered_by_coarse_cells_too():

@@ -21,6 +21,10 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"balls": (Ball((0.0, 0.0), "1 mm"),)}, r"balls\.radius\[0\]: must be a number"),
         ({"finite_strain": FiniteStrain("gum")}, r'finite_strain\.law: must be one of neo_hookean, .*, got "gum"'),
         ({"finite_strain": FiniteStrain("gent")}, r'finite_strain\.limit: is missing for law "gent"'),
+        (
+            {"periodic": (10.0, 10.0)},
+            r"periodic: must be a cell such as Periodic.*, got \(10\.0, 10\.0\)",
+        ),
         ({"load": Load("approach", (1e-300,))}, r"load\.approach\[0\]: must be at least 3e-12, or 0, got 1e-300"),
         ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-17, or 0, got 1e-20"),
     ],
@@ -28,6 +32,12 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
 def test_invalid_values_are_refused_with_their_key(parts, words):
     with pytest.raises(InvalidProblem, match=words):
         Problem(**({"layer": LAYER, "balls": BALLS, "load": LOAD} | parts))
+
+
+@pytest.mark.parametrize("accuracy", ["1e-3", 0.0, math.nan, None])
+def test_an_accuracy_that_is_none_is_refused(accuracy):
+    with pytest.raises(InvalidProblem, match=r"accuracy.*must be a number between 0 and 1"):
+        solve(Problem(LAYER, BALLS, LOAD), accuracy)
 
 
 def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():

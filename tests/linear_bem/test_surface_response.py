@@ -177,13 +177,34 @@ def test_an_auxetic_layer_on_a_rigid_base_has_the_thin_limit():
     [
         (lambda t: 1.0 + 1.0 / (1.0 + t), "must tend to 1 exponentially"),
         (lambda t: 2.0 + 0.0 * t, "young and poisson must be those at the surface"),
-        (lambda t: 1.0 - 2.0 * np.exp(-t), "must return a positive number"),
+        (
+            lambda t: 1.0 - 2.0 * np.exp(-t),
+            r"got -0\.003\d* at 0\.69: not positive at \d+ of \d+ arguments between 1e-06 and 0\.69$",
+        ),
         (lambda t: 1.0, r"an array of shape"),
     ],
 )
 def test_what_is_no_response_of_a_surface_is_refused(response, words):
     with pytest.raises(InvalidProblem, match=words):
         LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, response))
+
+
+def test_a_response_lost_in_roundoff_gets_its_arguments_and_a_remedy():
+    def lost(t):
+        return np.tanh(t) ** 3 - 1e-15
+
+    with pytest.raises(
+        InvalidProblem, match=r"between 1e-06 and .*e-06; .* series, or take a Poisson's ratio of 0\.4999"
+    ):
+        LayeredKernel(SurfaceResponse(1.0, 0.5, 1.0, lost))
+
+
+@pytest.mark.parametrize("stated", [2.0, 0.3, 1e-3])
+def test_a_far_ratio_above_a_response_that_falls_to_0_is_refused(stated):
+    with pytest.raises(
+        InvalidProblem, match=r"layer\.far_ratio: must be the limit of the response at 0, which falls to"
+    ):
+        LayeredKernel(SurfaceResponse(1.0, 0.3, 1.0, lambda t: np.tanh(t) ** 2, far_ratio=stated))
 
 
 def test_contradictions_and_other_models_are_refused():

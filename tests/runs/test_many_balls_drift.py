@@ -64,6 +64,7 @@ def test_the_shipped_layer_gathers_and_a_larger_resistance_stops_it(
 ) -> None:
     monkeypatch.setattr(showing, "draw", lambda *given: None)
     monkeypatch.setattr(outcome, "position_error", lambda *given: None)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     shipped = (ROOT / "runs" / "scenes" / "layer_of_36_balls.toml").read_text(encoding="utf-8")
     file = tmp_path / "layer.toml"
     file.write_text(shipped.replace("cycles = 200", "cycles = 0.3"), encoding="utf-8")
@@ -86,6 +87,7 @@ def evolved(file: Path, out: Path) -> dict[str, Any]:
 def test_a_killed_run_of_many_balls_goes_on_to_the_same_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = written(tmp_path)
     monkeypatch.setattr(motion, "DENSE", 5)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     whole = evolved(file, tmp_path / "whole")
     assert "positions" not in whole["path"][0]
     assert whole["path"][-1]["contacts"] > 5  # more than nnls is left with

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from runs.evolution import structure
 from runs.evolution.hard_balls import HardBalls
@@ -34,3 +35,39 @@ def test_structure_of_a_lattice_and_of_chance() -> None:
     k, s = structure.structure_factor(np.array([[0.0, 0.0], [3.0, 0.0]]), None, 6.0)
     assert s[0] == pytest.approx(2.0, abs=0.05)
     assert np.all(structure.hexatic_order(np.array(line(5, 0.03)), None) == 0.0)
+
+
+def test_the_structure_factor_weighs_all_wave_vectors_alike() -> None:
+    rng, largest = np.random.default_rng(2), 4.0
+    cell = np.array([7.0, 11.0])
+    x = rng.uniform(0.0, 1.0, (13, 2)) * cell
+    k, s = structure.structure_factor(x, cell, largest)
+    swapped = structure.structure_factor(x[:, ::-1], cell[::-1], largest)
+    assert swapped[0] == pytest.approx(k, rel=1e-12)
+    assert swapped[1] == pytest.approx(s, rel=1e-10)
+    # every wave vector one by one
+    numbers = np.array([(m, n) for m in range(-9, 10) for n in range(-9, 10) if m or n])
+    waves = 2.0 * np.pi * numbers / cell
+    size = np.hypot(*waves.T)
+    power = np.abs(np.exp(1j * waves @ x.T).sum(axis=1)) ** 2 / len(x)
+    ring = np.floor(size / largest * structure.WAVES).astype(int)
+    rings = np.unique(ring[ring < structure.WAVES])
+    assert k == pytest.approx([size[ring == r].mean() for r in rings], rel=1e-12)
+    assert s == pytest.approx([power[ring == r].mean() for r in rings], rel=1e-10)
+
+
+def test_the_hexatic_order_does_not_depend_on_the_cells_origin_where_balls_are_missing() -> None:
+    x, cell = triangular(10, 12, 2.0)
+    x = np.delete(x, [13, 14, 57, 88], axis=0)
+    order = structure.hexatic_order(x, cell)
+    for shift in np.random.default_rng(5).uniform(0.0, 20.0, (4, 2)):
+        assert structure.hexatic_order(x + shift, cell) == pytest.approx(order, abs=1e-9)
+    assert np.abs(order).min() < 0.99
+    # elsewhere neighbours are Delaunay's
+    gas = np.random.default_rng(1).uniform(0.0, 60.0, (400, 2))
+    start, neighbours = Delaunay(gas).vertex_neighbor_vertices
+    owner = np.repeat(np.arange(len(gas)), np.diff(start))
+    away = gas[neighbours] - gas[owner]
+    turned = np.exp(6j * np.arctan2(away[:, 1], away[:, 0]))
+    mean = np.array([turned[owner == i].mean() for i in range(len(gas))])
+    assert structure.hexatic_order(gas, None) == pytest.approx(mean, abs=1e-9)

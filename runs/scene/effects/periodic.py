@@ -28,7 +28,10 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
         return []
     texts = []
     if scene.reciprocation.forces == "direct":
-        texts.append('reciprocation.forces: with [periodic] balls drift by pair forces alone; take forces = "pairs"')
+        texts.append(
+            'reciprocation.forces: with [periodic] balls drift by pair forces alone; take forces = "pairs", for '
+            "unequal balls with --model point_load, or drop [periodic]"
+        )
     if scene.substrate is not None or math.isinf(scene.layer.thickness):
         texts.append(
             "[periodic]: the dents of infinitely many balls that drift add up without limit on an elastic half-space; "
