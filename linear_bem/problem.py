@@ -1,7 +1,6 @@
-"""The contact problem: bodies, materials and load, without discretisation and tolerances.
+"""The contact problem: bodies, materials and load, without discretisation and tolerances; every model takes one.
 
-Every model of this project takes a `Problem`. SI units; z points up out of the layer, whose free
-surface is z = 0; an approach is positive when a ball is pressed into the layer.
+SI units; z points up out of the layer, whose free surface is z = 0; an approach is positive into the layer.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def test_the_observer_receives_size_attempts_iterations_and_steps(result: Any, h
     assert len(heard.steps) == len(result.steps)
     for seen, step in zip(heard.steps, result.steps, strict=True):  # error bars also hold what later loads show
         for early, ball in zip(seen.balls, step.balls, strict=True):
-            assert replace(early, tangential_force_error=ball.tangential_force_error) == ball
+            assert replace(early, tangential_force_error=ball.tangential_force_error, errors=ball.errors) == ball
 
 
 def test_the_surface_handed_to_the_observer_is_the_whole_scenes(result: Any, heard: Recorder) -> None:
