@@ -76,7 +76,7 @@ class Answers:
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
         other = Terms(*shares, account.tolerance * rate)
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
-        mutual = np.any(self._scale(now.normal_force) > 0.0)
+        mutual = len(self.plan.problem.balls) > 1
         return Answer(
             **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total, other.total), step=step,
             linear_failure=said if isinstance(said, str) else "",

@@ -118,7 +118,7 @@ class Answer(SolverAccount):
     """The answer at load step number ``step``; lists have one value per ball of the scene, forces and errors in N.
 
     ``mesh`` is the discretisation's number in its run; ``linear_failure`` says why `linear_bem` has no answer;
-    ``error_terms`` are those of T, or of the force or approach that was not given where there are no mutual forces;
+    ``error_terms`` are those of T, or of the force or approach that was not given where there is one ball;
     ``imbalance`` is the size of the sum of T. ``normal_force_error`` holds at the given approach, ``approach_error``
     [m] at the given force.
     """

@@ -122,7 +122,7 @@ def random_start(case: Case) -> Array:
 def scene_text(case: Case, law: PairLaw) -> str:
     """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R.
 
-    ``law`` is that of small strain: runs by both models are told alike how far to slide, and where rest begins.
+    ``law`` is that of small strain: runs by both models have the same sliding path and the same threshold of rest.
     """
     longest = RESISTED if case.rolling > 0.0 else GATHERING if law.ratio[0] > 0.0 else PARTING
     resisted = f"[rolling_resistance]\nshare = {case.rolling * law.largest}\n" if case.rolling > 0.0 else ""
