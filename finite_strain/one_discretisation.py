@@ -90,12 +90,13 @@ class ModelRun:
     def state(self, fraction: float) -> ContactState:
         """Return the results of the model in its present state (collective)."""
         model = self.model
-        forces, areas = model.forces(), model.contact_areas()
+        forces, areas = model.forces(), model.readings.contact_areas()
         extremes = self.extremes()
         return ContactState(
             fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],
             tangential_force=self.meter.domain(np.sqrt(areas / math.pi)), traction_force=forces[:, :2],
-            contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1], mean_gap=model.mean_gaps(),
+            contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1],
+            mean_gap=model.readings.mean_gaps(),
         )  # fmt: skip
 
 

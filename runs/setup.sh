@@ -277,6 +277,12 @@ if PETSc.ScalarType != numpy.float64:
   stop_with_log "installed, but it does not work: see the lines above." "If .venv is damaged:  rm -rf '$venv' and run this again"
 }
 
+# Otherwise the first run of each kind would wait for the compiler.
+precompile() {
+  logged "compiling the finite elements of common scenes, for a minute or two" "${two_ranks[@]}" "$venv/bin/python" -m finite_strain.precompile ||
+    stop_with_log "finite elements do not compile: see the lines above." "The compiler is gcc:  apt-get install gcc"
+}
+
 # Ranks of one thread that do not spin or fight for a core. What the user has set stays.
 set_mpi_environment() {
   export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}" PYTHONNOUSERSITE="${PYTHONNOUSERSITE:-1}"
@@ -343,6 +349,7 @@ make_ready() {
     ensure_venv
     install_project
     verify
+    precompile
     touch "$venv/.thirdbody-$hash-run" "$venv/.thirdbody-$hash-$1"
   fi
   exec 9>&-

@@ -201,22 +201,24 @@ class Contact:
         for slot in self.slots:
             slot.set("chosen", balls)
 
-    def readings(self, stretch: Any) -> list[Any]:
-        """Return the forms of the readings of the chosen balls, for the area ratio of the deformed surface.
+    def readings(self, stretch: Any) -> dict[str, Any]:
+        """Return forms of the chosen balls by name, for the area ratio ``stretch`` of the deformed surface.
 
-        In order: force along x, along y and normal [N], its stiffness [N/m], contact area [m^2], int p g [N m] and
-        int p [N] over the undeformed surface. Forces are the derivative of the potential by the ball's position, with
-        the sign of the force on the ball; the stiffness is the second derivative by its approach.
+        The force along "x", "y" and "normal" [N], its "stiffness" [N/m], "area" [m^2], and over the undeformed surface
+        "moment", int p g [N m], and "weight", int p [N]. Forces are the derivative of the potential by the ball's
+        position, with the sign of the force on the ball; the stiffness is the second derivative by its approach.
         """
-        sums: list[Any] = [0] * 7
+        sums: dict[str, Any] = {}
         for slot in self.slots:
             normal = ufl.diff(slot.density, slot.approach)
-            for number, value in enumerate((
-                -ufl.diff(slot.density, slot.x), -ufl.diff(slot.density, slot.y), normal,
-                ufl.diff(normal, slot.approach), ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0),
-                slot.pressure * slot.gap, slot.pressure,
-            )):  # fmt: skip
-                sums[number] += slot.fields["chosen"] * value * self.measure
+            values = {
+                "x": -ufl.diff(slot.density, slot.x), "y": -ufl.diff(slot.density, slot.y), "normal": normal,
+                "stiffness": ufl.diff(normal, slot.approach),
+                "area": ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0),
+                "moment": slot.pressure * slot.gap, "weight": slot.pressure,
+            }  # fmt: skip
+            for name, value in values.items():
+                sums[name] = sums.get(name, 0) + slot.fields["chosen"] * value * self.measure
         return sums
 
     def configurational_form(self, weight: Any, axis: Any) -> Any:

@@ -18,7 +18,9 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Contact
-from finite_strain.discretisation.regions import Bulk, constant, elastic_constants, make_bulks, nothing_where_idle
+from finite_strain.discretisation import regions
+from finite_strain.discretisation.readings import Readings
+from finite_strain.discretisation.regions import Bulk, constant
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
 from finite_strain.mechanics.volumetric import Volumetric
@@ -26,9 +28,6 @@ from linear_bem.problem import Problem
 from meshes.box import TAGS
 
 _PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
-_NORMAL, _STIFFNESS, _AREA, _MEAN_GAP = 2, 3, 4, (5, 6)
-"""Indices of the readings in `Contact.readings`."""
-
 Meshed = tuple[Any, Any, Any]
 """Mesh, cell tags, facet tags."""
 
@@ -45,7 +44,11 @@ class Model:
         self.displacement = dolfinx.fem.Function(self.space, name="displacement")
         self._still = dolfinx.fem.Function(self.space, self.displacement.x)
         self.linear_space = compat.function_space(self.mesh, 1)
-        self.bulks = make_bulks(problem, self.mesh, self.cell_tags, order - 1)
+        self.weight = dolfinx.fem.Function(self.linear_space)
+        self.axis = constant(self.mesh, (0.0, 0.0, 0.0))
+        """Weight and direction of the domain integral (`finite_strain.force.domain_integral`)."""
+        self.bulks = regions.make_bulks(problem, self.mesh, self.cell_tags, order - 1)
+        self._moduli = regions.Moduli.of(self.bulks, self.mesh, self.cell_tags)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self._stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.length = min(ball.radius for ball in problem.balls)
@@ -82,7 +85,7 @@ class Model:
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
         """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return elastic_constants(bulk, self.mesh, self.length, self.contact.turning)
+        return regions.elastic_constants(bulk, self.mesh, self._moduli, self.length, self.contact.turning)
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
@@ -90,17 +93,17 @@ class Model:
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
-        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        total = 0
-        for bulk in self.bulks:
-            variable = ufl.variable(ufl.grad(self.displacement))
-            weight = measure(bulk.tag, metadata={"quadrature_degree": 2 * self.order})
-            total += density(self.energy_density(bulk, variable), variable) * weight
-        return total
+        accuracy = {"quadrature_degree": 2 * self.order}
+        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags, metadata=accuracy)
+        gradient = ufl.variable(ufl.grad(self.displacement))
+        parts = [(bulk, density(self.energy_density(bulk, gradient), gradient)) for bulk in self.bulks]
+        if all((bulk.kinematics, bulk.pressure) == (self.bulks[0].kinematics, None) for bulk in self.bulks):
+            return parts[0][1] * measure  # regions that differ in their moduli alone share one compiled integral
+        return sum(value * measure(bulk.tag) for bulk, value in parts)
 
     def _compile(self) -> None:
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        bulk = self.volume_integral(lambda psi, _: psi) + nothing_where_idle(self.bulks, self.mesh, measure)
+        bulk = self.volume_integral(lambda psi, _: psi) + regions.nothing_where_idle(self.bulks, self.mesh, measure)
         u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         fields = self.fields.functions
         self._direction = self.fields.like()
@@ -113,16 +116,19 @@ class Model:
         tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
         pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
         pairs = list(zip(fields, self._direction.functions, strict=True))
-        self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in residuals]
-        readings = self.contact.readings(self._stretch)
-        self._asked = [constant(self.mesh, 0.0) for _ in readings]
-        reading = sum(asked * form for asked, form in zip(self._asked, readings, strict=True))
-        self._by_move = ufl.derivative(readings[_NORMAL], u, test)
-        forms = [*tangents, *residuals, potential, reading, *[pressed] * self._has_constant_bulk]
+        changing = [ufl.derivative(self.contact.energy, u, test)] if self._has_constant_bulk else residuals
+        self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in changing]
+        inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
+        parts = self.contact.readings(self._stretch) | {name: self.volume_integral(f) for name, f in inside.items()}
+        parts["contact_energy"] = self.contact.energy
+        parts["configurational"] = self.contact.configurational_form(self.weight, self.axis)
+        self.readings = Readings(self.contact, parts)
+        self._by_move = ufl.derivative(parts["normal"], u, test)
+        forms = [*tangents, *residuals, self.readings.form, *[pressed] * self._has_constant_bulk]
         compiled = iter(compat.compile_forms(forms, self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
         self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
-        self._potential, self._reading, *self._contact_tangent = compiled
+        self.readings.compiled, *self._contact_tangent = compiled
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -132,8 +138,8 @@ class Model:
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
     @cached_property
-    def _actions(self) -> list[Any]:
-        """The products of the tangent with a direction, compiled where a solver asks for them (collective)."""
+    def actions(self) -> list[Any]:
+        """The products of the tangent's varying part with a direction, compiled where a solver asks (collective)."""
         return compat.compile_forms(self._products, self.comm)
 
     @cached_property
@@ -165,12 +171,11 @@ class Model:
 
     def strain_energy(self) -> float:
         """Return the strain energy [J] of the simulated part (collective)."""
-        with self._contact_left_out():
-            return self.energy()
+        return self.readings("strain_energy")
 
     def energy(self) -> float:
         """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
-        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._potential), op=MPI.SUM))
+        return self.readings("strain_energy", "contact_energy")
 
     @contextmanager
     def _contact_left_out(self) -> Iterator[None]:
@@ -183,37 +188,22 @@ class Model:
 
         Forces on whole balls, except along axes that a symmetry fixes.
         """
-        values = self._per_ball(0, 1, _NORMAL)
+        values = self.readings.per_ball("x", "y", "normal")
         for number, ball in enumerate(self.contact.balls):
             values[number, list(ball.fixed_axes)] = 0.0
         return values
 
     def part_forces(self) -> np.ndarray:
         """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
-        return np.asarray(self._per_ball(_NORMAL)[:, 0] / np.array([ball.copies for ball in self.contact.balls]))
+        return np.asarray(
+            self.readings.per_ball("normal")[:, 0] / np.array([ball.copies for ball in self.contact.balls])
+        )
 
-    def contact_areas(self) -> np.ndarray:
-        """Return the contact area (balls,) [m^2] of whole balls (collective)."""
-        return self._per_ball(_AREA)[:, 0]
-
-    def mean_gaps(self) -> np.ndarray:
-        """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
-        moment, force = self._per_ball(*_MEAN_GAP).T
-        return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)
-
-    def _per_ball(self, *readings: int) -> np.ndarray:
-        """Return readings of the contact (balls, readings), for whole balls (collective)."""
-        values = np.zeros((len(self.contact.balls), len(readings)))
-        for number, ball in enumerate(self.contact.balls):
-            self.contact.choose(np.eye(len(values))[number])
-            values[number] = [ball.copies * self._read(reading) for reading in readings]
-        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
-
-    def _read(self, reading: int) -> float:
-        """Return this rank's part of a reading of the chosen balls."""
-        for number, asked in enumerate(self._asked):
-            asked.value = float(number == reading)
-        return float(dolfinx.fem.assemble_scalar(self._reading))
+    def _eshelby(self, psi: Any, gradient: Any) -> Any:
+        """Return -Sigma_kJ q,J along the axis k, with Eshelby's stress Sigma and the weight q."""
+        stress = ufl.diff(psi, gradient)
+        eshelby_row = psi * self.axis - ufl.dot(stress.T, ufl.dot(gradient, self.axis))
+        return -ufl.inner(eshelby_row, ufl.grad(self.weight))
 
     def bulk_residual(self) -> np.ndarray:
         """Return the internal forces [N] at this rank's own nodes (nodes, 3): reactions at constrained nodes."""
@@ -234,7 +224,7 @@ class Model:
         self.contact.choose(balls)
         self._store_free(self._summed([self._border]), b)
         self.contact.choose(balls**2)
-        return float(self.comm.allreduce(self._read(_STIFFNESS), op=MPI.SUM))
+        return self.readings("stiffness")
 
     def volume_residual(self) -> np.ndarray:
         """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
@@ -291,12 +281,19 @@ class Model:
             matrix.assemble()
 
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""
+        """Multiply the second derivative of the total potential with x, zero in constrained rows, into y.
+
+        A part that is constant must have been stored by `tangent`.
+        """
         self._direction.set(x)
         self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
-        self._store_free(self._summed(self._actions[:1]), y)
+        product = self._summed(self.actions[:1])
+        if self._linear is not None:
+            self._linear.mult(x, y)
+            product += y.array_r.reshape(-1, 3)
+        self._store_free(product, y)
         if self.is_mixed:
-            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self._actions[1:])
+            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self.actions[1:])
 
     def _summed(self, forms: list[Any]) -> np.ndarray:
         """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""

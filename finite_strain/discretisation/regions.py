@@ -1,5 +1,7 @@
 """The elastic regions of a mesh: layer and substrate, each with its constants and the form of its elements."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,6 +33,25 @@ class Bulk:
     idle: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class Moduli:
+    """Lame's constants mu and lambda [Pa], constant in each cell; lambda is 0 in mixed form, where it is not used."""
+
+    shear: Any
+    lame: Any
+
+    @classmethod
+    def of(cls, bulks: Sequence[Bulk], mesh: Any, cell_tags: Any) -> Moduli:
+        """Return the constants of the regions."""
+        space = compat.function_space(mesh, 0, discontinuous=True)
+        moduli = cls(dolfinx.fem.Function(space, name="mu"), dolfinx.fem.Function(space, name="lambda"))
+        for bulk in bulks:
+            cells = cell_tags.find(bulk.tag)
+            moduli.shear.x.array[cells] = bulk.solid.shear_modulus
+            moduli.lame.x.array[cells] = bulk.solid.lame_first if bulk.pressure is None else 0.0
+        return moduli
+
+
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
     """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions.
 
@@ -59,23 +80,23 @@ def with_constants(law: Law | Energy, mesh: Any) -> Any:
     return replace(law, **parts)
 
 
-def constant(mesh: Any, value: float) -> Any:
+def constant(mesh: Any, value: float | tuple[float, ...]) -> Any:
     """Return a constant of the mesh, so that one compiled form serves every value."""
-    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))
+    return dolfinx.fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
 
 
-def elastic_constants(bulk: Bulk, mesh: Any, length: float, stiffened: Any) -> tuple[Any, Volumetric]:
+def elastic_constants(bulk: Bulk, mesh: Any, moduli: Moduli, length: float, stiffened: Any) -> tuple[Any, Volumetric]:
     """Return mu and the volumetric energy; ``length`` [m] scales the pressure unknown.
 
     ``stiffened`` is 1 where the mixed form needs its stiffness against changes of volume, else 0.
     """
     solid = bulk.solid
-    shear = constant(mesh, solid.shear_modulus)
     if bulk.pressure is None:
-        return shear, Compressible(constant(mesh, solid.lame_first))
+        return moduli.shear, Compressible(moduli.lame)
     unit = constant(mesh, solid.shear_modulus / length)
     compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
-    return shear, Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
+    mixed = Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
+    return moduli.shear, mixed
 
 
 def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:

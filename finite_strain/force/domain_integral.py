@@ -7,12 +7,8 @@ resolved contact traction. The traction's integral (`Model.forces`) is the secon
 stick to mesh lines, so it converges more slowly, and it is not used in the answer.
 """
 
-import dolfinx
 import numpy as np
-import ufl
-from mpi4py import MPI
 
-from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from meshes.box import Box
 
@@ -21,21 +17,10 @@ CLEAR = 1.03
 
 
 class ForceMeter:
-    """Evaluates the forces on the model's balls; compiles its forms once."""
+    """Evaluates the forces on the model's balls."""
 
     def __init__(self, model: Model, box: Box) -> None:
         self.model, self.box = model, box
-        self._weight = dolfinx.fem.Function(model.linear_space)
-        self._axis = dolfinx.fem.Constant(model.mesh, np.zeros(3))
-        slope = ufl.grad(self._weight)
-
-        def density(psi, gradient):  # type: ignore[no-untyped-def]
-            stress = ufl.diff(psi, gradient)
-            eshelby_row = psi * self._axis - ufl.dot(stress.T, ufl.dot(gradient, self._axis))
-            return -ufl.inner(eshelby_row, slope)
-
-        forms = [model.volume_integral(density), model.contact.configurational_form(self._weight, self._axis)]
-        self._volume, self._surface = compat.compile_forms(forms, model.comm)
         self._points = model.linear_space.tabulate_dof_coordinates()
 
     def domain(self, contact_radii: np.ndarray) -> np.ndarray:
@@ -43,13 +28,12 @@ class ForceMeter:
         contact = self.model.contact
         forces = np.zeros((len(contact.balls), 2))
         for number, ball in enumerate(contact.balls):
-            self._weight.x.array[:] = self._ramp(number, contact_radii[number])
+            self.model.weight.x.array[:] = self._ramp(number, contact_radii[number])
             contact.choose(np.eye(len(forces))[number])
-            for axis in {0, 1} - set(ball.fixed_axes):
-                self._axis.value[:] = np.eye(3)[axis]
-                local = dolfinx.fem.assemble_scalar(self._volume) + dolfinx.fem.assemble_scalar(self._surface)
-                forces[number, axis] = ball.copies * local
-        return np.asarray(self.model.comm.allreduce(forces, op=MPI.SUM))
+            for axis in sorted({0, 1} - set(ball.fixed_axes)):
+                self.model.axis.value[:] = np.eye(3)[axis]
+                forces[number, axis] = ball.copies * self.model.readings("eshelby", "configurational")
+        return forces
 
     def _ramp(self, number: int, contact_radius: float) -> np.ndarray:
         """Return q at this rank's vertices: 1 under the ball, falling to 0 at the edge of its mirror-symmetric block.

@@ -2,7 +2,8 @@
 
 They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
 substrate, which strains by 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy takes the
-law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``.
+law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``:
+its value and first two derivatives hold (`finite_strain.mechanics.invariants.second_order`).
 """
 
 from collections.abc import Callable
@@ -10,14 +11,8 @@ from typing import Any
 
 import ufl
 
-from finite_strain.mechanics.principal_stretches import (
-    PrincipalStretches,
-    exponential_ratio,
-    minus_logarithm,
-    second_invariant,
-    summed,
-    volume_change,
-)
+from finite_strain.mechanics.invariants import minus_logarithm, second_invariant, second_order, volume_change
+from finite_strain.mechanics.principal_stretches import PrincipalStretches, exponential_ratio, summed
 from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
@@ -28,31 +23,27 @@ def neo_hookean(law: NeoHookean, H: Any, shear: Any, volumetric: Volumetric, sti
     The volumetric term is lambda/2 (J - 1)^2 or its mixed form. The term in (ln J)^2 is not used: it softens in strong
     compression.
     """
-    j = volume_change(H)
-    return shear * _half_of_first(H, j) + volumetric(j)
+    return shear / 2 * _first(H, still) + volumetric(volume_change(H))
 
 
 def mooney_rivlin(law: MooneyRivlin, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
     """Return mu/2 [(1 - s) A + s B] - s mu (J - 1)^2 + volumetric(J - 1), B = I2 - 3 - 4 ln J."""
-    j = volume_change(H)
-    first = 2 * _half_of_first(H, j)
+    j, first = volume_change(H), _first(H, still)
     second = 2 * first + second_invariant(H + H.T + H.T * H)
     return shear / 2 * ((1 - law.share) * first + law.share * second) - law.share * shear * j**2 + volumetric(j)
 
 
 def yeoh(law: Yeoh, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
     """Return mu/2 (A + c A^2 + d A^3) + volumetric(J - 1)."""
-    j = volume_change(H)
-    first = 2 * _half_of_first(H, j)
-    c, d = law.ratios
-    return shear / 2 * (first + c * first**2 + d * first**3) + volumetric(j)
+    first, (c, d) = _first(H, still), law.ratios
+    return shear / 2 * (first + c * first**2 + d * first**3) + volumetric(volume_change(H))
 
 
 def gent(law: Gent, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
     """Return -mu/2 J_m ln(1 - A / J_m) + volumetric(J - 1); nan from A = J_m on."""
-    j = volume_change(H)
-    first = 2 * _half_of_first(H, j)
-    return shear / 2 * (first + law.limit * minus_logarithm(-first / law.limit)) + volumetric(j)
+    first, present = _first(H, still), _first(still, still)
+    limited = second_order(lambda a: a[0] + law.limit * minus_logarithm(-a[0] / law.limit), [first], [present])
+    return shear / 2 * limited + volumetric(volume_change(H))
 
 
 def ogden(law: Ogden, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
@@ -74,9 +65,10 @@ def hyperfoam(law: Hyperfoam, H: Any, shear: Any, volumetric: Any, still: Any) -
     return summed(energy, H, still)
 
 
-def _half_of_first(H: Any, j: Any) -> Any:
-    """Return A/2 = (I1 - 3)/2 - ln J: (I1 - 3)/2 = tr H + H:H / 2, tr H = j - (second and third invariants of H)."""
-    return ufl.inner(H, H) / 2 - second_invariant(H) - ufl.det(H) + minus_logarithm(j)
+def _first(H: Any, still: Any) -> Any:
+    """Return A = I1 - 3 - 2 ln J: (I1 - 3)/2 = tr H + H:H / 2, tr H = J - 1 - (second and third invariants of H)."""
+    less_logarithm = second_order(lambda j: minus_logarithm(j[0]), [volume_change(H)], [volume_change(still)])
+    return ufl.inner(H, H) - 2 * (second_invariant(H) + ufl.det(H) - less_logarithm)
 
 
 def _terms(law: Ogden | Hyperfoam, shear: Any, stretches: PrincipalStretches) -> Any:

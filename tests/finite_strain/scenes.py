@@ -155,7 +155,7 @@ class Rig:
         """Return the radius (balls,) [m] of every model ball's contact, as a run uses them for domain integrals."""
         import numpy as np  # noqa: PLC0415
 
-        return np.sqrt(self.model.contact_areas() / math.pi)
+        return np.sqrt(self.model.readings.contact_areas() / math.pi)
 
     def normal_forces(self) -> np.ndarray:
         """Return Q (balls,) [N] of whole balls."""

@@ -199,23 +199,23 @@ def test_extremes_areas_and_gaps_are_those_of_a_known_indentation(model: Model) 
     # the flat surface crosses the ball in a circle of radius sqrt(2 R D - D^2)
     squared = 2.0 * APPROACH - (APPROACH**2 if model.contact.balls[0].shape == "sphere" else 0.0)
     # discretisation: quadrature points in or out
-    assert model.contact_areas()[0] == relatively(math.pi * squared, 0.05)
+    assert model.readings.contact_areas()[0] == relatively(math.pi * squared, 0.05)
     ((pressure, penetration),) = Extremes(model)()
     assert penetration == relatively(APPROACH, 1e-8)  # a node lies under the apex; the indenters' roots are kept from 0
     # the peak is a mean over the elements about a vertex
     assert 0.6 * PENALTY * penetration < pressure < PENALTY * penetration * (1.0 + ROUNDOFF)
     # the mean of (D - r^2 / 2R)^2 over that of D - r^2 / 2R
-    assert model.mean_gaps()[0] == relatively(-2.0 / 3.0 * APPROACH, 0.02)
+    assert model.readings.mean_gaps()[0] == relatively(-2.0 / 3.0 * APPROACH, 0.02)
 
 
 def test_the_contact_area_is_that_of_the_deformed_surface(model: Model) -> None:
     flat(model, [APPROACH])
-    area = model.contact_areas()[0]
+    area = model.readings.contact_areas()[0]
     points = model.space.tabulate_dof_coordinates()
     model.nodal[:, :2] = 0.25 * (points - np.array([1.0, 0.0, 0.0]))[:, :2]
     # at finite strain the ball touches two thirds of that part of the body, stretched over the same circle;
     # discretisation: quadrature points in or out
-    assert model.contact_areas()[0] == relatively(area, 0.1)
+    assert model.readings.contact_areas()[0] == relatively(area, 0.1)
 
 
 @pytest.mark.parametrize("distance", [1.55, 3.0], ids=["overlapping", "apart"])

@@ -70,3 +70,29 @@ def test_a_form_costs_no_status_call_for_each_of_the_others(tmp_path: Path, monk
     monkeypatch.setattr(os, "stat", lambda path, **options: asked.append(path) or status(path, **options))
     with compat._compiler_cache(MPI.COMM_SELF):
         assert len(asked) < 20
+
+
+def test_common_scenes_find_every_form_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    import ffcx.codegeneration.jit as compiler  # noqa: PLC0415
+    from mpi4py import MPI  # noqa: PLC0415
+
+    import finite_strain  # noqa: PLC0415
+    from finite_strain.precompile import precompile  # noqa: PLC0415
+    from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem  # noqa: PLC0415
+
+    asked, look = set[str](), compiler.get_cached_module
+
+    def noted(name: str, *rest: Any) -> Any:
+        asked.add(name)
+        return look(name, *rest)
+
+    monkeypatch.setattr(compiler, "get_cached_module", noted)
+    precompile(MPI.COMM_SELF)
+    there = set(asked)
+    asked.clear()
+    # other sizes, moduli and load, and no substrate
+    balls = tuple(Ball((x, 0.0), radius=2.0) for x in (-2.5, 2.5))
+    problem = Problem(Layer(2e6, 0.45, 2.5), balls, Load("approach", (0.1, 0.1)), finite_strain=FiniteStrain())
+    finite_strain.solve(problem, tangential_force=0.5, comm=MPI.COMM_SELF)
+    assert asked
+    assert asked <= there

@@ -85,10 +85,14 @@ def test_multipliers_are_added_gradually_where_they_overshoot(deep_without_multi
 def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: Path) -> None:
     rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path)
     *_, last = rig.press()
-    left, force, pull = rig.model.mean_gaps()[0], rig.normal_forces()[0], rig.meter.domain(rig.contact_radii())[0, 0]
+    left, force, pull = (
+        rig.model.readings.mean_gaps()[0],
+        rig.normal_forces()[0],
+        rig.meter.domain(rig.contact_radii())[0, 0],
+    )
     assert -2.0 * PENETRATION * 0.1 < left < 0.0
     assert rig.path.augment(last)
-    assert abs(rig.model.mean_gaps()[0]) < 0.2 * abs(left)
+    assert abs(rig.model.readings.mean_gaps()[0]) < 0.2 * abs(left)
     # penetration acts like a smaller approach
     assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
     assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
