@@ -11,13 +11,13 @@ import numpy as np
 
 from linear_bem.problem import Load
 from linear_bem.profiles import difference
-from linear_bem.solution import Solution
+from linear_bem.solution import Solution, solved
 from linear_bem.solver import solve_contact
 
 
 def elastic_energy(solution: Solution) -> float:
     """Return the elastic energy [J], half the work of the contact pressure."""
-    return solution.contacts.elastic_energy
+    return solved(solution, "elastic_energy").contacts.elastic_energy
 
 
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
@@ -26,7 +26,7 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour. Touching balls may overlap
     in it, because only their contacts with the layer are modelled.
     """
-    problem = solution.problem
+    problem = solved(solution, "energy_force").problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)
     here = np.array(problem.balls[ball].position)
     others = [np.hypot(*(here - b.position)) for j, b in enumerate(problem.balls) if j != ball]

@@ -272,7 +272,7 @@ class Problem:
             faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}")
         if not all(math.isfinite(v) for v in values):
             faults.append(f"load.{kind}: must be finite, got {values}")
-        elif kind == "approach" and not any(v > 0.0 for v in values):
+        elif kind == "approach" and values and not any(v > 0.0 for v in values):
             faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {values} m")
         elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
             faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")

@@ -9,6 +9,7 @@ import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.error_estimate import Errors
+from linear_bem.errors import InvalidProblem
 from linear_bem.lifted_balls import Contacts
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved
@@ -110,3 +111,10 @@ class Solution:
 
 def _pair(v: Array) -> tuple[float, float]:
     return float(v[0]), float(v[1])
+
+
+def solved(solution: object, what: str) -> Solution:
+    """Return the solution; raise `InvalidProblem` for what has no fields, as the result of `solve`."""
+    if not isinstance(solution, Solution):
+        raise InvalidProblem(f"{what}: needs the fields that solve_contact returns, got {type(solution).__name__}")
+    return solution

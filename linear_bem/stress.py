@@ -21,7 +21,7 @@ from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.layer.interior import half_space_state, in_plane_stress, interior_state
 from linear_bem.layer.kernel import even_spline, hankel
 from linear_bem.problem import Elastic, SurfaceResponse
-from linear_bem.solution import Solution
+from linear_bem.solution import Solution, solved
 
 FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference": 2}
 """Fields of a unit force by their names, and the orders of their Bessel functions; z points down."""
@@ -95,9 +95,7 @@ def _of_unit_force(solution: Solution, r: Array, depth: float, name: str) -> Arr
 
 
 def _check_depth(solution: Solution, depth: float, what: str) -> None:
-    if not isinstance(solution, Solution):
-        raise InvalidProblem(f"{what}: needs the fields that solve_contact returns, got {type(solution).__name__}")
-    problem = solution.problem
+    problem = solved(solution, what).problem
     if isinstance(problem.layer, SurfaceResponse):
         raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
     if problem.periodic is not None:

@@ -12,6 +12,8 @@ from linear_bem import (
     Load,
     Problem,
     Result,
+    elastic_energy,
+    energy_force,
     interior_displacement,
     solve,
     solve_contact,
@@ -85,6 +87,9 @@ def test_fields_of_a_result_without_them_name_the_function_that_has_them(solutio
     for function in (stress, interior_displacement, vertical_stress):
         with pytest.raises(InvalidProblem, match=f"{function.__name__}: needs the fields that solve_contact returns"):
             function(solution.result(), 0.0, 0.0, 0.0)
+    for function, rest in ((elastic_energy, ()), (energy_force, (0,))):
+        with pytest.raises(InvalidProblem, match=f"{function.__name__}: needs the fields that solve_contact returns"):
+            function(solution.result(), *rest)
 
 
 def test_figures_show_contacts_and_forces(solution):
