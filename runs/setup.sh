@@ -277,10 +277,10 @@ if PETSc.ScalarType != numpy.float64:
   stop_with_log "installed, but it does not work: see the lines above." "If .venv is damaged:  rm -rf '$venv' and run this again"
 }
 
-# Otherwise the first run of each kind would wait for the compiler.
+# Otherwise the first run of each kind waits for the compiler.
 precompile() {
   logged "compiling the finite elements of common scenes, for a minute or two" "${two_ranks[@]}" "$venv/bin/python" -m finite_strain.precompile ||
-    stop_with_log "finite elements do not compile: see the lines above." "The compiler is gcc:  apt-get install gcc"
+    say "they do not compile, so finite_strain will not work; see it by:  $venv/bin/python -m finite_strain.precompile"
 }
 
 # Ranks of one thread that do not spin or fight for a core. What the user has set stays.
@@ -349,7 +349,7 @@ make_ready() {
     ensure_venv
     install_project
     verify
-    precompile
+    [[ -e $venv/.thirdbody-$hash-run ]] || precompile
     touch "$venv/.thirdbody-$hash-run" "$venv/.thirdbody-$hash-$1"
   fi
   exec 9>&-

@@ -119,16 +119,16 @@ class Model:
         changing = [ufl.derivative(self.contact.energy, u, test)] if self._has_constant_bulk else residuals
         self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in changing]
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
-        parts = self.contact.readings(self._stretch) | {name: self.volume_integral(f) for name, f in inside.items()}
-        parts["contact_energy"] = self.contact.energy
-        parts["configurational"] = self.contact.configurational_form(self.weight, self.axis)
-        self.readings = Readings(self.contact, parts)
-        self._by_move = ufl.derivative(parts["normal"], u, test)
-        forms = [*tangents, *residuals, self.readings.form, *[pressed] * self._has_constant_bulk]
+        surface = self.contact.readings(self._stretch) | {"contact_energy": self.contact.energy}
+        surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
+        volume = {name: self.volume_integral(density) for name, density in inside.items()}
+        self.readings = Readings(self.contact, volume, surface)
+        self._by_move = ufl.derivative(surface["normal"], u, test)
+        forms = [*tangents, *residuals, *self.readings.forms, *[pressed] * self._has_constant_bulk]
         compiled = iter(compat.compile_forms(forms, self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
         self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
-        self.readings.compiled, *self._contact_tangent = compiled
+        self.readings.compiled, self._contact_tangent = [next(compiled), next(compiled)], list(compiled)
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -283,8 +283,9 @@ class Model:
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y.
 
-        A part that is constant must have been stored by `tangent`.
+        `tangent` must have stored a part that is constant.
         """
+        assert not self._has_constant_bulk or self._linear is not None
         self._direction.set(x)
         self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
         product = self._summed(self.actions[:1])

@@ -1,6 +1,7 @@
-"""Numbers by which a model's state is read, as the parts of one compiled form.
+"""Numbers by which a model's state is read: parts of two compiled forms, one over cells and one over top facets.
 
-The compiler takes a form of its own for each part several times as long; a part that is switched off costs little.
+With a form for each part the compiler would take several times as long. Parts of one form are all evaluated, so no
+part may be infinite where another one is asked for.
 """
 
 from collections.abc import Mapping
@@ -15,18 +16,28 @@ from finite_strain.discretisation.regions import constant
 
 
 class Readings:
-    """The integrals ``parts`` by name, of the balls that the contact's `choose` weights; ``form`` is to be compiled."""
+    """Integrals by name, ``inside`` and on the ``surface``, there of the balls that the contact's `choose` weights.
 
-    def __init__(self, contact: Contact, parts: Mapping[str, Any]) -> None:
+    ``forms`` are to be compiled, into ``compiled``.
+    """
+
+    def __init__(self, contact: Contact, inside: Mapping[str, Any], surface: Mapping[str, Any]) -> None:
         self.contact, self.comm = contact, contact.mesh.comm
-        self._switches = {name: constant(contact.mesh, 0.0) for name in parts}
-        self.form = sum(self._switches[name] * part for name, part in parts.items())
-        self.compiled: Any = None
+        self._switches = [{name: constant(contact.mesh, 0.0) for name in parts} for parts in (inside, surface)]
+        self.forms = [
+            sum(switches[name] * part for name, part in parts.items())
+            for switches, parts in zip(self._switches, (inside, surface), strict=True)
+        ]
+        self.compiled: list[Any] = []
 
     def _own(self, names: tuple[str, ...]) -> float:
-        for name, switch in self._switches.items():
-            switch.value = float(name in names)
-        return float(dolfinx.fem.assemble_scalar(self.compiled))
+        total = 0.0
+        for form, switches in zip(self.compiled, self._switches, strict=True):
+            if switches.keys() & names:
+                for name, switch in switches.items():
+                    switch.value = float(name in names)
+                total += float(dolfinx.fem.assemble_scalar(form))
+        return total
 
     def __call__(self, *names: str) -> float:
         """Return the sum of parts (collective)."""

@@ -2,8 +2,8 @@
 
 They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
 substrate, which strains by 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy takes the
-law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``:
-its value and first two derivatives hold (`finite_strain.mechanics.invariants.second_order`).
+law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``;
+what it returns has the right value and first two derivatives (`finite_strain.mechanics.invariants.second_order`).
 """
 
 from collections.abc import Callable
