@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
+import math
 import platform
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -145,6 +146,12 @@ class Session:
             print_status(
                 f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}"
             )
+            least, most = sum(self.plan["seconds_of_meshes"][:2]), self.scene.budget.get("seconds", math.inf)
+            if least > most:
+                print_status(
+                    f"[accuracy] seconds = {most:g} is less than the two coarsest meshes take, which an error estimate "
+                    f"needs: {duration(least)}"
+                )
         fields = ranks.share(self.folder.fields if self.folder is not None else None)
         scene = self.scene
         run = Run(

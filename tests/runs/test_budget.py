@@ -10,7 +10,7 @@ import pytest
 from linear_bem.result import BallResult, Step
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import path_so_far
-from tests.launch import thirdbody
+from tests.launch import STAND_IN, thirdbody
 from tests.scenes import thin_pair
 
 
@@ -72,3 +72,12 @@ def test_a_coarser_meshs_answers_stay_until_a_finer_one_gets_there() -> None:
 def test_what_followed_on_the_same_mesh_is_replaced() -> None:
     path = [step(fraction, 1) for fraction in (0.3, 0.6, 1.0)]
     assert [state.record["fraction"] for state in path_so_far(path, step(0.6, 1))] == [0.3, 0.6]
+
+
+def test_a_time_too_short_for_an_error_estimate_is_noted_before_the_work(tmp_path: Path) -> None:
+    done = thirdbody(
+        "solve", scene(tmp_path, "seconds = 30"), "--model", "finite_strain", "--out", tmp_path, program=STAND_IN
+    )
+    assert done.returncode == 0, done.stderr
+    assert "[accuracy] seconds = 30 is less than the two coarsest meshes take" in done.stderr
+    assert "1 min 05 s" in done.stderr.split("[accuracy] seconds", 1)[1].splitlines()[0]
