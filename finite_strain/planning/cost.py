@@ -1,7 +1,7 @@
 """Processor time and memory of a run before it starts, by powers of its unknowns.
 
 All constants are fitted to what ``python -m runs.studies.scaling.plan_calibration`` prints: one process, meshes of 2 to
-39 thousand unknowns, forms compiled before (that adds 5 to 10 s to the first run of its kind). A solution by factors
+39 thousand unknowns, forms compiled before (the first run of its kind takes half a minute more). A solution by factors
 costs about n^1.5 there and keeps about n^1.28: assembly and the elements' data grow as n, factors by nested dissection
 as n^2 and n^(4/3).
 """
