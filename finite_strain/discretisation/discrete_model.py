@@ -48,7 +48,6 @@ class Model:
         self.axis = constant(self.mesh, (0.0, 0.0, 0.0))
         """Weight and direction of the domain integral (`finite_strain.force.domain_integral`)."""
         self.bulks = regions.make_bulks(problem, self.mesh, self.cell_tags, order - 1)
-        self._moduli = regions.Moduli.of(self.bulks, self.mesh, self.cell_tags)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self._stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.length = min(ball.radius for ball in problem.balls)
@@ -56,6 +55,10 @@ class Model:
         self.contact = Contact(
             self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
         )
+        moduli, turning = regions.Moduli.of(self.bulks, self.mesh, self.cell_tags), self.contact.turning
+        self._constants = {  # made once: equal parts of a form are compiled once, too
+            bulk.tag: regions.elastic_constants(bulk, self.mesh, moduli, self.length, turning) for bulk in self.bulks
+        }
         self.bcs = self._make_constraints()
         self._compile()
 
@@ -85,7 +88,7 @@ class Model:
 
     def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
         """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return regions.elastic_constants(bulk, self.mesh, self._moduli, self.length, self.contact.turning)
+        return self._constants[bulk.tag]
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
