@@ -30,7 +30,7 @@ class Extremes:
         self._values = compat.compile_expression(model.contact.penetration(), lattice.points, model.comm)
         hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
         self._asked = constant(model.mesh, 0.0)
-        averaged = self._asked * model.contact_pressure_expression + (1 - self._asked)
+        averaged = ufl.conditional(ufl.gt(self._asked, 0), model.contact_pressure_expression, 1)
         self._form = compat.compile_form(averaged * hat * measure, model.comm)
         self._work = compat.ghosted_vector(self._form, model.linear_space)
         points = model.linear_space.tabulate_dof_coordinates()[: model.linear_space.dofmap.index_map.size_local]

@@ -159,17 +159,16 @@ class RunPlan:
         most = self.budget.most_unknowns
         box = self.box(PATH_FINDER)
         forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
-        solvers = [choose(n, "mixed" in forms.values(), given) for n in unknowns]
+        mixed = "mixed" in forms.values()
+        solvers = [choose(n, mixed, given, level.order) for n, level in zip(unknowns, self.likely, strict=True)]
         path, loads = len(self.path), len(self.loads)
         meshes = [
             Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct,
-                 searches=level == PATH_FINDER, mixed="mixed" in forms.values())
+                 searches=level == PATH_FINDER, mixed=mixed)
             for n, level, solver in zip(unknowns, self.likely, solvers, strict=True)
         ]  # fmt: skip
         speed = ranks ** math.log2(SPEEDUP)
-        largest = Mesh(
-            most, HIGHEST, loads, loads * self.is_paired, choose(most, "mixed" in forms.values(), given).direct
-        )
+        largest = Mesh(most, HIGHEST, loads, loads * self.is_paired, choose(most, mixed, given, HIGHEST).direct)
         seconds = [
             START_SECONDS * (level == PATH_FINDER) + mesh.seconds
             for level, mesh in zip(self.likely, meshes, strict=True)
