@@ -105,11 +105,20 @@ def zero_line(axes: Any) -> None:
     axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
 
 
-def error_bars(axes: Any, points: Sequence[tuple[float, float, float]], **style: Any) -> None:
-    """Draw points (x, value, error) on a line, which breaks where the value changes its sign."""
+def error_bars(
+    axes: Any, points: Sequence[tuple[float, float, float]], numerators: Sequence[float] | None = None, **style: Any
+) -> None:
+    """Draw points (x, value, error) on a line, which breaks where the value changes its sign.
+
+    With the ``numerators`` of ratios it also breaks where their denominators do: the ratio has a pole there.
+    """
     if points:
         columns = np.transpose(points)
-        breaks = np.flatnonzero(columns[1, :-1] * columns[1, 1:] < 0.0) + 1
+        turns = columns[1, :-1] * columns[1, 1:] < 0.0
+        if numerators is not None:
+            denominators = np.sign(numerators) * np.sign(columns[1])
+            turns |= denominators[:-1] * denominators[1:] < 0.0
+        breaks = np.flatnonzero(turns) + 1
         axes.errorbar(*np.insert(columns, breaks, np.nan, axis=1), **{"ms": 4, "capsize": 2} | style)
 
 

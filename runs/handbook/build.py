@@ -30,6 +30,7 @@ ANSWER = "<!-- answer:"
 OPENING = re.compile(r"^(?:\*\*|Of \d)(?:[^.\n]|\.\d)*\.(?:\*\*)?", re.MULTILINE)
 """A published answer that opens with a sentence, not with a table."""
 TABLE = re.compile(r"<!-- studies:.*?-->", re.DOTALL)
+HEADING = re.compile(r"^(#+ )", re.MULTILINE)
 LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
 
 
@@ -42,7 +43,7 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     for name, page in ELSEWHERE.items():
         target = sources / page
         target.parent.mkdir(exist_ok=True)
-        target.write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
+        target.write_text(with_one_title((ROOT / name).read_text(encoding="utf-8")), encoding="utf-8")
         for picture in (found for kind in ("svg", "png", "gif") for found in (ROOT / name).parent.glob(f"*.{kind}")):
             shutil.copy(picture, target.parent)
     validation = sources / "validation.md"
@@ -62,6 +63,12 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     originals |= {sources / page.relative_to(PAGES): page for page in PAGES.rglob("*.md")}
     for copy, original in originals.items():
         copy.write_text(linked(copy.read_text(encoding="utf-8"), original, copy, sources), encoding="utf-8")
+
+
+def with_one_title(page: str) -> str:
+    """Return a study's page with the headings of its published answer one level below the page's own title."""
+    own, mark, answer = page.partition(ANSWER)
+    return own + mark + HEADING.sub(r"#\1", answer)
 
 
 def study_table() -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ from linear_bem import Ball, Layer, Load, Problem
 from runs.display import figures, surface
 from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale
-from runs.display.style import minus
+from runs.display.style import error_bars, minus
 from runs.studies.figures.answer import _rows
 from runs.studies.figures.map_materials import _continued
 from runs.studies.figures.pair import line_through
@@ -163,6 +164,18 @@ def test_a_jump_of_samples_makes_no_bump() -> None:
     at = np.geomspace(1e-3, 1.0, 12)
     _, y = line_through(at, np.where(at < 0.1, 5e-4, -1.0), [])
     assert np.max(y) < 2e-3
+
+
+def test_a_ratio_is_not_drawn_across_the_pole_where_its_denominator_changes_sign() -> None:
+    figure, axes = plt.subplots()
+    # T and its linear part change sign one after the other between the third point and the fourth
+    points, forces = [(0.2, 1.1, 0.1), (0.3, 1.3, 0.1), (0.4, 9.4, 0.9), (0.6, 0.57, 0.1)], [-1.0, -2.0, -3.0, 4.0]
+    error_bars(axes, points, forces)
+    error_bars(axes, points)
+    broken, whole = (line.get_ydata() for line in axes.lines if len(line.get_ydata()) >= 4 and line.get_ls() == "-")
+    plt.close(figure)
+    np.testing.assert_array_equal(broken, [1.1, 1.3, 9.4, np.nan, 0.57])
+    np.testing.assert_array_equal(whole, [1.1, 1.3, 9.4, 0.57])
 
 
 def test_numbers_have_minus_signs_and_words_hyphens() -> None:

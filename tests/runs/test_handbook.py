@@ -11,7 +11,7 @@ import pytest
 from linear_bem.law import LAWS
 from runs.cli import app
 from runs.handbook import command_reference, scene_reference
-from runs.handbook.build import study_table
+from runs.handbook.build import study_table, with_one_title
 from runs.scene.scene_file import read_scene
 from runs.studies import STUDIES
 from tests.launch import ROOT, python
@@ -107,3 +107,9 @@ def test_the_page_of_validation_has_every_study_with_its_published_answer() -> N
     published = (ROOT / "runs/studies/stability/README.md").read_text(encoding="utf-8")
     (said,) = (row.split(" | ")[1].removesuffix(" |") for row in rows if "[stability]" in row)
     assert said.startswith("Of ") and said in published.replace("**", "")  # noqa: PT018
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_page_of_a_study_has_one_title(name: str) -> None:  # a second one would be another entry of the contents
+    page = with_one_title((ROOT / f"runs/studies/{name}/README.md").read_text(encoding="utf-8"))
+    assert re.findall(r"^# .*", page, re.MULTILINE) == [f"# Study: {name}"]

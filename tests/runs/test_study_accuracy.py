@@ -15,6 +15,7 @@ from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
+from runs.studies.accuracy import picture
 from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase
@@ -140,6 +141,13 @@ def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> 
     assert "no rows yet" in present(Found(found.cases, {}), tmp_path)
     without = {name: record for name, record in found.records.items() if name != "finite-strain-reference"}
     assert "linear_bem" in present(Found(found.cases, without), tmp_path)  # and no empty picture fails
+
+
+def test_a_label_stands_below_its_point_where_the_next_point_would_be_behind_it() -> None:
+    rows = [{"value": value} for value in (0.1, 0.02, 0.005, 0.001)]
+    labels = picture._labels(rows, [2.0, 2.1, 50.0, 80.0], [5e-3, 5e-3, 2.3e-4, 2.8e-4])
+    assert [text for text, _, _ in labels] == ["0.1 to 0.02", "0.005", "0.001"]
+    assert [offset[1] > 0 for _, _, offset in labels] == [True, False, True]
 
 
 def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:

@@ -17,6 +17,8 @@ STYLES = {
 TITLES = {OWN: "against a better solution of the same model", TRUE: "against the finite-strain answer"}
 LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 """Lower limits of the plot: the process clock does not resolve shorter times; smaller errors are drawn here."""
+LABEL = 5.0
+"""Ratio of processor times at both ends of a label."""
 
 
 @look()
@@ -79,28 +81,32 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
     if others:
         axis.plot(*_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics")
     named = [row for row in chosen if row["value"] != ""]
-    for text, x, y in _labels(named, *_places(named, column)):
-        axis.annotate(text, (x, y), (8, 3), textcoords="offset points", fontsize=8, color=color)
+    for text, place, offset in _labels(named, *_places(named, column)):
+        paper = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
+        axis.annotate(text, place, offset, textcoords="offset points", fontsize=8, color=color, bbox=paper)
 
 
 def _labels(
     rows: Sequence[Mapping[str, Any]], seconds: Sequence[float], errors: Sequence[float]
-) -> list[tuple[str, float, float]]:
-    """Return labels (requested accuracy) with positions; overlapping cases share one."""
+) -> list[tuple[str, tuple[float, float], tuple[float, float]]]:
+    """Return labels (requested accuracy) with places and offsets [points]; overlapping cases share one.
+
+    A label stands above its point, or below it where the next point to the right would be behind the label.
+    """
     groups: list[list[tuple[float, float, float]]] = []
     for row, x, y in zip(rows, seconds, errors, strict=True):
         near = [g for g in groups if abs(math.log(x / g[0][1])) < 0.3 and abs(math.log(y / g[0][2])) < 0.3]
         if not near:
             groups.append([])
         (near or groups[-1:])[0].append((row["value"], x, y))
-    return [
-        (
-            f"{group[0][0]:g}" + (f" to {group[-1][0]:g}" if len(group) > 1 else ""),
-            max(x for _, x, _ in group),
-            max(y for _, _, y in group),
-        )
-        for group in groups
-    ]
+    labels: list[tuple[str, tuple[float, float], tuple[float, float]]] = []
+    for group in groups:
+        values, x, y = [value for value, _, _ in group], max(x for _, x, _ in group), max(y for _, _, y in group)
+        places = zip(seconds, errors, strict=True)
+        hides = any(1.0 < other / x < LABEL and abs(math.log(at / y)) < 1.0 for other, at in places)
+        text = f"{max(values):g}" + (f" to {min(values):g}" if len(values) > 1 else "")
+        labels.append((text, (x, y), (2, -13) if hides else (8, 3)))
+    return labels
 
 
 def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -> None:

@@ -117,7 +117,8 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     axes[1].axhline(CREASE, color="0.5", lw=0.8, ls=":")
     for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
         known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
-        error_bars(axes[2], [(r["D / R"], *r["S_Q"]) for r in known], color=color, marker="o", ms=3, label=scene)
+        points, forces = [(r["D / R"], *r["S_Q"]) for r in known], [r["T"][0] for r in known]
+        error_bars(axes[2], points, forces, color=color, marker="o", ms=3, label=scene)
     axes[2].axhline(1.0, color="0.5", lw=0.8, zorder=0)
     axes[2].set_ylim(0.0, TALLEST)  # beyond it T at small strain is nearly zero, or of the other sign
     for axis, title in zip(

@@ -77,7 +77,7 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
         for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
             bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
-        finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {key}, h = 1.16 R")
+        finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R")
     _sign(axes[2], found, rows)
     return figure
 
@@ -99,8 +99,9 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
 
 def bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
     """Draw a factor with its error bars over the root of D / R."""
-    known = [(math.sqrt(row["D"]) + shift, row[key], row[f"{key}_error"]) for row in path if row[key] is not None]
-    error_bars(axis, known, color=color, marker=marker, capsize=2.5, lw=1.2, label=name)
+    known = [row for row in path if row[key] is not None]
+    points = [(math.sqrt(row["D"]) + shift, row[key], row[f"{key}_error"]) for row in known]
+    error_bars(axis, points, [row["T"] for row in known], color=color, marker=marker, capsize=2.5, lw=1.2, label=name)
 
 
 def finish(axis: Any, path: Rows, title: str) -> None:
