@@ -19,12 +19,13 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
+from linear_bem.touching import largest_half_width, touching_distance
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
-LEAST_APPROACH, LEAST_FORCE = 1e-12, 1e-18
-"""Smallest approach over the radius, and smallest force over E R^2, that are accepted."""
+APPROACHES, FORCES = (1e-12, 1e9), (1e-18, 1e18)
+"""Least and largest approach over the radius, and force over E R^2, that are accepted."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 
@@ -118,6 +119,17 @@ class Elements:
     form: str
 
 
+PARTS: dict[str, tuple[type, str]] = {
+    "layer": (Layer, "Layer(1e6, 0.48, 3e-3)"),
+    "load": (Load, 'Load("force", (0.5, 0.5))'),
+    "substrate": (Elastic, "Elastic(1e9, 0.3)"),
+    "finite_strain": (FiniteStrain, "FiniteStrain()"),
+    "elements": (Elements, 'Elements("mixed")'),
+    "periodic": (Periodic, "Periodic((10.0, 10.0))"),
+}
+"""What the parts of a problem are, beside its balls, with an example; only the first two are needed."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """Rigid balls pressed into a layer on an elastic half-space (``substrate``) or a rigid base.
@@ -176,6 +188,13 @@ class Problem:
         """Return the values that are not numbers; strings with units are accepted in scene files only."""
         if not isinstance(self.balls, Sequence) or not all(isinstance(ball, Ball) for ball in self.balls):
             return [f"balls: must be a tuple of Ball, a single one as (Ball(...),), got {self.balls!r:.80}"]
+        faults = [
+            f"{key}: must be {kind.__name__} such as {example}, got {getattr(self, key)!r:.80}"
+            for key, (kind, example) in PARTS.items()
+            if not isinstance(getattr(self, key), kind) and (key in ("layer", "load") or getattr(self, key) is not None)
+        ]
+        if faults:
+            return faults
         numbers: dict[str, object] = {"layer.thickness": self.layer.thickness}
         for name, solid in (("layer", self.layer), ("substrate", self.substrate)):
             if solid is not None:
@@ -185,9 +204,7 @@ class Problem:
         for i, ball in enumerate(self.balls):
             if not _are_numbers(ball.position) or len(ball.position) != 2:
                 faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r}")
-        if not isinstance(self.periodic, Periodic | None):
-            faults.append(f"periodic: must be a cell such as Periodic((10.0, 10.0)), got {self.periodic!r}")
-        elif self.periodic is not None:
+        if self.periodic is not None:
             lengths = self.periodic.lengths
             if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
                 faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r}")
@@ -220,7 +237,7 @@ class Problem:
         whole = np.flatnonzero([not ball.asperity for ball in self.balls])
         if whole.size == 0:
             return []
-        widest = max(_largest_half_width(self.balls[i]) for i in whole)
+        widest = max(largest_half_width(self.balls[i].indenter, self.balls[i].radius) for i in whole)
         cell, positions = None, self.positions
         if self.periodic is not None:
             cell = np.array(self.periodic.lengths)
@@ -279,9 +296,11 @@ class Problem:
         else:
             radii = [ball.radius for ball in self.balls] if kind != "total_force" else [self.balls[0].radius]
             for i, (value, radius) in enumerate(zip(values, radii, strict=False)):
-                least = LEAST_APPROACH * radius if kind == "approach" else LEAST_FORCE * self.layer.young * radius**2
-                if 0.0 < value < least:
-                    faults.append(f"load.{kind}[{i}]: must be at least {least:.3g}, or 0, got {value:g}")
+                unit = radius if kind == "approach" else self.layer.young * radius**2
+                least, most = (limit * unit for limit in (APPROACHES if kind == "approach" else FORCES))
+                if 0.0 < value < least or value > most:
+                    rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
+                    faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
         return faults
 
 
@@ -292,29 +311,9 @@ def _are_numbers(values: object) -> bool:
         return False
 
 
-def _largest_half_width(ball: Ball) -> float:
-    """Return a bound [m] of half the touching distance to an equal body."""
-    body = ball.indenter
-    if not isinstance(body, Indenter):
-        return ball.radius
-    reach = body.reach if math.isfinite(body.reach) else 0.0
-    return max(ball.radius, reach, body.half_width(1.0, 0.0), body.half_width(0.0, 1.0))
-
-
 def _touching_distance(a: Ball, b: Ball) -> float:
-    """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded or cut.
-
-    Exact for balls, for punches and for equal ellipsoids. Cones are unbounded: they may merge above the layer.
-    """
+    """Return the distance [m] of the axes of two touching whole bodies; 0 if one is unbounded, or an asperity."""
     if a.asperity or b.asperity:
         return 0.0
-    if not any(isinstance(ball.shape, Indenter) and not isinstance(ball.shape, Sphere | Paraboloid) for ball in (a, b)):
-        return 2.0 * math.sqrt(a.radius * b.radius)
     (x, y), (u, v) = a.position, b.position
-    length = math.hypot(u - x, v - y) or 1.0
-    widths = [
-        body.half_width((u - x) / length, (v - y) / length) if isinstance(body, Indenter) else ball.radius
-        for ball in (a, b)
-        for body in (ball.indenter,)
-    ]
-    return sum(widths) if min(widths) > 0.0 else 0.0
+    return touching_distance((a.indenter, b.indenter), (a.radius, b.radius), (u - x, v - y))

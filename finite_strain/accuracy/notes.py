@@ -66,7 +66,7 @@ def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:
     """Return notes on an exceeded budget: the first discretisations run at any cost."""
     budget, notes = plan.budget, []
     if record.unknowns > (budget.unknowns or math.inf):
-        notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:g}")
+        notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:.0f}")
     if budget.seconds is not None and seconds > budget.seconds:
         notes.append(f"the discretisations took {seconds:.0f} s, more than the budget of {budget.seconds:g} s")
     return notes

@@ -84,7 +84,7 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     if wanted > budget.most_unknowns:
         return Decision(
             None,
-            f"{following}, about {wanted:.2g} unknowns, passes the budget of {budget.most_unknowns:.6g} unknowns",
+            f"{following}, about {wanted:.0f} unknowns, passes the budget of {budget.most_unknowns:.0f} unknowns",
         )
     if budget.seconds is not None:
         spent = sum(record.seconds for record in records)

@@ -218,12 +218,12 @@ def plan_run(
     )  # fmt: skip
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:
-        said = f"the coarsest mesh with an error estimate has about {least:.2g} unknowns"
+        said = f"the coarsest mesh with an error estimate has about {float(f'{least:.2g}'):.0f} unknowns"
         if plan.budget.unknowns:
-            raise UnsupportedProblem(f"accuracy.unknowns: {said}, got {most:g}; raise it")
+            raise UnsupportedProblem(f"accuracy.unknowns: {said}, got {most:.0f}; raise it")
         ratio = problem.layer.thickness / max(ball.radius for ball in problem.balls)
         raise UnsupportedProblem(
-            f"layer.thickness, balls.positions: {said}, more than {most:g}, with a layer of {ratio:.3g} R and these "
+            f"layer.thickness, balls.positions: {said}, more than {most:.0f}, with a layer of {ratio:.3g} R and these "
             "distances; take a thinner layer or nearer balls, use linear_bem, or set accuracy.unknowns"
         )
     return plan

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import couple, estimated_relations
+from linear_bem.coupled_point_loads import PointState, couple, estimated_relations
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.kernel_split import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
@@ -35,6 +35,10 @@ GUESSED = 1e-5
 """Relative residual of the point-load estimate that solvers start from."""
 
 
+ALONE = 0.5
+"""Effective over given approach where the coupled point loads have no solution."""
+
+
 @dataclass(frozen=True)
 class Start:
     """First guess: which balls touch, their zones, and all approaches [m]."""
@@ -53,14 +57,14 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     mutual = PointInfluence(field, problem.positions, kernel.singular)
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-    state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
+    state = _coupled(problem, mutual, radii)
     for _ in range(4 if others else 0):
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
             kind, values = "approach", state.effective
         pressed = [i for i in others if values[i] > 0.0]
         radii[pressed] = _radii_seen(problem, [problem.balls[i] for i in pressed], kind, values[pressed])
-        state = couple(problem, mutual, *estimated_relations(problem, radii), GUESSED)
+        state = _coupled(problem, mutual, radii)
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
@@ -72,6 +76,21 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
         peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
         zones.append(_hertz_zone(problem.balls[i].position, axes, peak))
     return Start(touching, zones, state.approaches)
+
+
+def _coupled(problem: Problem, mutual: PointInfluence, radii: Array) -> PointState:
+    """Return the coupled point-load estimate of paraboloids of these radii [m].
+
+    Contacts that merge under given approaches have none: the balls would lift each other. Each is then taken alone.
+    """
+    relations = estimated_relations(problem, radii)
+    try:
+        return couple(problem, mutual, *relations, GUESSED)
+    except NotConverged:
+        if problem.load.kind != "approach":
+            raise
+        approaches = np.array(problem.load.values)
+        return PointState(ALONE * approaches, approaches, relations[0](ALONE * approaches))
 
 
 def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:

@@ -34,6 +34,7 @@ NAMES = {
     "meshes": "meshes",
     "accuracy": "refined until",
     "compare": "in compare",
+    "refused": "refused:",
     "load_steps": "load steps",
 }
 MANY = 100
@@ -63,8 +64,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
         if scene.steps is None and scene.reciprocation is None:
-            path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
-            plans[0]["compare"] = plain({key: path[key] for key in ("load_steps", "seconds")})
+            plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
     close, near = _closest(problem, ahead)
     quick = near.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
@@ -125,6 +125,16 @@ def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states:
             "states": states,
         }
     return {"model": model.name, "summary": model.summary, **plain(details)}
+
+
+def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
+    """Return load steps and time of ``compare``, or why it refuses: its first, light load step needs a finer mesh."""
+    assert model.plan is not None
+    try:
+        path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
+    except UnsupportedProblem as error:
+        return {"refused": str(error)}
+    return plain({key: path[key] for key in ("load_steps", "seconds")})
 
 
 def _doubts(problem: Problem) -> list[str]:
@@ -203,9 +213,11 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
 
 
 def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:
-    headings = {True: "matters", False: "negligible", None: "perhaps"}
+    limit = f"{100.0 * (accuracy or USUAL):.2g} %"
+    headings = {True: f"above {limit}", False: f"below {limit}", None: "perhaps"}
     if advice:
-        say(f"what would change T by more than {100.0 * (accuracy or USUAL):.2g} %, by the linear model:", "bold")
+        asked = "asked for" if accuracy else "that a change is judged by"
+        say(f"what would change T by more than the {limit} {asked}, by the linear model:", "bold")
     for matters, heading in headings.items():
         for item in advice:
             if item["matters"] is matters:

@@ -23,9 +23,16 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"finite_strain": FiniteStrain("gent")}, r'finite_strain\.limit: is missing for law "gent"'),
         (
             {"periodic": (10.0, 10.0)},
-            r"periodic: must be a cell such as Periodic.*, got \(10\.0, 10\.0\)",
+            r"periodic: must be Periodic such as Periodic.*, got \(10\.0, 10\.0\)",
         ),
         ({"load": Load("approach", (1e-300,))}, r"load\.approach\[0\]: must be at least 3e-12, or 0, got 1e-300"),
+        ({"load": Load("approach", (1e300,))}, r"load\.approach\[0\]: must be at most 3e\+09, got 1e\+300"),
+        ({"load": Load("force", (1e300,))}, r"load\.force\[0\]: must be at most 1\.8e\+19, got 1e\+300"),
+        ({"layer": "rubber"}, r"layer: must be Layer such as Layer\(.*\), got 'rubber'"),
+        ({"load": (0.1,)}, r"load: must be Load such as Load\(.*\), got \(0\.1,\)"),
+        ({"substrate": 1e9}, r"substrate: must be Elastic such as"),
+        ({"finite_strain": True}, r"finite_strain: must be FiniteStrain such as FiniteStrain\(\), got True"),
+        ({"elements": "mixed"}, r"elements: must be Elements such as"),
         ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-17, or 0, got 1e-20"),
     ],
 )

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,21 @@ from runs.comparison.strengthening_fit import fit_error, outside, strengthening_
 from tests.launch import thirdbody
 
 SUBSTRATE = Elastic(1e3, 0.3)
+TRIANGLE = """[layer]
+thickness = "3 mm"
+young = "1 MPa"
+poisson = 0.49
+[balls]
+radius = "2.5 mm"
+positions = [["-3 mm", 0], ["3 mm", 0], [0, "5.2 mm"]]
+[load]
+force = "0.5 N"
+[finite_strain]
+law = "neo_hookean"
+[accuracy]
+tangential_force = 0.1
+unknowns = 45000
+"""
 PRECISION = 5e-3
 """Of changes that both sides compute to 1e-3 of T."""
 KNOWN = (
@@ -141,13 +157,24 @@ def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> 
 def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
     said = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml")
     assert said.returncode == 0, said.stderr
-    assert "would change T by more than 2 %" in said.stdout
-    assert "negligible: the substrate's compliance" in said.stdout
+    assert "would change T by more than the 2 % that a change is judged by" in said.stdout
+    assert "below 2 %: the substrate's compliance" in said.stdout
     done = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
     items: list[dict[str, Any]] = json.loads(done.stdout)["advice"]
     assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
     for item in items:
         assert item["text"] in said.stdout
+
+
+def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tmp_path: Path) -> None:
+    scene = tmp_path / "triangle.toml"  # compare's first load steps are light and need a finer mesh
+    scene.write_text(TRIANGLE, encoding="utf-8")
+    done = thirdbody("plan", scene)
+    assert done.returncode == 0, done.stderr
+    assert re.search(
+        r"in compare: refused: accuracy.unknowns: the coarsest mesh .* \d{5} unknowns, got 45000", done.stdout
+    )
+    assert "by more than the 10 % asked for" in done.stdout
 
 
 def test_outside_the_fits_range_no_number_is_given() -> None:

@@ -13,9 +13,9 @@ import finite_strain
 import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
+from runs.studies.accuracy import picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
-from runs.studies.accuracy import picture
 from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import varied
 from runs.studies.framework.levels import LevelCase

@@ -77,7 +77,11 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
         for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
             bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
-        finish(axis, [row for case in chosen for row in rows[case.name]], f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R")
+        finish(
+            axis,
+            [row for case in chosen for row in rows[case.name]],
+            f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R",
+        )
     _sign(axes[2], found, rows)
     return figure
 
