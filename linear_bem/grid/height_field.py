@@ -10,16 +10,19 @@ from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
 from linear_bem.grid.outline import edge_error, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, large_strain_note, material_faults, without_empty_layer
+from linear_bem.media import Elastic, Layer, large_strain_note, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
+LEAST_GAP = 1e-9
+"""Least mean gap over the mean height above the lowest one: less is roundoff of complete contact."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +109,9 @@ def solve_height_field(
     penetration anywhere, over the approach from the lowest height, recomputed on the whole grid. ``layer`` may be a
     `SurfaceResponse`. Raises `InvalidProblem` and `NotConverged`.
     """
-    heights = _real(heights)
+    heights = real(heights)
     loads = {"normal_force": normal_force, "approach": approach, "mean_gap": mean_gap}
-    faults = [*_medium_faults(layer, substrate), *_grid_faults(heights, cell), *_load_faults(loads, periodic)]
+    faults = [*medium_faults(layer, substrate), *grid_faults(heights, cell), *load_faults(loads, periodic)]
     if not (isinstance(tolerance, Real) and 0.0 < tolerance < 0.1):
         faults.append(f"tolerance: must be a number greater than 0 and less than 0.1, got {tolerance!r}")
     if faults:
@@ -143,6 +146,8 @@ def _solve_grids(
 ) -> HeightFieldContact:
     """Return the contact under a force [N] or at an approach from the lowest height [m], from coarse grids to fine."""
     kernel, periodic = whole.kernel, isinstance(whole, PeriodicPatch)
+    if isinstance(whole, PeriodicPatch) and not np.any(above):
+        return _flat(whole, above, force, depth)
     groups: Groups = [([0], force * kernel.singular)] if force is not None else []
     grids = [above]
     while min(grids[-1].shape) >= 2 * _COARSE and not any(n % 2 for n in grids[-1].shape):
@@ -162,6 +167,17 @@ def _solve_grids(
         if k > 0:
             pressure = np.repeat(np.repeat(pressure, 2, axis=0), 2, axis=1)
     return _found(whole, above, pressure, w, float(approaches[0]), state.iterations)
+
+
+def _flat(whole: PeriodicPatch, above: Array, force: float | None, depth: float | None) -> HeightFieldContact:
+    """Return the uniform pressure under a flat surface, by a force [N] or, on a layer that yields, an approach [m]."""
+    if force is not None:
+        mean = force * whole.kernel.singular / (above.size * whole.cell**2)
+        depth = mean * whole.uniform if math.isfinite(whole.uniform) else 0.0
+    else:
+        assert depth is not None
+        mean = depth / whole.uniform
+    return _found(whole, above, np.full(above.shape, mean), np.full(above.shape, depth), depth, 0)
 
 
 def _at_mean_gap(whole: PeriodicPatch, above: Array, gap: float, tolerance: float) -> HeightFieldContact:
@@ -191,6 +207,7 @@ def _patch(kernel: LayeredKernel, cell: float, shape: tuple[int, ...], periodic:
 
 def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, iterations: int) -> HeightFieldContact:
     gap, contact, area = w + above - depth, pressure > 0.0, whole.cell**2
+    scale = abs(depth) or 1.0  # a flat surface on a half-space that repeats has no approach
     periodic = isinstance(whole, PeriodicPatch)
     excess = excess_edge(contact, contact, periodic=periodic) * area
     return HeightFieldContact(
@@ -198,12 +215,12 @@ def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, 
         displacement=w,
         approach=depth,
         normal_force=float(np.sum(pressure)) * area / whole.kernel.singular,
-        mean_gap=float(np.mean(gap)),
+        mean_gap=max(float(np.mean(gap)), 0.0),
         contact_area=float(np.count_nonzero(contact)) * area - excess,
         contact_area_error=edge_error(contact, contact, periodic=periodic) * area,
         iterations=iterations,
-        gap_in_contact=float(np.max(np.abs(gap[contact]))) / abs(depth),
-        penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / abs(depth),
+        gap_in_contact=float(np.max(np.abs(gap[contact]))) / scale,
+        penetration_outside=float(np.max(-gap[~contact], initial=0.0)) / scale,
     )
 
 
@@ -225,58 +242,6 @@ def contact_area_curve(
     return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
 
 
-def _real(heights: Array) -> Array:
-    """Return heights as an array of numbers; raises `InvalidProblem` where they are none."""
-    try:
-        given = np.asarray(heights)
-    except ValueError:  # rows of unlike length
-        given = np.array("")
-    if given.dtype.kind not in "biuf":
-        raise InvalidProblem("heights: must be real numbers in rows of equal length [m], got text, complex or others")
-    return given.astype(float)
-
-
-def _medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
-    if not isinstance(layer, Layer):
-        return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
-    if not isinstance(substrate, Elastic | None):
-        return [f"substrate: must be Elastic or None, got {substrate!r}"]
-    faults = [
-        f"{name}.{key}: must be a number, got {value!r}"
-        for name, solid in (("layer", layer), ("substrate", substrate))
-        for key in ("young", "poisson", "thickness")
-        if not isinstance(value := getattr(solid, key, 0.0), Real)
-    ]
-    return faults or material_faults(layer, substrate)
-
-
-def _grid_faults(heights: Array, cell: float) -> list[str]:
-    faults = []
-    if heights.ndim != 2 or min(heights.shape) < 4:
-        faults.append(f"heights: must have two axes of at least 4 cells each, got shape {heights.shape}")
-    elif not np.all(np.isfinite(heights)):
-        bad = int(np.count_nonzero(~np.isfinite(heights)))
-        faults.append(f"heights: must be finite, {bad} of {heights.size} are not; fill them in")
-    if not (isinstance(cell, Real) and 0.0 < cell < math.inf):
-        faults.append(f"cell: must be greater than 0 and finite, got {cell} m")
-    return faults
-
-
-def _load_faults(loads: dict[str, float | None], periodic: bool) -> list[str]:
-    given = {name: value for name, value in loads.items() if value is not None}
-    if len(given) != 1:
-        written = ", ".join(f"{name} {value}" for name, value in given.items()) or "none"
-        return [f"load: exactly one of normal_force and approach (or mean_gap where periodic) is needed, got {written}"]
-    ((name, value),) = given.items()
-    if not (isinstance(value, Real) and math.isfinite(value)):
-        return [f"{name}: must be a finite number, got {value!r}"]
-    if name != "approach" and not value > 0.0:
-        return [f"{name}: must be greater than 0, got {value:g}"]
-    if name == "mean_gap" and not periodic:
-        return ["mean_gap: is defined where the surface is periodic, got periodic=False; give the approach"]
-    return []
-
-
 def _prescribed(
     above: Array, lowest: float, loads: dict[str, float | None], whole: Patch
 ) -> tuple[float | None, float]:
@@ -287,6 +252,11 @@ def _prescribed(
             raise InvalidProblem(
                 f"mean_gap: must be less than {mean:g} m, at which the lowest height touches, got "
                 f"{loads['mean_gap']:g} m"
+            )
+        if loads["mean_gap"] < LEAST_GAP * mean:
+            raise InvalidProblem(
+                f"mean_gap: must be at least {LEAST_GAP * mean:.3g} m, below which contact is complete to roundoff, "
+                f"got {loads['mean_gap']:g} m; give the force"
             )
         return None, loads["mean_gap"]
     assert loads["approach"] is not None

@@ -216,7 +216,8 @@ def solve_bounded(
         if curvature <= 0.0:
             direction, restart = z, True
             image, curvature = cells.curvature(direction)
-        if not curvature > 0.0:
+        settled = gap_inside < tolerance  # the contact needs no step, cells outside it may have to be gained
+        if not (curvature > 0.0 or settled):
             raise NotConverged(
                 f"grid contact: after {iteration} steps no direction of descent is left, at a gap of {gap_inside:.1e} "
                 f"and a penetration of {penetration:.1e} of the approach, tolerance {tolerance:.1e}: roundoff exceeds "
@@ -224,7 +225,8 @@ def solve_bounded(
             )
         if progress.ends(iteration, gap_inside, restart):
             break
-        step = (progress.damping if restart else 1.0) * float(residual @ (direction * cells.area)) / curvature
+        descent = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
+        step = (progress.damping if restart else 1.0) * descent
         p = p - step * direction
         lost = contact & (p <= 0.0)
         p[p < 0.0] = 0.0

@@ -28,7 +28,8 @@ def read_heights(path: str | PathLike[str]) -> tuple[Array, float, bool]:
     if measured.dim != 2:
         faults.append(f"{path}: must be a map of two dimensions, got {measured.dim}")
     elif not math.isclose(*measured.pixel_size, rel_tol=1e-6):
-        faults.append(f"{path}: cells must be square, got sides {tuple(measured.pixel_size)} {measured.unit}")
+        x, y = measured.pixel_size
+        faults.append(f"{path}: cells must be square, got sides {x:g} and {y:g} {measured.unit}")
     if measured.has_undefined_data:
         faults.append(f"{path}: heights must be known everywhere, some are undefined; fill them in")
     if measured.unit is None:

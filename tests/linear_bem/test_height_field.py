@@ -275,6 +275,33 @@ def test_the_area_of_a_rough_surface_grows_with_the_load_and_less_than_in_propor
     assert area[1] == one.contact_area
 
 
+@pytest.mark.parametrize(("layer", "oedometric"), [(HALF_SPACE, 0.0), (Layer(1.0, 0.3, 0.5), 1.3 * 0.4 / 0.7)])
+def test_a_flat_surface_that_repeats_has_a_uniform_pressure(layer, oedometric):
+    flat = solve_height_field(layer, None, np.full((8, 8), 0.2), 0.1, normal_force=0.05 * 0.64, periodic=True)
+    assert flat.pressure == pytest.approx(np.full((8, 8), 0.05), rel=1e-12)
+    assert (flat.contact_area, flat.contact_area_error, flat.mean_gap) == (pytest.approx(0.64), 0.0, 0.0)
+    assert flat.approach == pytest.approx(0.2 + 0.05 * 0.5 * oedometric, rel=1e-7)
+    if oedometric:
+        again = solve_height_field(layer, None, np.zeros((8, 8)), 0.1, approach=flat.approach - 0.2, periodic=True)
+        assert again.normal_force == pytest.approx(0.05 * 0.64, rel=1e-7)
+
+
+def test_a_grid_too_small_to_be_halved_starts_from_its_summit():
+    heights = 1e-3 * np.random.default_rng(0).normal(size=(5, 7))
+    contact = solve_height_field(Layer(1.0, 0.3, 0.5), None, heights, 0.1, normal_force=1e-4, periodic=True)
+    assert contact.normal_force == pytest.approx(1e-4, rel=1e-10)
+    assert np.all(contact.pressure >= 0.0)
+    assert contact.penetration_outside < 1e-7
+
+
+def test_a_mean_gap_of_roundoff_is_refused_and_none_is_negative():
+    heights, cell = wave(32, across=32)
+    layer, area = Layer(1.0, 0.3, 0.5), (32 * cell) ** 2
+    assert solve_height_field(layer, None, heights, cell, normal_force=area, periodic=True).mean_gap >= 0.0
+    with pytest.raises(InvalidProblem, match=r"mean_gap: must be at least .* contact is complete .*; give the force"):
+        solve_height_field(layer, None, heights, cell, mean_gap=1e-18, periodic=True)
+
+
 def test_measured_surfaces_need_the_library_and_are_turned_over(monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     with pytest.raises(UnsupportedProblem, match=r"surface\.opd: needs the library SurfaceTopography \(pip install"):
