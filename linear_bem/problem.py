@@ -298,7 +298,7 @@ class Problem:
             for i, (value, radius) in enumerate(zip(values, radii, strict=False)):
                 unit = radius if kind == "approach" else self.layer.young * radius**2
                 least, most = (limit * unit for limit in (APPROACHES if kind == "approach" else FORCES))
-                if 0.0 < value < least or value > most:
+                if unit > 0.0 and (0.0 < value < least or value > most):
                     rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
                     faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
         return faults

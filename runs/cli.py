@@ -1,5 +1,6 @@
 """The command ``thirdbody``: solve, compare, evolve, plan, study, report, doctor. Each loads only what it needs."""
 
+import contextlib
 import importlib.metadata
 import os
 import sys
@@ -11,8 +12,9 @@ import typer
 from runs import studies
 from runs.models import ModelName
 from runs.process import ranks
-from runs.scene.scene_file import read_scene
+from runs.scene.scene_file import Scene, read_scene
 from runs.session.session import Options
+from runs.session.terminal import waiting
 
 app = typer.Typer(
     name="thirdbody",
@@ -46,6 +48,12 @@ def top(version: Annotated[bool, typer.Option("--version", help="Print the versi
         raise typer.Exit
 
 
+def read(file: Path) -> Scene:
+    """Read a scene; where that takes long, as with 100 000 balls, elapsed time is shown."""
+    with waiting(f"reading {file}") if ranks.is_root() else contextlib.nullcontext():
+        return read_scene(file)
+
+
 @app.command()
 def solve(
     scene: SceneArgument,
@@ -57,7 +65,7 @@ def solve(
     """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
     from runs.commands.solve import solve_scene  # noqa: PLC0415
 
-    solve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh))
+    solve_scene(read(scene), model.value if model else None, Options(as_json, out, fresh))
 
 
 @app.command()
@@ -67,7 +75,7 @@ def compare(
     """Compare the finite-strain load path with the linear model at equal forces and equal approaches."""
     from runs.commands.compare import compare_scene  # noqa: PLC0415
 
-    compare_scene(read_scene(scene), Options(as_json, out, fresh))
+    compare_scene(read(scene), Options(as_json, out, fresh))
 
 
 @app.command()
@@ -85,7 +93,7 @@ def evolve(
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
 
-    evolve_scene(read_scene(scene), model.value if model else None, Options(as_json, out, fresh), tables)
+    evolve_scene(read(scene), model.value if model else None, Options(as_json, out, fresh), tables)
 
 
 @app.command()
@@ -93,7 +101,7 @@ def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = 
     """Show what would be simulated and what not, its size, and how long it takes."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
 
-    plan_scene(read_scene(scene), model.value if model else None, as_json=as_json)
+    plan_scene(read(scene), model.value if model else None, as_json=as_json)
 
 
 @app.command()

@@ -28,6 +28,7 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"load": Load("approach", (1e-300,))}, r"load\.approach\[0\]: must be at least 3e-12, or 0, got 1e-300"),
         ({"load": Load("approach", (1e300,))}, r"load\.approach\[0\]: must be at most 3e\+09, got 1e\+300"),
         ({"load": Load("force", (1e300,))}, r"load\.force\[0\]: must be at most 1\.8e\+19, got 1e\+300"),
+        ({"layer": Layer(-1.0, 0.3, 1.0)}, r"^layer\.young: must be greater than 0 and finite, got -1 Pa$"),
         ({"layer": "rubber"}, r"layer: must be Layer such as Layer\(.*\), got 'rubber'"),
         ({"load": (0.1,)}, r"load: must be Load such as Load\(.*\), got \(0\.1,\)"),
         ({"substrate": 1e9}, r"substrate: must be Elastic such as"),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from linear_bem.result import BallResult, Step
+from runs import cli
 from runs.display.numbers import Scale
 from runs.process import ranks
 from runs.session.clock import Clock
@@ -144,6 +147,15 @@ def test_a_long_computation_says_that_it_goes_on(person: bool, monkeypatch: pyte
     with waiting("60 balls"):
         pass
     assert not quick.getvalue()
+
+
+def test_a_long_scene_file_is_said_to_be_read(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(cli, "waiting", functools.partial(waiting, first=0.01))
+    monkeypatch.setattr(cli, "read_scene", lambda _: time.sleep(0.5))
+    cli.read(tmp_path / "many.toml")
+    assert f"reading {tmp_path / 'many.toml'}: " in capsys.readouterr().err
 
 
 def test_lines_of_a_solver_are_printed_and_logged_every_few_seconds(
