@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from finite_strain.arguments import check_arguments
 from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.observer import Observer, Silence
 from finite_strain.output.field_catalogue import FieldChoice
@@ -93,6 +94,10 @@ def solve(
     Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
     """
+    check_arguments(
+        problem=problem, tangential_force=tangential_force, folder=folder, seconds=seconds, unknowns=unknowns,
+        steps=steps, numerics=numerics, solver_options=solver_options, inspect=inspect,
+    )  # fmt: skip
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise MissingDependency(
@@ -136,6 +141,7 @@ def plan(
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
     """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there."""
+    check_arguments(problem=problem, tangential_force=tangential_force, seconds=seconds, unknowns=unknowns, steps=steps)
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()

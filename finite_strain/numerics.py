@@ -1,6 +1,10 @@
 """Numerical parameters that studies and tests vary, besides the discretisation and the required accuracy."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+from numbers import Real
+
+from linear_bem.errors import InvalidProblem
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,23 @@ class Numerics:
     At order 3 (4) a tangent and its factors take the time of 40 (90) iterations."""
     krylov_iterations: int = 40
     """Most Krylov iterations in one system; with an earlier tangent's factors the unconverged result is then used."""
+
+    def __post_init__(self) -> None:
+        faults = []
+        for field in fields(self):
+            value, least = getattr(self, field.name), 0.0
+            values, what = (value,), "a number, not negative and finite"
+            if field.name == "more_loads":
+                values, what = (
+                    (value if isinstance(value, tuple | list) else (None,)),
+                    "a tuple of fractions of the load",
+                )
+            elif field.name in ("growth", "largest_step", "shortest_step"):
+                least, what = math.ulp(0.0), "a number greater than 0 and finite"
+            if not all(isinstance(v, Real) and least <= v < math.inf for v in values):
+                faults.append(f"numerics.{field.name}: must be {what}, got {value!r}")
+        if faults:
+            raise InvalidProblem(*faults)
 
 
 DEFAULT = Numerics()

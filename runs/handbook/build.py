@@ -30,7 +30,7 @@ ANSWER = "<!-- answer:"
 OPENING = re.compile(r"^(?:\*\*|Of \d)(?:[^.\n]|\.\d)*\.(?:\*\*)?", re.MULTILINE)
 """A published answer that opens with a sentence, not with a table."""
 TABLE = re.compile(r"<!-- studies:.*?-->", re.DOTALL)
-HEADING = re.compile(r"^(#+ )", re.MULTILINE)
+HEADING, TITLE = re.compile(r"^(#+ )", re.MULTILINE), re.compile(r"^# ", re.MULTILINE)
 LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
 
 
@@ -66,9 +66,9 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
 
 
 def with_one_title(page: str) -> str:
-    """Return a study's page with the headings of its published answer one level below the page's own title."""
+    """Return a study's page with its published answer, if that has a title, one level below the page's own title."""
     own, mark, answer = page.partition(ANSWER)
-    return own + mark + HEADING.sub(r"#\1", answer)
+    return own + mark + (HEADING.sub(r"#\1", answer) if TITLE.search(answer) else answer)
 
 
 def study_table() -> str:

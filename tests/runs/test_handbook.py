@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,5 @@ def test_the_page_of_validation_has_every_study_with_its_published_answer() -> N
 def test_the_page_of_a_study_has_one_title(name: str) -> None:  # a second one would be another entry of the contents
     page = with_one_title((ROOT / f"runs/studies/{name}/README.md").read_text(encoding="utf-8"))
     assert re.findall(r"^# .*", page, re.MULTILINE) == [f"# Study: {name}"]
+    levels = [len(marks) for marks in re.findall(r"^(#+) ", page, re.MULTILINE)]
+    assert all(after <= before + 1 for before, after in pairwise(levels))

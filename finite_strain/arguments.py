@@ -1,0 +1,39 @@
+"""What `finite_strain.solve` takes, so that a value of a wrong type is refused by its name before any work."""
+
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from finite_strain.numerics import Numerics
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Problem
+
+
+def _numbers(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(v, Real) for v in value)
+
+
+def _options(value: Any) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
+
+
+RULES: dict[str, tuple[Any, str]] = {
+    "problem": (lambda v: isinstance(v, Problem), "a linear_bem.Problem"),
+    "tangential_force": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
+    "folder": (lambda v: v is None or isinstance(v, str | Path), "the path of a folder"),
+    "seconds": (lambda v: v is None or isinstance(v, Real), "a number"),
+    "unknowns": (lambda v: v is None or isinstance(v, Real), "a number"),
+    "steps": (lambda v: v is None or _numbers(v), "fractions of the load such as (0.5, 1.0)"),
+    "numerics": (lambda v: isinstance(v, Numerics), "Numerics such as Numerics(growth=2.0)"),
+    "solver_options": (lambda v: v is None or _options(v), 'PETSc options such as {"pc_type": "lu"}'),
+    "inspect": (lambda v: v is None or callable(v), "a function of a step and its functions"),
+}
+"""Per argument whether a value is one, and what it must be."""
+
+
+def check_arguments(**given: Any) -> None:
+    """Raise `InvalidProblem` with every argument that is of another type than it must be."""
+    faults = [f"{name}: must be {RULES[name][1]}, got {v!r:.80}" for name, v in given.items() if not RULES[name][0](v)]
+    if faults:
+        raise InvalidProblem(*faults)

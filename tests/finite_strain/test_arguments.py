@@ -1,0 +1,49 @@
+"""Arguments of a wrong type are refused by name, before DOLFINx is imported."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import finite_strain
+from finite_strain import Numerics
+from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem
+
+PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", (0.1,)), finite_strain=FiniteStrain())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"problem": 3}, r"problem: must be a linear_bem\.Problem, got 3"),
+        ({"tangential_force": "0.1"}, r"tangential_force: must be a number between 0 and 1, got '0\.1'"),
+        ({"steps": 0.5}, r"steps: must be fractions of the load"),
+        ({"steps": ("half",)}, r"steps: must be fractions of the load"),
+        ({"seconds": "60"}, r"seconds: must be a number, got '60'"),
+        ({"unknowns": [1e4]}, r"unknowns: must be a number"),
+        ({"folder": 3}, r"folder: must be the path of a folder"),
+        ({"numerics": {"growth": 2.0}}, r"numerics: must be Numerics such as"),
+        ({"solver_options": "lu"}, r"solver_options: must be PETSc options such as"),
+        ({"inspect": 1}, r"inspect: must be a function"),
+        ({"seconds": "60", "folder": 3}, r"(?s)folder: .*seconds: "),
+    ],
+)
+def test_an_argument_of_another_type_is_refused_by_name(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidProblem, match=words):
+        finite_strain.solve(**({"problem": PROBLEM} | given))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"growth": -1.0}, r"numerics\.growth: must be a number greater than 0 and finite, got -1\.0"),
+        ({"growth": 0.0}, r"numerics\.growth: must be a number greater than 0"),
+        ({"more_loads": 0.7}, r"numerics\.more_loads: must be a tuple of fractions of the load, got 0\.7"),
+        ({"more_loads": ("most",)}, r"numerics\.more_loads: must be a tuple of fractions of the load"),
+        ({"largest_step": "0.1"}, r"numerics\.largest_step: must be a number"),
+    ],
+)
+def test_numerics_out_of_range_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidProblem, match=words):
+        Numerics(**given)
