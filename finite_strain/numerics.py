@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 from numbers import Real
+from typing import Any
 
 from linear_bem.errors import InvalidProblem
 
@@ -38,16 +39,13 @@ class Numerics:
     def __post_init__(self) -> None:
         faults = []
         for field in fields(self):
-            value, least = getattr(self, field.name), 0.0
-            values, what = (value,), "a number, not negative and finite"
+            value: Any = getattr(self, field.name)
+            values, what, least = (value,), "a number, not negative and finite", 0.0
             if field.name == "more_loads":
-                values, what = (
-                    (value if isinstance(value, tuple | list) else (None,)),
-                    "a tuple of fractions of the load",
-                )
+                values, what = value if isinstance(value, tuple | list) else (None,), "a tuple of fractions of the load"
             elif field.name in ("growth", "largest_step", "shortest_step"):
-                least, what = math.ulp(0.0), "a number greater than 0 and finite"
-            if not all(isinstance(v, Real) and least <= v < math.inf for v in values):
+                what, least = "a number greater than 0 and finite", math.ulp(0.0)
+            if not all(isinstance(v, Real) and least <= float(v) < math.inf for v in values):
                 faults.append(f"numerics.{field.name}: must be {what}, got {value!r}")
         if faults:
             raise InvalidProblem(*faults)
