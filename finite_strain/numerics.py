@@ -40,7 +40,8 @@ class Numerics:
         faults = []
         for field in fields(self):
             value: Any = getattr(self, field.name)
-            values, what, least = (value,), "a number, not negative and finite", 0.0
+            values: Any = (value,)
+            what, least = "a number, not negative and finite", 0.0
             if field.name == "more_loads":
                 values, what = value if isinstance(value, tuple | list) else (None,), "a tuple of fractions of the load"
             elif field.name in ("growth", "largest_step", "shortest_step"):
