@@ -29,8 +29,8 @@ from linear_bem.layer.kernel import LayeredKernel
 MESHED = ((1e-5, 0.4, 3.7), (1e-7, 0.3, 4.5))
 """Least precision, alpha H, and alpha r of the last near pair.
 
-Measured on 400 random loads per (40 H)^2 with splines of order 8: field to 1e-6/H and 6e-8/H, slope to 2.5e-6/H^2 and
-1.5e-7/H^2 of one load (root mean square).
+Measured on 400 random loads per (40 H)^2 with splines of order 8: field to 1e-6/H and 6e-8/H, slope
+(`ParticleMesh.slope`) to 1e-6/H^2 and 1.5e-7/H^2 of one load (root mean square).
 """
 IN_CELL = ((1e-5, 0.4, 3.7, 3.0), (1e-7, 0.3, 4.5, 4.0), (0.0, 0.2, 5.2, 5.0))
 """The same in a cell, and the least thickness of the layer over the spacing."""

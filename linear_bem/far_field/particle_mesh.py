@@ -98,8 +98,23 @@ class ParticleMesh:
 
     def field(self, points: Points, loads: Array) -> Array:
         """Return the field at the mesh's nodes from loads at points; a `Points` matrix interpolates it."""
-        spread = (points.value.T @ loads.ravel()).reshape(self.nodes)
-        wide = irfft2(rfft2(spread, self.doubled) * self.transform, self.doubled)
+        return self._convolved(points.value.T @ loads.ravel())
+
+    def slope(self, points: Points, loads: Array) -> Array:
+        """Return the field's gradient (points, 2) at points with slopes from the loads at these points.
+
+        It is half the derivative at the points and half that at the loads. The mesh then exerts opposite forces on any
+        two loads, and none of a load on itself: the sum of load times gradient vanishes.
+        """
+        field, out = self.field(points, loads), np.empty((points.value.shape[0], 2))
+        for axis, splines in enumerate((points.dx, points.dy)):
+            assert splines is not None
+            dipoles = self._convolved(splines.T @ loads.ravel())
+            out[:, axis] = 0.5 * (splines @ field - points.value @ dipoles)
+        return out
+
+    def _convolved(self, spread: Array) -> Array:
+        wide = irfft2(rfft2(spread.reshape(self.nodes), self.doubled) * self.transform, self.doubled)
         return np.ascontiguousarray(wide[: self.nodes[0], : self.nodes[1]]).ravel()
 
 

@@ -197,11 +197,8 @@ class Interaction:
                 total += to_first @ pull - to_second @ pull
         if self.far.mesh is not None:
             q = self.loads[self.mesh_level]
-            grid = self.far.mesh.field(self._points, q)
             points = self.far.mesh.at(*self.places[self.mesh_level], slopes=True)
-            for axis, matrix in enumerate((points.dx, points.dy)):
-                assert matrix is not None
-                total[:, axis] += np.sum(q * (matrix @ grid).reshape(q.shape), axis=1)
+            total += np.sum(q[:, :, None] * self.far.mesh.slope(points, q).reshape(*q.shape, 2), axis=1)
         return total / self.kernel.singular
 
 

@@ -185,7 +185,7 @@ def test_t_in_a_cell_adds_up_to_zero_by_both_formulas(base, under_forces):
     solution = under_forces[base]
     force, _ = numbers(solution)
     largest = float(np.max(np.abs(force)))
-    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-5 * largest)
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * largest)
     np.testing.assert_allclose(solution.contacts.slope_force, force, atol=1e-3 * largest)
     # recomputed around every ball, by sums over images and a mesh that the solver does not use
     assert max(solution.contacts.certificate.values()) < 2e-4
