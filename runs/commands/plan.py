@@ -6,6 +6,9 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Load, Problem
@@ -41,8 +44,13 @@ MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 CLOSE = 9
 """Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones."""
+MOST = 1000
+"""Balls that a plan solves by the linear model; of more, those about the middle stand for all."""
 ROUGH = 1e-2
 """Relative accuracy of the linear solution on which a plan is based."""
+MEMORY, PER_BALL, PER_UNKNOWN = 130e6, 125e3, 500.0
+"""Memory of the linear model [bytes]: of the process, more per ball, and more per unknown, which grids need. Measured,
+in MB: 114 for 9 balls, 169 for 100, 226 for 1000, 1340 for 10 000; 119 for 126 thousand cells."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -56,8 +64,10 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         expected = expectation(scene)
         sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
-    with waiting(f"the linear model on {problem.size} ball(s), for this plan"):
-        ahead = MODELS["linear_bem"].solve(without(problem, ["finite_strain"]), Run(ROUGH))
+    seen = _in_the_middle(problem)
+    part = _only(problem, seen)
+    with waiting(f"the linear model on {part.size} ball(s), for this plan"):
+        ahead = MODELS["linear_bem"].solve(without(part, ["finite_strain"]), Run(ROUGH))
     plans = [_model_plan(model, scene, problem, ahead)]
     if asked is None and model.plan is not None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
@@ -66,13 +76,15 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         if scene.steps is None and scene.reciprocation is None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
-    close, near = _closest(problem, ahead)
+    close, near = _closest(part, ahead)
     quick = near.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     with waiting("the linear model with and without each effect, for this plan's advice"):
         advice = Adviser(close, near, scene.tangential_force, scene.effects).advise()
         inputs = sensitivity.record(close) if quick and problem.size > 1 else None
-    if close is not problem:
-        leading = leading_ball([ball.to_dict() for ball in ahead.balls])
+    if part is not problem:
+        notes = (*notes, f"expected: of {part.size} balls about the middle, without the others")
+    if close is not part:
+        leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
         notes = (*notes, f"advice: about ball {leading}, the one with the largest T, and its {CLOSE - 1} nearest alone")
         inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
     evolution = None
@@ -101,27 +113,52 @@ def _closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
     """Return the ball with the largest T and the nearest others with their solution; few balls, and a cell, whole."""
     if problem.size <= CLOSE or problem.periodic is not None:
         return problem, ahead
-    place = problem.balls[leading_ball([ball.to_dict() for ball in ahead.balls])].position
-    kept = sorted(range(problem.size), key=lambda i: math.dist(place, problem.balls[i].position))[:CLOSE]
-    values, kind = problem.load.values, problem.load.kind
-    if kind == "total_force":
-        values, kind = tuple(ball.normal_force for ball in ahead.balls), "force"
-    load = Load(kind, tuple(values[i] for i in kept))
-    part = dataclasses.replace(
-        without(problem, ["finite_strain"]), balls=tuple(problem.balls[i] for i in kept), load=load
-    )
+    place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
+    if problem.load.kind == "total_force":
+        problem = problem.with_load("force", [ball.normal_force for ball in ahead.balls])
+    part = _only(without(problem, ["finite_strain"]), _nearest(problem, place, CLOSE))
     return part, MODELS["linear_bem"].solve(part, Run(ROUGH))
+
+
+def _in_the_middle(problem: Problem) -> Sequence[int]:
+    """Return the numbers of up to `MOST` balls about the loaded one nearest to the middle; all of a cell."""
+    if problem.size <= MOST or problem.periodic is not None:
+        return range(problem.size)
+    loaded = problem.positions[np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)]
+    middle = problem.positions.mean(axis=0)
+    return _nearest(problem, loaded[np.argmin(np.hypot(*(loaded - middle).T))], MOST)
+
+
+def _nearest(problem: Problem, place: Array, count: int) -> Sequence[int]:
+    """Return the numbers of the ``count`` balls nearest to a place (2,) [m], nearest first."""
+    chosen: list[int] = np.argsort(np.hypot(*(problem.positions - place).T), kind="stable")[:count].tolist()
+    return chosen
+
+
+def _only(problem: Problem, kept: Sequence[int]) -> Problem:
+    """Return the problem of some of its balls, with their share of a total force; the problem itself of all."""
+    if len(kept) == problem.size:
+        return problem
+    load = problem.load
+    if load.kind == "total_force":
+        values = (load.values[0] * len(kept) / problem.size,)
+    else:
+        values = tuple(load.values[i] for i in kept)
+    balls = tuple(problem.balls[i] for i in kept)
+    return dataclasses.replace(problem, balls=balls, load=Load(load.kind, values))
 
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
     if model.plan is not None:
         details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
+        times = problem.size / len(ahead.balls)
+        unknowns = round(ahead.solved.unknowns * times)
         details = {
             "symmetries": [],
-            "unknowns": ahead.solved.unknowns,
-            "memory_bytes": 8.0 * ahead.solved.unknowns**2,
-            "seconds": ahead.solved.seconds * states,
+            "unknowns": unknowns,
+            "memory_bytes": MEMORY + PER_BALL * problem.size + PER_UNKNOWN * unknowns,
+            "seconds": ahead.solved.seconds * times * states,
             "states": states,
         }
     return {"model": model.name, "summary": model.summary, **plain(details)}
