@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.coupled_point_loads import effective_approaches
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.pair_list import DENSE
-from tests.runs.lattices import in_cell, lattice
+from runs.evolution.providers import provider
+from runs.models import MODELS
+from tests.runs.lattices import Array, in_cell, lattice, triangular
 
 ROUNDOFF = 1e-9
 CLOSE = 1e-6
-"""Share of the law left out where the sums themselves are looked at."""
+"""Accuracy where the sums themselves are looked at, by a law of which half of that is left out."""
 
 
-def growth_rates(pair: PairForces, spacing: float, wave: float, reach: float = 40.0) -> tuple[float, float]:
-    r"""Return the growth rates [1/m of path over friction] of a square lattice along and across a wave along x.
+def growth(pair: PairForces, r: Array, wave: Array) -> Array:
+    r"""Return the matrix (2, 2) of growth rates [1/m of path over friction] of a wave in a lattice.
 
-    With all loads Q, displacements u_j = U exp(i q x_j) and the pair law's k and c at the lattice's distances, the
-    linearised balance of loads gives (1/s + sum k exp(i q r)) dQ = -Q i sum k' n sin(q r) U, s = dF/dd, and
+    ``r`` (neighbours, 2) [m] goes from one ball to all others. With all loads Q, displacements u_j = U exp(i q x_j)
+    and the pair law's k and c, the linearised balance of loads gives
+    (1/s + sum k exp(i q r)) dQ = -Q i sum k' n sin(q r) U, s = dF/dd, and
 
         du/dsigma = Q [sum (c' n n + c/L (1 - n n)) (cos(q r) - 1) + (sum c n sin)(sum k' n sin)/(1/s + sum k exp)] U.
     """
-    steps = np.arange(-int(reach / spacing), int(reach / spacing) + 1)
-    r = spacing * np.array([(i, j) for i in steps for j in steps if (i, j) != (0, 0)], dtype=float)
     distance = np.hypot(*r.T)
     n = r / distance[:, None]
     (k, c), h = pair.law(distance), 1e-4
@@ -37,15 +41,20 @@ def growth_rates(pair: PairForces, spacing: float, wave: float, reach: float = 4
     for _ in range(200):  # the load that all balls share
         load = 0.5 * load + 0.5 * single.force(np.array([approach - np.sum(k) * load]))[0]
     slope = single.force_and_slope(np.array([approach - np.sum(k) * load]))[1][0]
-    phase = wave * r[:, 0]
+    phase = r @ wave
     soft = 1.0 / slope + np.sum(k * np.cos(phase))
-    rates = []
-    for axis in (0, 1):
-        square = n[:, axis] ** 2
-        stiff = np.sum((c_slope * square + c / distance * (1.0 - square)) * (np.cos(phase) - 1.0))
-        turned = np.sum(c * n[:, axis] * np.sin(phase)) * np.sum(k_slope * n[:, axis] * np.sin(phase))
-        rates.append(float(load * (stiff + turned / soft)))
-    return rates[0], rates[1]
+    stiff = np.einsum("i,ia,ib->ab", (c_slope - c / distance) * (np.cos(phase) - 1.0), n, n)
+    stiff += np.eye(2) * np.sum(c / distance * (np.cos(phase) - 1.0))
+    turned = np.outer((c * np.sin(phase)) @ n, (k_slope * np.sin(phase)) @ n)
+    return np.asarray(load * (stiff + turned / soft))
+
+
+def around(first: Array, second: Array, reach: float) -> Array:
+    """Return the vectors [m] from a ball of a lattice of two steps [m] to all others within ``reach`` [m]."""
+    most = 2 * int(reach / np.hypot(*first)) + 1
+    steps = np.arange(-most, most + 1)
+    r = np.array([i * first + j * second for i in steps for j in steps if (i, j) != (0, 0)])
+    return np.asarray(r[np.hypot(*r.T) < reach])
 
 
 @pytest.mark.parametrize(("name", "spacing"), [("thin", 3.0), ("thick", 2.2), ("thick", 3.0)])
@@ -63,7 +72,8 @@ def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
     balls = HardBalls(np.ones(len(x)), cell)
     for number in (1, 3):
         wave = 2.0 * np.pi * number / cell[0]
-        for axis, rate in enumerate(growth_rates(pair, spacing, wave)):
+        rates = growth(pair, around(np.array([spacing, 0.0]), np.array([0.0, spacing]), 50.0), np.array([wave, 0.0]))
+        for axis, rate in enumerate(np.diag(rates)):
             shape = np.sin(wave * x[:, 0])
             moved = x.copy()
             moved[:, axis] += 1e-5 * shape
@@ -74,18 +84,45 @@ def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
             assert measured == pytest.approx(rate, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("thickness", "poisson", "spacing", "columns", "rows"), [(8.0, 0.3, 3.0, 20, 24), (5.0, 0.45, 3.5, 6, 10)]
+)
+def test_slow_waves_grow_as_the_law_without_a_cut_says(
+    thickness: float, poisson: float, spacing: float, columns: int, rows: int
+) -> None:
+    balls = tuple(Ball((x, 0.0), 1.0) for x in (-1.5, 1.5))
+    two = Problem(Layer(1.0, poisson, thickness), balls, Load("approach", (0.1, 0.1)))
+    pair = provider(MODELS["point_load"], two, None, "pairs", Path("none")).forces
+    assert isinstance(pair, PairForces)
+    x, cell = triangular(columns, rows, spacing)
+    forces = in_cell(pair, len(x), cell)
+    r = around(np.array([spacing, 0.0]), 0.5 * spacing * np.array([1.0, np.sqrt(3.0)]), 15.0 * thickness)
+    for numbers in ((1, 0), (0, 1), (2, 1)):
+        wave = 2.0 * np.pi * np.array(numbers) / cell
+        shape = np.sin(x @ wave)
+        measured = np.empty((2, 2))
+        for axis in (0, 1):
+            step = np.zeros_like(x)
+            step[:, axis] = 1e-5 * shape
+            states = forces(x + step), forces(x - step)
+            there, back = (state.tangential / state.normal[:, None] for state in states)
+            measured[:, axis] = shape @ (there - back) / 2e-5 / (shape @ shape)
+        expected = np.sort(np.linalg.eigvals(growth(pair, r, wave)).real)
+        assert np.sort(np.linalg.eigvals(measured).real) == pytest.approx(expected, rel=0.01)
+
+
 def test_a_cell_stands_for_its_images_and_its_edge_for_nothing(thin: PairForces) -> None:
     side, rng = 9.0, np.random.default_rng(3)
     x = np.array([(1.5, 1.5), (4.4, 2.0), (7.2, 1.2), (2.0, 5.1), (5.5, 5.6), (1.2, 7.9), (7.0, 7.5)])
     x += rng.uniform(-0.2, 0.2, x.shape)
     cell = np.array([side, side])
-    forces = in_cell(thin, len(x), cell, CLOSE)
+    forces = in_cell(thin, len(x), cell, 0.5 * CLOSE)
     assert forces.reach > side  # a ball acts on another, and on itself, through several images
     here = forces(x)
     copies = np.array([(0, 0), *[(i, j) for i in range(-4, 5) for j in range(-4, 5) if (i, j) != (0, 0)]])
     many = (x[None] + side * copies[:, None]).reshape(-1, 2)
     problem = in_cell(thin, len(many), cell).problem
-    wide = PairForces(problem, [thin.singles[0]] * len(many), thin.law, cut=CLOSE)(many)
+    wide = PairForces(problem, [thin.singles[0]] * len(many), thin.law, cut=0.5 * CLOSE)(many)
     assert here.normal == pytest.approx(wide.normal[: len(x)], rel=10.0 * CLOSE)
     size = float(np.max(np.abs(here.tangential)))
     assert here.tangential == pytest.approx(wide.tangential[: len(x)], abs=10.0 * CLOSE * size)
