@@ -141,11 +141,11 @@ def _only(problem: Problem, kept: Sequence[int]) -> Problem:
         return problem
     load = problem.load
     if load.kind == "total_force":
-        values = (load.values[0] * len(kept) / problem.size,)
+        values = [load.values[0] * len(kept) / problem.size]
     else:
-        values = tuple(load.values[i] for i in kept)
+        values = [load.values[i] for i in kept]
     balls = tuple(problem.balls[i] for i in kept)
-    return dataclasses.replace(problem, balls=balls, load=Load(load.kind, values))
+    return dataclasses.replace(problem, balls=balls, load=Load(load.kind, tuple(values)))
 
 
 def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
