@@ -19,7 +19,7 @@ STUDIES = {
     "stability": "hard cases: a right answer or a named refusal",
     "laws": "how far the force depends on the hyperelastic law, and what a foam does",
     "deep": "how deep finite strain goes, what ends it, and what T does there",
-    "effects": "what each effect costs, and that a scene without it pays nothing",
+    "effects": "what each effect brings in, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms and itself",
     "validation": "published results of others beside this project's answers",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",

@@ -1,1 +1,1 @@
-"""The study ``effects``: what each optional effect adds and costs, and that a scene without it pays nothing."""
+"""The study ``effects``: what each optional effect brings in, and that a scene without it pays nothing."""

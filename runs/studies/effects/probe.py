@@ -1,4 +1,4 @@
-"""Child process that runs one command and reports modules, forms and functions used, time and memory.
+"""Child process that runs one command and reports the modules, forms and functions that it used.
 
 Modules and functions ("module:name") named on its command line are blocked, as if their code did not exist. It is run
 as a file, so that nothing of the project is imported earlier:
@@ -6,9 +6,7 @@ as a file, so that nothing of the project is imported earlier:
 """
 
 import json
-import resource
 import sys
-import time
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 from inspect import CO_OPTIMIZED
@@ -17,6 +15,8 @@ from types import CodeType, FrameType, ModuleType
 from typing import Any
 
 OURS = ("linear_bem", "meshes", "finite_strain", "runs")
+COMPILING = ("ply", "pycparser", "setuptools", "libffcx_")
+"""Beginnings of the names of libraries that depend on which forms the compiler's cache has already."""
 
 
 class Absent:
@@ -73,36 +73,30 @@ def watch_forms(signatures: list[str]) -> None:
 def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
     """Run the command in this process and write the account as JSON."""
     sys.meta_path.insert(0, Absent([name for name in blocked if name and ":" not in name]))
-    calls = Calls([name for name in blocked if ":" in name])
-    if "--calls" in command:
-        command = [word for word in command if word != "--calls"]
-        sys.setprofile(calls)
-    signatures: list[str] = []
+    calls, signatures = Calls([name for name in blocked if ":" in name]), list[str]()
+    sys.setprofile(calls)
     if "--forms" in command:
-        command = [word for word in command if word != "--forms"]
         watch_forms(signatures)
     from runs import cli  # noqa: PLC0415
 
-    sys.argv = ["thirdbody", *command]
+    sys.argv = ["thirdbody", *(word for word in command if word != "--forms")]
     code = 0
     try:
         cli.main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
     sys.setprofile(None)
-    loaded = sorted(name for name in sys.modules if name.split(".")[0] in OURS)
-    libraries = sorted({name.split(".")[0] for name in sys.modules if "." not in name and not name.startswith("_")})
-    found = {
-        "code": code,
-        "modules": [name for name in loaded if not name.startswith("runs.studies")],
-        "libraries": [name for name in libraries if name not in sys.stdlib_module_names and name not in OURS],
-        "forms": signatures,
-        "functions": calls.found(),
-        "cpu_seconds": time.process_time(),
-        "memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-    }
+    found = {"modules": sorted(filter(_counts, sys.modules)), "functions": calls.found(), "forms": signatures}
     account.write_text(json.dumps(found), encoding="utf-8")
     return code
+
+
+def _counts(module: str) -> bool:
+    """Return whether a loaded module is one of the project's, the studies left out, or another library as a whole."""
+    if module.split(".", maxsplit=1)[0] in OURS:
+        return not module.startswith("runs.studies")
+    standard = module in sys.stdlib_module_names or module.startswith("_")
+    return "." not in module and not standard and not module.startswith(COMPILING)
 
 
 if __name__ == "__main__":
