@@ -15,7 +15,7 @@ from runs.models import Run
 from runs.studies.framework.case import varied
 from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.validation.answer import cases as validation_cases
-from runs.studies.verification import convergence, experiments, nine_balls, one_ball, part, routes, small_load
+from runs.studies.verification import convergence, nine_balls, one_ball, part, routes, small_load
 from runs.studies.verification.answer import PARTS, present
 from tests.finite_strain.scenes import at_small_strain
 from tests.launch import python
@@ -132,10 +132,6 @@ def test_the_parts_hold_what_the_question_asks() -> None:
     places = {(c.labels["h"], c.labels["L"], c.model) for c in small_load.cases(quick=False)}
     models = ("small_strain", "finite_strain")
     assert places == {(h, d, model) for h in (0.5, 1.16, 2.0, 6.0) for d in (2.0, 3.0) for model in models}
-    scenes = {case.name: case.problem for case in experiments.cases(quick=False)}
-    assert {p.balls[0].radius for name, p in scenes.items() if "thin" in name} == {3.5e-3, 5e-3, 8e-3}
-    deep = [p for name, p in scenes.items() if "thick" in name]
-    assert [(p.load.values[0], p.layer.thickness, p.layer.poisson) for p in deep] == [(1.2, 8.0, 0.3), (1.2, 8.0, 0.48)]
     assert case_of(routes.PART).problem.load.values[0] == 0.5
 
 
@@ -174,18 +170,16 @@ def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_told(strength: float
     assert row["verdict"] == verdict
 
 
-def test_a_stop_that_says_why_is_no_claim_and_neither_is_what_has_not_run(tmp_path: Path) -> None:
-    stopped, waiting = experiments.cases(quick=False)[:2]
+def test_a_stop_is_named_and_no_claim_and_so_is_what_has_not_run(tmp_path: Path) -> None:
+    stopped, waiting = convergence.cases(quick=False)
     both = Found(
         (stopped, waiting), {stopped.name: {"state": "not converged", "reason": "load step to 0.9", "steps": []}}
     )
-    assert [row["verdict"] for row in experiments.rows(both)] == ["not converged", None]
-    silent = Found((stopped,), {stopped.name: {"state": "not converged", "reason": "", "steps": []}})
-    assert [row["verdict"] for row in experiments.rows(silent)] == ["WRONG"]
+    assert convergence.rows(both) == []
     text = present(both, tmp_path)
-    assert "0 right, 0 WRONG, 0 refused by name, 1 not converged, 1 without a claim" in text
-    assert "load step to 0.9" in text
-    assert (tmp_path / "experiments.csv").exists()
+    assert "0 right, 0 WRONG, 0 without a claim" in text
+    assert "| Order of convergence | 0 of 2 | 0 | 0 | 0 |" in text
+    assert both.missing() == [f"{stopped.name}: not converged: load step to 0.9", f"{waiting.name}: not run yet"]
 
 
 def test_a_case_that_another_study_has_is_computed_there_alone(tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import PAPER_LOAD
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.saved_cases import ENDED, Found
+from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
-from runs.studies.verification import convergence, experiments, nine_balls, one_ball, pictures, routes, small_load
-from runs.studies.verification.part import REFUSED, RIGHT, STOPPED, WIDEST, WRONG, Part, Row
+from runs.studies.verification import convergence, nine_balls, one_ball, pictures, routes, small_load
+from runs.studies.verification.part import RIGHT, WIDEST, WRONG, Part, Row
 
-PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, nine_balls.PART, experiments.PART)
+PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, nine_balls.PART)
 """In the order of the page."""
 
 
@@ -40,17 +40,15 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:
-    mine = found.of_part(part.name)
-    ended = f"{sum(found.state(case.name) in ENDED for case in mine)} of {len(mine)}"
-    return {"part": part.title, "cases": ended, **_counts(rows)}
+    answered = f"{len(found.done(part.name))} of {len(found.of_part(part.name))}"
+    return {"part": part.title, "cases": answered, **_counts(rows)}
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
     """Return how many rows have each verdict."""
     verdicts = [row["verdict"] for row in rows]
-    return {word: verdicts.count(word) for word in (RIGHT, WRONG, REFUSED, STOPPED)} | {
-        "without a claim": verdicts.count(None)
-    }
+    words = {RIGHT: RIGHT, WRONG: WRONG, "without a claim": None}
+    return {word: verdicts.count(verdict) for word, verdict in words.items()}
 
 
-STUDY = study_of_cases("verification", cases, present, ("verification.svg", "verification.png"), ENDED)
+STUDY = study_of_cases("verification", cases, present, ("verification.svg", "verification.png"))

@@ -9,7 +9,7 @@ from runs.studies.framework.saved_cases import Found
 
 COARSE = 0.2
 """Relative accuracy of T in the quick version, which gives the coarsest meshes."""
-RIGHT, WRONG, REFUSED, STOPPED = "right", "WRONG", "refused by name", "not converged"
+RIGHT, WRONG = "right", "WRONG"
 """Verdicts of a row; None where nothing is claimed."""
 WIDEST = 0.1
 """Relative error bar beyond which an answer claims nothing."""
@@ -32,17 +32,3 @@ class Part:
     title: str
     cases: Callable[[bool], list[Case]]
     rows: Callable[[Found], list[dict[str, Any]]]
-
-
-def worded(found: Found, case: Case, ended: str) -> str | None:
-    """Return the verdict on how a case ended (see `runs.studies.stability.judging.verdict`).
-
-    An answer whose error bar is wider than `WIDEST` claims nothing.
-    """
-    if found.state(case.name) in ("not run yet", "running"):
-        return None
-    if ended in ("named refusal", STOPPED):
-        said = found.records[case.name].get("reason")
-        return (STOPPED if ended == STOPPED else REFUSED) if said else WRONG
-    accuracy = found.records[case.name].get("solved", {}).get("accuracy") or {}
-    return claimed(ended == RIGHT, accuracy.get("reached") or 0.0)
