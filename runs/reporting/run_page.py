@@ -27,15 +27,11 @@ def scale_of(folder: Folder) -> Scale:
 
 
 def content(folder: Folder) -> dict[str, Any]:
-    """Return what the page shows of a solved scene, of a comparison, or of any other run; nothing without results."""
+    """Return what the page shows of a solved or evolved scene, or of a comparison; nothing without results."""
     document = folder.document
     if not document:
         return {}
-    if folder.command == "compare":
-        return _comparison(folder, document)
-    if document.get("balls") and "tangential_force" in document["balls"][0]:
-        return _solution(folder, document)
-    return _anything(document)
+    return (_comparison if folder.command == "compare" else _solution)(folder, document)
 
 
 def _common(
@@ -91,24 +87,6 @@ def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str,
     return {"inputs": rows, "inputs_checked": sensitivity.check(found)}
 
 
-def _anything(document: Mapping[str, Any]) -> Document:
-    """Return the document of any other command: single values as facts, lists of rows as tables."""
-    single = {
-        key.replace("_", " "): number(value) if isinstance(value, float) else str(value)
-        for key, value in document.items()
-        if isinstance(value, str | int | float | bool) and key != "format"
-    }
-    solved = document.get("solved") or {}
-    return {
-        "facts": {k: v for k, v in single.items() if len(v) < 40},
-        "account": _account(solved),
-        "texts": [v for v in single.values() if len(v) >= 40],
-        "tables": _tables(document),
-        "notes": solved.get("notes", []),
-        "versions": _versions(solved),
-    }
-
-
 def _tables(document: Mapping[str, Any]) -> list[tuple[str, list[Document], str]]:
     """Return title, rows and caption for each list of rows that nothing else shows."""
     found = []
@@ -133,12 +111,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _state(
-    balls: Sequence[Mapping[str, Any]],
-    index: int,
-    scale: Scale,
-    solved: Mapping[str, Any],
-    *,
-    periodic: bool = False,
+    balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any], *, periodic: bool = False
 ) -> dict[str, str]:
     ball, units = balls[index], scale.units
     load, force = ball["normal_force"], attraction(balls, index, ball["tangential_force"])
