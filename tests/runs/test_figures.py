@@ -15,7 +15,6 @@ from runs.display import figures, surface
 from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale
 from runs.display.style import error_bars, minus
-from runs.studies.figures.answer import _rows
 from runs.studies.figures.map_materials import _continued
 from runs.studies.figures.pair import line_through
 
@@ -180,13 +179,6 @@ def test_a_ratio_is_not_drawn_across_the_pole_where_its_denominator_changes_sign
 
 def test_numbers_have_minus_signs_and_words_hyphens() -> None:
     assert minus("minimum -0.0478 at h = -2e-3, half-space, x-1") == "minimum −0.0478 at h = −2e−3, half-space, x-1"
-
-
-def test_grouped_numbers_are_rows_of_their_own() -> None:
-    rows = _rows({"thin": {"at_contact": np.float64(-1.5), "changes": [1.0, 2.5]}, "checks": [{"a": 1}]})
-    assert rows == [
-        {"number": "thin: at contact", "value": "-1.5"}, {"number": "thin: changes", "value": "1, 2.5"},
-    ]  # fmt: skip
 
 
 def test_contours_are_continued_up_to_the_limit() -> None:

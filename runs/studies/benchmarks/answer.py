@@ -21,7 +21,6 @@ KEPT = "benchmarks.json"
 """File of the study's folder with the measurements and their conditions."""
 TITLES = {
     "sphere": "One sphere on a half-space, tolerance 1e-8, one thread: time and relative errors against Hertz",
-    "kernel_table": "Kernel table, computed once per pair of materials",
     "pair": "The paper's pair: best time to T, its error and the solver's own estimate",
     "growth": "Touching balls under one holder, T to 1e-3",
 }
@@ -41,7 +40,6 @@ def compute(folder: Path, options: Options) -> None:
             print_status(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")
     tables = {
         "sphere": rows,
-        "kernel_table": [{"seconds": pair.table_seconds(), "aim_seconds": 0.3}],
         "pair": pair.times_to_accuracy(2 if options.quick else 7),
         "growth": pair.growth(list(COUNTS[:2] if options.quick else COUNTS)),
     }

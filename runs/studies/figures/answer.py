@@ -3,9 +3,7 @@
 import importlib.metadata
 import platform
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from runs.display.style import look, save_figure
 from runs.process import signals
@@ -40,7 +38,7 @@ def compute(folder: Path, options: Options) -> None:
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Draw every part that is there; return its sentences and numbers as Markdown."""
+    """Draw every part that is there; return its sentences as Markdown."""
     there = [(part, found) for part in PARTS if (found := saved(folder, part, quick)) is not None]
     for part, found in there:
         with look():
@@ -50,25 +48,8 @@ def page(folder: Path, quick: bool) -> str:
         seconds=sum(found.seconds for _, found in there),
         versions=", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("thirdbody", "numpy", "scipy")),
         python=platform.python_version(),
-        parts=[(part, found.numbers, _rows(found.numbers)) for part, found in there],
+        parts=[(part, found.numbers) for part, found in there],
     )  # fmt: skip
-
-
-def _rows(numbers: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return names and values, groups one row each number; rows of a check are left to the sentences."""
-    rows = []
-    for key, value in numbers.items():
-        if isinstance(value, Mapping):
-            rows += [{**row, "number": f"{key.replace('_', ' ')}: {row['number']}"} for row in _rows(value)]
-        elif not (isinstance(value, list) and value and isinstance(value[0], dict)):
-            rows.append({"number": key.replace("_", " "), "value": _written(value)})
-    return rows
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_written, value))
-    return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
 STUDY = Study("figures", compute, page, text="figures.md", saves="figure_*.json")

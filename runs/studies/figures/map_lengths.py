@@ -45,11 +45,7 @@ def compute(quick: bool) -> Findings:
         "experiments": {name: float(rigid.attraction(2.0 / thickness)) for name, (thickness, _) in EXPERIMENTS.items()},
         "share_left_at_rest": float(rigid.attraction(FINAL / 1.25) * 4.0 / FINAL**2 / rigid.attraction(2.0 / 1.25)),
     }
-    grid = {
-        "h": np.tile(h, distance.size),
-        "L": np.repeat(distance, h.size),
-        "T_over_half_space": ratio.ravel(),
-    }
+    grid = {"h": np.tile(h, distance.size), "L": np.repeat(distance, h.size), "T_over_half_space": ratio.ravel()}
     return Findings({"map": grid, "check": check}, numbers)
 
 
