@@ -135,12 +135,11 @@ def _draw_section(
     line, heights = surface.section(top, [ball["position"] for ball in balls])
     axes.plot(line / size, heights / size, color=FINITE, lw=2.2, label="surface", zorder=3)
     axes.axhline(0.0, color="0.3", lw=1.0, ls="--", zorder=4)
-    along = surface.along_section([ball["position"] for ball in balls])
+    origin, along, normal = surface.section_line([ball["position"] for ball in balls])
     lowest = min(float(np.nanmin(heights)), 0.0)
     angle = np.linspace(-math.pi, 0.0, 181)
-    across = surface.across_section([ball["position"] for ball in balls])
     for shape, ball in zip(problem.balls, balls, strict=True):
-        center, aside = along(ball["position"]), across(ball["position"])
+        center, aside = along @ ball["position"], normal @ (ball["position"] - origin)
         radius, body = shape.radius, shape.indenter
         if abs(aside) > (0.99 if isinstance(body, Sphere) else 1e-6) * radius:
             continue  # the section passes beside it, or would need more than its profile
@@ -148,14 +147,13 @@ def _draw_section(
             cut = math.sqrt(radius**2 - aside**2)
             x, z = center + cut * np.cos(angle), radius + cut * np.sin(angle) - ball["approach"]
         else:
-            direction = along((1.0, 0.0)), along((0.0, 1.0))
-            half, profile = (body.half_width(*direction), body.height) if isinstance(body, Indenter) else (radius, body)
+            half, profile = (body.half_width(*along), body.height) if isinstance(body, Indenter) else (radius, body)
             half = half or 3.0 * math.sqrt(ball["contact_area"] / math.pi)
             t = np.linspace(-half, half, 181)
-            x, z = center + t, profile(t * direction[0], t * direction[1]) - ball["approach"]
+            x, z = center + t, profile(t * along[0], t * along[1]) - ball["approach"]
         axes.fill(x / size, z / size, color="#dde2e9", zorder=1)
         axes.plot(x / size, z / size, color="0.25", lw=1.2, zorder=2)
-    centers = [along(ball["position"]) / size for ball in balls]
+    centers = [along @ ball["position"] / size for ball in balls]
     margin = 1.3 * max(ball["radius"] for ball in balls) / size
     axes.set(xlim=(min(centers) - margin, max(centers) + margin), aspect="equal")
     length = scale.units.length

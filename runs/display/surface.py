@@ -1,7 +1,7 @@
 """The deformed top surface of a finite-element run: kept on disk and cut by a section."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from linear_bem.arrays import Array
 from runs.process.files import replacing
 
 NAME = "surface.npz"
@@ -18,9 +19,9 @@ NAME = "surface.npz"
 class Surface:
     """Deformed points (n, 3) [m] of the whole scene's surface, triangles (m, 3), contact pressure (n,) [Pa]."""
 
-    points: NDArray[np.float64]
+    points: Array
     triangles: NDArray[np.int64]
-    pressure: NDArray[np.float64]
+    pressure: Array
 
 
 def keep(folder: Path, fields: Any) -> None:
@@ -39,30 +40,18 @@ def load(folder: Path) -> Surface | None:
         return None
 
 
-def along_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
-    """Return the coordinate [m] of a position along the section line: from the first ball to the farthest from it."""
-    direction = _line(positions)[1]
-    return lambda position: float(np.asarray(position) @ direction)
-
-
-def across_section(positions: Sequence[Sequence[float]]) -> Callable[[Sequence[float]], float]:
-    """Return the distance [m] of a position from the section line, with a sign."""
-    origin, direction = _line(positions)
-    across = np.array([-direction[1], direction[0]])
-    return lambda position: float(across @ (np.asarray(position) - origin))
-
-
-def _line(positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def section_line(positions: Sequence[Sequence[float]]) -> tuple[Array, Array, Array]:
+    """Return the first ball's position [m] and unit vectors from it along the section, to the farthest, and across."""
     origin = np.asarray(positions[0], dtype=float)
     farthest = np.asarray(max(positions, key=lambda p: math.dist(p, positions[0])), dtype=float)
     length = float(np.linalg.norm(farthest - origin))
-    return origin, (farthest - origin) / length if length > 0.0 else np.array([1.0, 0.0])
+    along = (farthest - origin) / length if length > 0.0 else np.array([1.0, 0.0])
+    return origin, along, np.array([-along[1], along[0]])
 
 
-def section(top: Surface, positions: Sequence[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def section(top: Surface, positions: Sequence[Sequence[float]]) -> tuple[Array, Array]:
     """Return coordinates along the section line and heights [m] there, where it crosses edges of the surface."""
-    origin, direction = _line(positions)
-    normal = np.array([-direction[1], direction[0]])
+    origin, direction, normal = section_line(positions)
     offset = (top.points[:, :2] - origin) @ normal
     # a line that runs exactly along edges crosses none of them: move it off the points by a tiny distance
     span = float(np.ptp(top.points[:, :2], axis=0).max())

@@ -12,14 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from runs.display.numbers import (
-    Scale,
-    error_terms,
-    number,
-    short_number,
-    with_error,
-    with_error_in_parentheses,
-)
+from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
 

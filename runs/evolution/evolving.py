@@ -93,7 +93,7 @@ class Evolution:
         document, record = self._run(given)
         session.save(document, rows(document))
         if pictures:
-            showing.draw(session, document, record.moments, self.balls)
+            showing.draw(session, document, record.moments, self.balls, self._arrangements)
         session.finish(document["solved"])
         return document
 

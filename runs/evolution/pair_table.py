@@ -268,8 +268,7 @@ class PairTable:
         influence = (self.approach - self.single().approach(load)) / load
         k, c, k_size, c_size = PairLaw(self.problem).linear(distances)
         return PairLaw(
-            self.problem,
-            Corrections(tuple(distances), tuple((influence - k) / k_size), tuple((pull - c) / c_size)),
+            self.problem, Corrections(tuple(distances), tuple((influence - k) / k_size), tuple((pull - c) / c_size))
         )
 
     def forces(self, cell: Array | None = None) -> PairForces:

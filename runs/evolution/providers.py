@@ -14,7 +14,7 @@ from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable, runs_left
-from runs.models import Model, Run, planned_runs
+from runs.models import MODELS, Model, Run, planned_runs
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
@@ -118,20 +118,13 @@ def table_of(
 
 def _point_loads(problem: Problem, cell: Array | None = None) -> PairForces:
     """Return the point-load law with one relation of force and approach per kind of ball."""
-    from linear_bem import solve  # noqa: PLC0415
-
     deepest = max(problem.load.values)
     curves: dict[tuple[float, Any], SingleBall] = {}
     for ball in problem.balls:
         kind = (ball.radius, ball.shape)
         if kind not in curves:
-            alone = replace(ball, position=(0.0, 0.0))
-            depths = [deepest * d for d in DEPTHS]
-            forces = [
-                solve(replace(problem, balls=(alone,), load=Load("approach", (d,))), accuracy=PAIR_ACCURACY)
-                .balls[0]
-                .normal_force
-                for d in depths
-            ]
-            curves[kind] = SingleBall(depths, forces)
+            balls, load = (replace(ball, position=(0.0, 0.0)),), Load("approach", (deepest,))
+            alone = replace(problem, balls=balls, load=load)
+            states = MODELS["linear_bem"].solve(alone, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
+            curves[kind] = SingleBall([d * deepest for d in DEPTHS], [s.balls[0].normal_force for s in states])
     return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem), cell=cell)

@@ -108,12 +108,7 @@ def to_dict(moment: Moment, balls: HardBalls) -> Document:
 
 def in_brief(moment: Moment, balls: HardBalls) -> Document:
     """Return the JSON object of a moment of many balls, whose positions and forces are in a file of its own."""
-    return {
-        "sigma": moment.sigma,
-        "contacts": len(moment.contacts),
-        "speed": moment.speed,
-        "resting": moment.resting,
-    }
+    return {"sigma": moment.sigma, "contacts": len(moment.contacts), "speed": moment.speed, "resting": moment.resting}
 
 
 def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:

@@ -8,7 +8,7 @@ import numpy as np
 from runs.display import tables
 from runs.display.numbers import number
 from runs.display.rows import LEGEND
-from runs.evolution import drawing, layer_pictures, outcome, structure
+from runs.evolution import drawing, layer_pictures, outcome
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.process.json_values import Document
@@ -22,15 +22,16 @@ LONG = 1e4
 """Path in the scene's unit of length from which it is printed in metres."""
 
 
-def draw(session: Session, document: Document, moments: Sequence[Moment], balls: HardBalls) -> None:
-    """Write every picture of the run."""
+def draw(
+    session: Session, document: Document, moments: Sequence[Moment], balls: HardBalls, layer: Sequence[Document]
+) -> None:
+    """Write every picture of the run; ``layer`` holds the rows of `runs.evolution.structure`, if any."""
     assert session.scene.reciprocation is not None
     folder, direction = session.out, session.scene.reciprocation.direction
     radii = [ball.radius for ball in session.problem.balls]
-    if balls.many or balls.cell is not None:
-        cycles = session.scene.reciprocation.cycles_after
-        layer_pictures.draw_top_views(folder, moments, balls, cycles, "top_views")
-        layer_pictures.draw_structure(folder, [{"cycle": cycles(m.sigma), **structure.row(m, balls)} for m in moments])
+    if layer:
+        layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, "top_views")
+        layer_pictures.draw_structure(folder, layer)
         return
     drawing.draw_top_views(folder, document, balls, radii, direction)
     drawing.draw_distances(folder, document, balls)

@@ -82,17 +82,24 @@ def share(value: Any, root: int = 0) -> Any:
     return value if _farewell is None else _farewell.bcast(value, root=root)
 
 
+def all_arrive(comm: Any, patience: float = PATIENCE) -> bool:
+    """Return whether all ranks of ``comm`` come here within some seconds (collective)."""
+    request = comm.Ibarrier()
+    deadline = time.monotonic() + patience
+    while not request.Test():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
 def end_together(code: int, last_words: str, patience: float = PATIENCE) -> None:
     """Return when all ranks are about to end; abort them if some are stuck in a call that waits for this one."""
     if _farewell is None or _farewell.size == 1:
         return
-    from mpi4py import MPI  # noqa: PLC0415
+    if not all_arrive(_farewell, patience):
+        from mpi4py import MPI  # noqa: PLC0415
 
-    request = _farewell.Ibarrier()
-    deadline = time.monotonic() + patience
-    while not request.Test():
-        if time.monotonic() > deadline:
-            if _farewell.rank > 0:
-                print(last_words, file=sys.__stderr__, flush=True)
-            MPI.COMM_WORLD.Abort(code)
-        time.sleep(0.02)
+        if _farewell.rank > 0:
+            print(last_words, file=sys.__stderr__, flush=True)
+        MPI.COMM_WORLD.Abort(code)

@@ -25,19 +25,8 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 """A valid value of every key: shown as remedy, and substituted for a faulty value while the rest is checked."""
 RARER_EXAMPLES: dict[str, dict[str, Any]] = {
     "load": {"steps": ["0.5 mm", "1 mm"]},
-    "balls": {
-        "semi_axes": ["8 mm", "6 mm", "8 mm"],
-        "slope": "20 deg",
-        "tip_radius": "1 mm",
-        "edge_radius": "0.5 mm",
-    },
-    "finite_strain": {
-        "share": 0.2,
-        "ratios": [0.01, 0.001],
-        "limit": 30,
-        "exponents": [2, -2],
-        "weights": [0.8, 0.2],
-    },
+    "balls": {"semi_axes": ["8 mm", "6 mm", "8 mm"], "slope": "20 deg", "tip_radius": "1 mm", "edge_radius": "0.5 mm"},
+    "finite_strain": {"share": 0.2, "ratios": [0.01, 0.001], "limit": 30, "exponents": [2, -2], "weights": [0.8, 0.2]},
 }
 """The same for keys that only some scenes take."""
 

@@ -16,14 +16,7 @@ from runs.scene.balls import BallsTable, per_ball
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
-from runs.scene.units import (
-    Length,
-    Number,
-    Pressure,
-    Table,
-    Units,
-    Whole,
-)
+from runs.scene.units import Length, Number, Pressure, Table, Units, Whole
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which it may be a number whose unit was forgotten."""

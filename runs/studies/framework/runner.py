@@ -175,15 +175,7 @@ class _Attempt:
 
     def _all_failed(self) -> bool:
         """Return whether all ranks failed: only then can they continue with the next case together (collective)."""
-        if self.comm is None or self.comm.size == 1:
-            return True
-        request = self.comm.Ibarrier()
-        deadline = time.monotonic() + ranks.PATIENCE
-        while not request.Test():
-            if time.monotonic() > deadline:
-                return False
-            time.sleep(0.02)
-        return True
+        return self.comm is None or self.comm.size == 1 or ranks.all_arrive(self.comm)
 
 
 class _Stopper(Progress):

@@ -10,16 +10,7 @@ from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
 from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
-from runs.studies.validation.comparison import (
-    AGREES,
-    CLOSE,
-    CLOSE_BAND,
-    DIFFERS,
-    SECOND,
-    Comparison,
-    Groups,
-    Point,
-)
+from runs.studies.validation.comparison import AGREES, CLOSE, CLOSE_BAND, DIFFERS, SECOND, Comparison, Groups, Point
 from runs.studies.validation.sources import NOT_OPENED
 
 COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gamma, j1
 
-from linear_bem.closed_forms import sneddon_sphere
+from linear_bem.closed_forms import hertz_force, sneddon_sphere
 from linear_bem.problem import Layer
 
 
@@ -18,6 +18,11 @@ def sneddon_force(approach: float, radius: float, contact_modulus: float) -> flo
     """Return the force [N] on a sphere on a half-space at an approach [m] [Sneddon 1965]."""
     contact = brentq(lambda a: sneddon_sphere(a, radius, 1.0)[0] - approach, 1e-9 * radius, (1.0 - 1e-12) * radius)
     return sneddon_sphere(contact, radius, contact_modulus)[1]
+
+
+def sneddon_factor(depth: float) -> float:
+    """Return the force on a sphere over Hertz's at D / R."""
+    return sneddon_force(depth, 1.0, 1.0) / hertz_force(depth, 1.0, 1.0)
 
 
 def kontomaris_factor(depth: float) -> float:

@@ -92,10 +92,9 @@ def _softening(found: Found) -> list[tuple[float, float, float]]:
     """Return depth, force on the half-space over small strain's, and its error."""
     rows = []
     for case in found.done("half-space"):
-        for depth, ours, bar, hertz in forces(found, case):
+        for depth, ours, bar, _ in forces(found, case):
             factor = of_half_space(case.problem, depth)
-            sneddon = formulas.sneddon_force(depth, 1.0, case.problem.layer.contact_modulus) / hertz
-            value = ours / factor / sneddon
+            value = ours / factor / formulas.sneddon_factor(depth)
             # the thickness is taken off as at small strain: half of that counts as its error
             rows.append((depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))))
     return rows
@@ -105,7 +104,7 @@ def _beside(found: Found, reference: Callable[[float], float], deepest: float) -
     """Return the half-space's force over Hertz's beside a reference's."""
     points = []
     for depth, value, bar in _softening(found):
-        sneddon = _sneddon(depth)
+        sneddon = formulas.sneddon_factor(depth)
         if depth <= deepest * (1.0 + 1e-9):
             at = f"D / R = {depth:g}"
             points.append(Point(at, depth, value * sneddon, bar * sneddon, reference(depth), math.nan))
@@ -130,10 +129,6 @@ def _lin(found: Found) -> Groups:
     if points:
         groups[f"{SECOND}: finite over small strain, beside Long et al. on h = {THICKEST:g} R"] = points
     return groups
-
-
-def _sneddon(depth: float) -> float:
-    return formulas.sneddon_force(depth, 1.0, 1.0) / hertz_force(depth, 1.0, 1.0)
 
 
 SPHERE = "sphere on a half-space, nu = 0.5"

@@ -86,10 +86,6 @@ def _sphere(reference: Reference, error: float) -> Callable[[Found], Groups]:
     return points
 
 
-def _sneddon(depth: float) -> float:
-    return formulas.sneddon_force(depth, 1.0, 1.0) / hertz_force(depth, 1.0, 1.0)
-
-
 class Power:
     """The profile r^n; its name is part of a case's key."""
 
@@ -215,7 +211,7 @@ COMPARISONS = (
     Comparison(
         "hertz", "peak pressure and contact radius", "half of the two spheres: paraboloid, R = 50 mm", LINEAR, _hertz
     ),
-    Comparison("sneddon", "Q over Hertz's", SPHERE, LINEAR, _sphere(_sneddon, 0.0)),
+    Comparison("sneddon", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.sneddon_factor, 0.0)),
     Comparison("kontomaris", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.kontomaris_factor, NAN)),
     Comparison("galin", "Q", "bodies r^n on a half-space, nu = 0.3, D = 0.3", LINEAR, _galin),
     Comparison("hyperboloid", "Q", "rounded cone on a half-space, nu = 0.3", LINEAR, _hyperboloid),
