@@ -15,7 +15,7 @@ from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
-from runs.display.numbers import number
+from runs.display.numbers import number, percent
 from runs.models import MODELS, Run, without
 
 USUAL = 0.02
@@ -132,7 +132,7 @@ class Adviser:
         matters = self._judged(change)
         words = f"the exact {'sphere would change' if other == 'sphere' else 'sphere: a paraboloid would change'}"
         do = f'; use shape = "{other}"' if matters and other == "sphere" else ""
-        return [Advice("sphere", shape == "sphere", change, None, matters, f"{words} T by {_percent(change)}{do}")]
+        return [Advice("sphere", shape == "sphere", change, None, matters, f"{words} T by {percent(change)}{do}")]
 
     def _substrate(self) -> list[Advice]:
         layer, substrate = self.problem.layer, self.problem.substrate
@@ -141,7 +141,7 @@ class Adviser:
         if substrate is not None:
             change = self._changed(dataclasses.replace(self.problem, substrate=None))
             matters = self._judged(change)
-            text = f"the substrate's compliance: a rigid base would change T by {_percent(change)}"
+            text = f"the substrate's compliance: a rigid base would change T by {percent(change)}"
             return [Advice("substrate", True, change, None, matters, text)]
         change, softest = 0.0, None
         for ratio in sorted(STIFFNESSES, reverse=True):
@@ -150,10 +150,10 @@ class Adviser:
                 softest = ratio
                 break
         if softest is None:
-            text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {_percent(change)}"
+            text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {percent(change)}"
             return [Advice("substrate", False, change, None, False, text)]
         text = (
-            f"a substrate {softest:g} times as stiff as the layer would change T by {_percent(change)}; "
+            f"a substrate {softest:g} times as stiff as the layer would change T by {percent(change)}; "
             "add [substrate] if yours is no stiffer"
         )
         return [Advice("substrate", False, change, None, None, text)]
@@ -164,8 +164,8 @@ class Adviser:
             return []
         change = self._changed(dataclasses.replace(self.problem, layer=dataclasses.replace(layer, poisson=0.5)))
         text = (
-            f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {_percent(change)}, "
-            f"about {_percent(change * 0.01 / (0.5 - layer.poisson))} per 0.01"
+            f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {percent(change)}, "
+            f"about {percent(change * 0.01 / (0.5 - layer.poisson))} per 0.01"
         )
         return [Advice("poisson", True, change, None, self._judged(change), text)]
 
@@ -173,7 +173,7 @@ class Adviser:
         change = self._changed(self.problem, MODELS["point_load"].solve)
         matters = self._judged(change)
         words = "" if matters else "; --model point_load would do"
-        text = f"size of the contacts: treating the balls as point loads would change T by {_percent(change)}{words}"
+        text = f"size of the contacts: treating the balls as point loads would change T by {percent(change)}{words}"
         return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
 
     def _neighbours(self) -> Iterator[Advice]:
@@ -204,7 +204,7 @@ class Adviser:
         if nearest == rings[-1]:
             yield Advice("neighbours", True, None, None, True, "all neighbours matter, even the farthest")
         else:
-            text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {_percent(change)} in all"
+            text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {percent(change)} in all"
             yield Advice("neighbours", True, change, None, False, text)
 
     def _reciprocation(self) -> Advice:
@@ -216,10 +216,6 @@ class Adviser:
             f"(|T|/({FRICTION:g} Q)); add [reciprocation] if it slides"
         )
         return Advice("reciprocation", False, None, None, None, text)
-
-
-def _percent(change: float) -> str:
-    return f"{100.0 * change:+.2g} %"
 
 
 def _rounded(share: float, digits: int) -> float:

@@ -20,7 +20,7 @@ from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Problem
 from runs.comparison.strengthening_factors import ROUNDOFF
-from runs.display.numbers import Scale, leading_ball, number
+from runs.display.numbers import Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, without
 
 STEP = 0.005
@@ -185,10 +185,10 @@ def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float 
     if "failure" in found:
         return [{"input": "-", "change of T": "not known"}]
     nu, other = found["poisson"]
-    step = f"{nu:g} \u2192 {other:g}: {_percent(found['change'])}"
+    step = f"{nu:g} \u2192 {other:g}: {percent(found['change'])}"
     table = [_row("nu: Poisson's ratio of the layer", number(nu), step, found["change"] / (other - nu), "", known)]
     for symbol, exponent in found["exponents"].items():
-        step = f"1 % more: {_percent(0.01 * exponent)}"
+        step = f"1 % more: {percent(0.01 * exponent)}"
         name = "E" if symbol == "E1" and problem.substrate is None else symbol
         table.append(
             _row(f"{name}: {WORDS[symbol]}", _value(symbol, problem, scale), step, 0.01 * exponent, " %", known)
@@ -201,10 +201,6 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
     if known is not None:
         row["input change equal to T's error"] = f"\u00b1 {number(known / abs(slope), 2)}{unit}" if slope else "-"
     return row
-
-
-def _percent(change: float) -> str:
-    return f"{100.0 * change:+.2g} %"
 
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:

@@ -145,6 +145,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+def percent(change: float) -> str:
+    """Return a relative change with its sign: "+1.2 %"."""
+    return f"{100.0 * change:+.2g} %"
+
+
 def short_number(value: float | None) -> str:
     """Return ``value`` to three significant digits in at most nine characters, a dash for none."""
     if value is None or value == 0.0 or 1e-3 <= abs(value) < 1e4:

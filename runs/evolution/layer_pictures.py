@@ -10,7 +10,7 @@ from linear_bem.arrays import Array
 from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, grid, look, panels, save_figure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.pair_list import wrapped
+from runs.evolution.pair_list import images
 
 SHOWN = 6
 """Moments in a picture."""
@@ -47,11 +47,8 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
     if balls.cell is None:
         low, high = x.min(axis=0) - 1.3 * radii.max(), x.max(axis=0) + 1.3 * radii.max()
     else:
-        x, low, high = wrapped(x, balls.cell), np.zeros(2), balls.cell
-        shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
-        count = len(x)
-        x = (x[None] + balls.cell * shifts[:, None]).reshape(-1, 2)
-        own = np.tile(np.arange(count), 9)
+        own, low, high = np.tile(np.arange(len(x)), 9), np.zeros(2), balls.cell
+        x = images(x, balls.cell)
         seen = np.all((x > -radii[own][:, None]) & (x < high + radii[own][:, None]), axis=1)
         x, colors, radii = x[seen], colors[own[seen]], radii[own[seen]]
     width = 2e3 * radii

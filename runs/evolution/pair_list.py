@@ -204,6 +204,12 @@ def wrapped(x: Array, cell: Array) -> Array:
     return np.where(inside < cell, inside, 0.0)
 
 
+def images(x: Array, cell: Array) -> Array:
+    """Return positions in the cell and in the eight cells around it [m], those in the cell first, in the order of x."""
+    shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
+    return np.asarray((wrapped(x, cell)[None] + cell * shifts[:, None]).reshape(-1, 2))
+
+
 def _refuse_more_than(pairs: float) -> None:
     if pairs > MOST:
         raise UnsupportedProblem(

@@ -14,7 +14,7 @@ from scipy.special import j0
 from linear_bem.arrays import Array, Indices
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.pair_list import wrapped
+from runs.evolution.pair_list import images, wrapped
 
 WAVES = 48
 """Rings of wave numbers, from 0 to two over the smallest touching distance, times 2 pi."""
@@ -54,11 +54,8 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     if cell is None and (count < 4 or np.linalg.svd(x - x.mean(axis=0), compute_uv=False)[1] < FLAT * np.ptp(x)):
         return np.zeros(count, dtype=complex)
     if cell is not None:
-        inside = wrapped(x, cell)
-        shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
-        images = (inside[None] + cell * shifts[:, None]).reshape(-1, 2)
-        kept = np.all((images > -AROUND * cell) & (images < (1.0 + AROUND) * cell), axis=1)
-        points = images[kept]  # the cell's own balls come first
+        around = images(x, cell)
+        points = around[np.all((around > -AROUND * cell) & (around < (1.0 + AROUND) * cell), axis=1)]
     diagram = Voronoi(points)
     pairs, ends = diagram.ridge_points, np.array(diagram.ridge_vertices)
     apart = np.hypot(*(points[pairs[:, 1]] - points[pairs[:, 0]]).T)

@@ -59,9 +59,9 @@ def test_factors_follow_a_case_that_a_finer_mesh_has_answered_again(
     for pull in (1.0, 1.0, 2.0):
         balls = [{"tangential_force": [pull, 0.0], "tangential_force_error": 0.1}]
         found = Found((case,), {case.name: {"steps": [{"balls": balls}]}})
-        assert ratios.factors(found, tmp_path) == {case.name: [{"T": pull}]}
+        assert ratios.load_paths(found, tmp_path) == [(case, [{"T": pull}])]
     monkeypatch.setattr(ratios, "_rows", lambda *_: pytest.fail("known already"))
-    assert ratios.factors(found, tmp_path) == {case.name: [{"T": 2.0}]}
+    assert ratios.load_paths(found, tmp_path) == [(case, [{"T": 2.0}])]
 
 
 def test_every_case_has_a_name_of_its_own_and_a_curve_enough_small_loads_for_its_slope() -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 from runs.display.numbers import number
 from runs.display.style import look, panels, save_figure
-from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
@@ -14,16 +13,12 @@ from runs.studies.framework.template import render
 from runs.studies.laws.matrix import cases
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.pictures import COLORS, MARKS, Paths, Rows, bars, finish
-from runs.studies.strengthening.ratios import factors
+from runs.studies.strengthening.ratios import load_paths
 
 
 def present(found: Found, folder: Path) -> str:
     """Write table and figure; return the answer as Markdown."""
-    rows = factors(found, folder)
-    paths = [(case, rows[case.name]) for case in found.cases if rows.get(case.name)]
-    write_csv(
-        folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
-    )
+    paths = load_paths(found, folder)
     laws, foams = ([each for each in paths if each[0].labels["group"] == group] for group in ("laws", "foam"))
     drawn = [group for group in _by_layer(laws) if not _vanishes(group[1])]
     if drawn:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import number, with_error
-from runs.process.files import write_csv
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
@@ -14,7 +13,7 @@ from runs.studies.strengthening import fitting, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import SIDES, cases
 from runs.studies.strengthening.pictures import Paths, Rows
-from runs.studies.strengthening.ratios import factors
+from runs.studies.strengthening.ratios import load_paths
 
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
@@ -25,12 +24,8 @@ DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 
 def present(found: Found, folder: Path) -> str:
     """Write tables and figures; return the answer as Markdown."""
-    rows = factors(found, folder)
-    paths = [(case, rows[case.name]) for case in found.cases if rows.get(case.name)]
-    if paths:
-        write_csv(
-            folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
-        )
+    paths = load_paths(found, folder)
+    rows = {case.name: path for case, path in paths}
     main = {side: headline(rows, side) for side in SIDES.values()}
     fits = {side: _fit(main[side], h) for h, side in SIDES.items()}
     pictures.draw(found, rows, fits, folder)

@@ -13,7 +13,7 @@ from typing import Any
 from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import compare_steps
 from runs.display.numbers import attraction
-from runs.process.files import read_json, write_text
+from runs.process.files import read_json, write_csv, write_text
 from runs.process.json_values import to_json
 from runs.studies.framework.case import Case
 from runs.studies.framework.saved_cases import Found
@@ -22,8 +22,8 @@ KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""
 
 
-def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of every finite-strain case, by its name; see `_rows`."""
+def load_paths(found: Found, folder: Path) -> list[tuple[Case, list[dict[str, Any]]]]:
+    """Return every finite-strain case that has answers, with its rows, see `_rows`; write factors.csv."""
     kept = read_json(folder / KEPT) or {}
     now: dict[str, dict[str, Any]] = {}
     for case in found.cases:
@@ -36,7 +36,12 @@ def factors(found: Found, folder: Path) -> dict[str, list[dict[str, Any]]]:
         old = kept.get(case.name, {})
         now[case.name] = old if old.get("key") == key else {"key": key, "rows": _rows(case, steps)}
     write_text(folder / KEPT, to_json(now))
-    return {name: entry["rows"] for name, entry in now.items()}
+    paths = [(case, now[case.name]["rows"]) for case in found.cases if case.name in now]
+    if paths:
+        write_csv(
+            folder / "factors.csv", [{"case": case.name, **case.labels, **row} for case, path in paths for row in path]
+        )
+    return paths
 
 
 def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """The study's page: one verdict per published result, then its numbers beside ours."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -72,12 +73,10 @@ def _summary(comparison: Comparison, groups: Groups) -> dict[str, Any]:
 
 def _rows(comparison: Comparison, groups: Groups) -> list[dict[str, Any]]:
     return [
-        {
-            "source": comparison.key, "scene": group, "at": point.at, "x": point.x, "ours": point.ours,
-            "bar": point.bar, "theirs": point.theirs, "error": point.error, "off": point.off, "verdict": point.verdict,
-        }
-        for group, points in groups.items() for point in points
-    ]  # fmt: skip
+        {"source": comparison.key, "scene": group, **asdict(point), "off": point.off, "verdict": point.verdict}
+        for group, points in groups.items()
+        for point in points
+    ]
 
 
 def _beside(row: dict[str, Any]) -> dict[str, Any]:
