@@ -44,7 +44,7 @@ def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatc
         ]  # fmt: skip
 
     stronger = {case.name: 1.0 + 0.1 * number for number, case in enumerate(every)}
-    monkeypatch.setattr(answer, "factors", lambda *_: {case.name: rows(case, stronger[case.name]) for case in every})
+    monkeypatch.setattr(answer, "load_paths", lambda *_: [(case, rows(case, stronger[case.name])) for case in every])
     text = answer.present(found, tmp_path)
     first = [stronger[case.name] for case in every[:5]]
     ends = f"{first[0]:.4g} (neo hookean) and {first[-1]:.4g} (ogden)"
