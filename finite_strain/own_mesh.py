@@ -17,10 +17,10 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.regions import constant
-from finite_strain.geometry.estimates import Expected
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mpi import on_root
 from finite_strain.planning.run_plan import GivenMesh
+from linear_bem.closed_forms import Indentation
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
 from meshes.box import TAGS
@@ -73,7 +73,7 @@ class OwnMesh:
         self.regions[self.cell_tags.indices[here]] = self.cell_tags.values[here]
         self.simplices = cell == "tetrahedron"
 
-    def fit(self, problem: Problem, expected: Sequence[Expected]) -> tuple[Reduction, GivenMesh]:
+    def fit(self, problem: Problem, expected: Sequence[Indentation]) -> tuple[Reduction, GivenMesh]:
         """Return the part of the scene that the mesh holds, and its measures; raises `InvalidProblem` on all ranks."""
         low, high = self._range(np.ones(len(self.nodes), dtype=bool))
         thickness = problem.layer.thickness
@@ -88,7 +88,7 @@ class OwnMesh:
             raise InvalidProblem(*faults)
         self._tag_sides(sides, near)
         self._check_solid(thickness)
-        radii = [expected[ball.index][2] for ball in reduction.balls]
+        radii = [expected[ball.index].contact_radius for ball in reduction.balls]
         self._check_balls(reduction, radii, sides, near)
         cells = self.comm.allreduce(len(self.nodes))
         depth = -bottom - thickness if problem.substrate is not None else 0.0

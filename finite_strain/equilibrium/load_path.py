@@ -257,12 +257,8 @@ class LoadPath:
 
     def _newton(self, record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
         """Find equilibrium; ``keeps``: the last tangent is near enough to begin with. Raises `NotConverged`."""
-        layer, substrate = self.problem.layer, self.problem.substrate
-        pressed = [
-            (a, b) for a, b in zip(self.model.contact.approaches, self.model.contact.balls, strict=True) if a > 0.0
-        ]
-        forces = [alone(layer, substrate, b.shape, b.radius, approach=a).normal_force for a, b in pressed]
-        scale = max(forces, default=0.0)
+        pressed = zip(self.model.contact.balls, self.model.contact.approaches, strict=True)
+        scale = max(alone(self.problem, ball, approach=a).normal_force for ball, a in pressed)
         done = self.solver.solve(rough * RESIDUAL, scale, record.fraction, keeps)
         record.newton_iterations += done.iterations
         record.augmentation_iterations += done.iterations * self.model.contact.is_augmented

@@ -13,15 +13,13 @@ from scipy.optimize import brentq
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
-from linear_bem.problem import Ball, Elastic, Layer, Problem
+from linear_bem.problem import Ball, Problem
 
 if TYPE_CHECKING:
     from finite_strain.geometry.symmetry import ModelBall
 
 NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
 """Indenters of unit radius, which the ball's own radius scales."""
-Expected = tuple[float, float, float]
-"""Approach [m], force [N], contact radius [m]."""
 LEAST_SHARE = 0.1
 """Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 PENETRATION = 1e-2
@@ -53,20 +51,25 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
 
 
 def alone(
-    layer: Layer, substrate: Elastic | None, shape: str | Indenter, radius: float,
-    *, approach: float | None = None, normal_force: float | None = None,
-) -> Indentation:  # fmt: skip
-    """Return the state of one ball at an approach [m] > 0 or a force [N] > 0, as a paraboloid of the radius seen."""
+    problem: Problem, ball: Ball | ModelBall, *, approach: float | None = None, normal_force: float | None = None
+) -> Indentation:
+    """Return the state of a single ball at an approach [m] or a force [N], as a paraboloid of the radius seen.
+
+    Without load all its values are zero. Raises `UnsupportedProblem`, see `known_shape`.
+    """
+    layer, substrate, shape = problem.layer, problem.substrate, known_shape(ball)
+    if not (approach or normal_force or 0.0) > 0.0:
+        return Indentation(0.0, 0.0, 0.0)
     if approach is not None:
-        return indentation_of_layer(layer, substrate, radius_seen(shape, radius, approach), approach=approach)
-    seen = radius
+        return indentation_of_layer(layer, substrate, radius_seen(shape, ball.radius, approach), approach=approach)
+    seen = ball.radius
     for _ in range(_ROUNDS):
         state = indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
-        seen = math.sqrt(seen * radius_seen(shape, radius, state.approach))
+        seen = math.sqrt(seen * radius_seen(shape, ball.radius, state.approach))
     return indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
 
 
-def known_shape(ball: Ball) -> str | Indenter:
+def known_shape(ball: Ball | ModelBall) -> str | Indenter:
     """Return the shape of a ball, which must be a name or an `Indenter`; raises `UnsupportedProblem`."""
     if isinstance(ball.shape, str | Indenter):
         return ball.shape
@@ -74,17 +77,6 @@ def known_shape(ball: Ball) -> str | Indenter:
         "balls.shape: the finite-element models take a name or a linear_bem.Indenter, whose height is an expression "
         "that they differentiate; got a function of numpy arrays. Derive a class from linear_bem.Indenter"
     )
-
-
-def expected_of(
-    problem: Problem, ball: Ball, *, approach: float | None = None, normal_force: float | None = None
-) -> Expected:
-    """Return the state of a single ball of a problem at an approach [m] or a force [N]; zeros without load."""
-    if not (approach or normal_force or 0.0) > 0.0:
-        return 0.0, 0.0, 0.0
-    layer, shape = problem.layer, known_shape(ball)
-    state = alone(layer, problem.substrate, shape, ball.radius, approach=approach, normal_force=normal_force)
-    return state.approach, state.normal_force, state.contact_radius
 
 
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
@@ -111,8 +103,5 @@ def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarr
 
 def _mean_pressures(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
     """Return the expected mean pressure (balls,) [Pa] of single balls."""
-    states = [
-        alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=float(approach))
-        for ball, approach in zip(balls, approaches, strict=True)
-    ]
+    states = [alone(problem, ball, approach=float(a)) for ball, a in zip(balls, approaches, strict=True)]
     return np.array([state.normal_force / (math.pi * state.contact_radius**2) for state in states])

@@ -6,11 +6,13 @@ only has to make this effect small.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from finite_strain.geometry.load_control import prescribed
+from linear_bem.closed_forms import Indentation
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 
@@ -41,13 +43,13 @@ def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
 
 
-def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], accuracy: float) -> Extent:
-    """Return an extent for a relative accuracy of T; ``expected`` holds (approach, force, contact radius) of each ball.
+def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: float) -> Extent:
+    """Return an extent for a relative accuracy of T; ``expected`` holds the state of each ball alone.
 
     The sides act like images of the balls at twice the margin, by the linear kernel K: on T by K' and on an approach by
     K. Cutting a substrate at a depth z below the surface reduces its displacement by about (1 - nu^2) Q / (pi E z).
     """
-    approaches, forces, radii = (np.array(column) for column in zip(*expected, strict=True))
+    forces = np.array([state.normal_force for state in expected])
     thickness, nearest = problem.layer.thickness, float(_distances(problem).min())
     nearest = nearest if nearest < math.inf else 0.0
     largest = max(ball.radius for ball in problem.balls)
@@ -57,7 +59,7 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
         slope = abs(float(kernel.slope(np.array([nearest]))[0]))
         scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
     given = not prescribed(problem).forces_given
-    deepest = float(approaches.max())
+    deepest, widest = (max(getattr(state, name) for state in expected) for name in ("approach", "contact_radius"))
 
     def acts(pull: float, shift: float) -> bool:
         return float(forces.max()) * load * pull > ALLOWED * accuracy * scale > 0.0 or (
@@ -73,7 +75,7 @@ def choose_extent(problem: Problem, expected: list[tuple[float, float, float]], 
             if not acts(lost * nearest / below**2, lost):
                 break
             depth *= _GROWTH
-    margin = max(1.2 * thickness, 2.0 * largest, 3.0 * radii.max(), 4.0 * deepest, 1.25 * nearest, 0.4 * depth)
+    margin = max(1.2 * thickness, 2.0 * largest, 3.0 * widest, 4.0 * deepest, 1.25 * nearest, 0.4 * depth)
     for _ in range(_STEPS):
         # K' changes sign with distance: a single small effect may be accidental
         away = 2.0 * margin * np.array([1.0, _GROWTH])

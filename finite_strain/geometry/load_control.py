@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from finite_strain.geometry.estimates import Expected, alone, expected_of
+from finite_strain.geometry.estimates import alone
+from linear_bem.closed_forms import Indentation
 from linear_bem.problem import Problem
 
 if TYPE_CHECKING:
@@ -54,10 +55,10 @@ class PrescribedLoad(ABC):
         """The value (balls,) [m or N] of each ball at full load, its share of a common one."""
         return self.problem.load.values
 
-    def expected(self) -> list[Expected]:
-        """Return per ball the expected (approach, force, contact radius) at full load, each ball alone [m, N, m]."""
+    def expected(self) -> list[Indentation]:
+        """Return the expected state of each ball at full load, each ball alone."""
         name = "normal_force" if self.forces_given else "approach"
-        return [expected_of(self.problem, b, **{name: v}) for b, v in zip(self.problem.balls, self.values, strict=True)]
+        return [alone(self.problem, b, **{name: v}) for b, v in zip(self.problem.balls, self.values, strict=True)]
 
     def fractions(self, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
         """Return rising load fractions that include all goals, for a deepest approach over its ball's radius.
@@ -117,11 +118,8 @@ class PrescribedForce(PrescribedLoad):
         whole = np.array([self.values[ball.index] for ball in balls])
 
         def approaches(fraction: float) -> np.ndarray:
-            states = (
-                alone(problem.layer, problem.substrate, ball.shape, ball.radius, normal_force=fraction * force)
-                for force, ball in zip(whole, balls, strict=True)
-            )
-            return np.array([state.approach for state in states])
+            pairs = zip(balls, whole, strict=True)
+            return np.array([alone(problem, ball, normal_force=fraction * force).approach for ball, force in pairs])
 
         return LoadControl(np.eye(len(whole)), whole / np.array([ball.copies for ball in balls]), approaches)
 

@@ -164,7 +164,7 @@ def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, 
         if all(position[axis] >= 0.0 for axis in planes):
             fixed = tuple(axis for axis in planes if position[axis] == 0.0)
             x, y = (float(c) for c in position)
-            shape, reach = known_shape(ball), _reach(ball, expected[index][2])
+            shape, reach = known_shape(ball), _reach(ball, expected[index].contact_radius)
             balls.append(ModelBall(index, (x, y), ball.radius, shape, 2 ** len(fixed), fixed, reach))
     images = []
     for position in local:

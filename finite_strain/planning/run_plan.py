@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import LEAST_SHARE, Expected, alone
+from finite_strain.geometry.estimates import LEAST_SHARE, alone
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -16,6 +16,7 @@ from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, HIGHEST, PATH_FINDER, Budget
+from linear_bem.closed_forms import Indentation
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
@@ -62,7 +63,7 @@ class RunPlan:
     accuracy: float
     budget: Budget
     numerics: Numerics
-    expected: tuple[Expected, ...]
+    expected: tuple[Indentation, ...]
     extent: Extent = field(repr=False)
     given: GivenMesh | None = None
 
@@ -85,7 +86,7 @@ class RunPlan:
     @property
     def deepest(self) -> float:
         """The largest expected approach over its ball's radius."""
-        return max(depth / ball.radius for ball, (depth, _, _) in zip(self.problem.balls, self.expected, strict=True))
+        return max(e.approach / ball.radius for ball, e in zip(self.problem.balls, self.expected, strict=True))
 
     @property
     def loads(self) -> tuple[float, ...]:
@@ -120,9 +121,8 @@ class RunPlan:
         radii = []
         for ball in reduction.balls:
             # the mesh of a ball that hardly touches assumes a small approach
-            least = LEAST_SHARE * self.deepest * ball.radius
-            hardly = alone(problem.layer, problem.substrate, ball.shape, ball.radius, approach=least)
-            radii.append(max(self.expected[ball.index][2], hardly.contact_radius))
+            hardly = alone(problem, ball, approach=LEAST_SHARE * self.deepest * ball.radius)
+            radii.append(max(self.expected[ball.index].contact_radius, hardly.contact_radius))
         positions = [ball.position for ball in reduction.balls]
         widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
         lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
@@ -191,7 +191,7 @@ class RunPlan:
         }
 
 
-Fit = Callable[[Problem, Sequence[Expected]], tuple[Reduction, GivenMesh]]
+Fit = Callable[[Problem, Sequence[Indentation]], tuple[Reduction, GivenMesh]]
 
 
 def plan_run(

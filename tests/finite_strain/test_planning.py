@@ -64,7 +64,7 @@ def test_the_order_of_the_balls_does_not_change_the_load_path() -> None:
             paths.append((plan.path, plan.unknowns(CUBIC)))
         assert paths[0][0] == paths[1][0]
         assert paths[0][1] == pytest.approx(paths[1][1])
-        deepest = max(a / b.radius for b, (a, _, _) in zip(balls, prescribed(problem).expected()[::-1], strict=True))
+        deepest = max(e.approach / b.radius for b, e in zip(balls, prescribed(problem).expected()[::-1], strict=True))
         power = 1.0 if load.kind == "approach" else 2.0 / 3.0
         assert paths[0][0][0] ** power * deepest <= LARGEST_STEP  # the smaller ball's own first step
 
@@ -145,7 +145,7 @@ def test_the_box_grows_with_the_requested_accuracy(name: str) -> None:
     if name in ("force", "as soft", "thick"):
         assert extents[0].margin < extents[-1].margin
     for extent in extents:  # wide enough for the contacts and the layer in any case
-        assert extent.margin >= max(1.2 * problem.layer.thickness, *(3.0 * radius for _, _, radius in expected))
+        assert extent.margin >= max(1.2 * problem.layer.thickness, *(3.0 * each.contact_radius for each in expected))
 
 
 def test_the_box_is_cut_at_mirror_planes() -> None:
