@@ -16,7 +16,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import basix
 import dolfinx
 import dolfinx.fem.petsc
 import dolfinx.jit
@@ -150,13 +149,6 @@ def cell_dofs(space: Any) -> np.ndarray:
     if hasattr(dofmap, "array"):
         return dofmap.array.reshape(-1, space.dofmap.dof_layout.num_dofs)
     return dofmap
-
-
-def lagrange_element(cell: str, degree: int, variant: str = "gll_warped") -> Any:
-    """Return the Lagrange element of a cell, its functions and nodes in DOLFINx order."""
-    return basix.create_element(
-        basix.ElementFamily.P, getattr(basix.CellType, cell), degree, getattr(basix.LagrangeVariant, variant)
-    )
 
 
 def vtx_writer() -> Any:

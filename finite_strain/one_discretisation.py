@@ -122,10 +122,8 @@ class MeshRun:
             if run is not None:
                 run.close()
 
-    def account(
-        self, records: Sequence[StepRecord], small: Sequence[StepRecord], state: ContactState, began: float
-    ) -> SolverAccount:
-        """Return the cost of ``records`` and of the pair's, the load steps since ``began`` [s of `time.monotonic`].
+    def account(self, records: Sequence[StepRecord], state: ContactState, began: float) -> SolverAccount:
+        """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`].
 
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
         """
@@ -137,7 +135,6 @@ class MeshRun:
             iterations=sum(each.newton_iterations for each in records),
             tangents=sum(each.tangents for each in records),
             augmentation_iterations=sum(each.augmentation_iterations for each in records),
-            pair_iterations=sum(each.newton_iterations for each in small),
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
@@ -145,8 +142,6 @@ class MeshRun:
             distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
-            seconds_assembly=self.comm.allreduce(effort.seconds_assembly, op=MPI.MAX),
-            seconds_solve=self.comm.allreduce(effort.seconds_solve, op=MPI.MAX),
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,
             residuals=solver.residuals, seconds=time.monotonic() - began,
         )  # fmt: skip

@@ -154,7 +154,7 @@ class Refinement:
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
         path = [f for f in plan.path if f > reached and (coarse is None or f in plan.loads or f > found)]
-        taken, pairs, mark = list[StepRecord](), list[StepRecord](), time.monotonic()
+        taken, mark = list[StepRecord](), time.monotonic()
         for done in self._steps(run.own, path, number):
             taken.append(done)
             if done.fraction not in plan.loads:
@@ -165,8 +165,7 @@ class Refinement:
                 rounds = record.stiffened = run.own.enforce(done)
             snapshot = run.own.snapshot(done.fraction)
             own = run.own.state(done.fraction)
-            small, pair = self._pair(run.small, record, number, done.fraction, rounds)
-            pairs += pair
+            small = self._pair(run.small, record, number, done.fraction, rounds)
             record.rows.append(Row(own, small))
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
@@ -177,10 +176,10 @@ class Refinement:
                 self._compare(number, done.fraction)
                 self._save()
                 continue
-            answer = self._answer(number, len(record.steps) + 1, run.account(taken, pairs, own, mark))
-            taken, pairs, mark, run.own.solver.effort = [], [], time.monotonic(), Effort()
+            answer = self._answer(number, len(record.steps) + 1, run.account(taken, own, mark))
+            taken, mark, run.own.solver.effort = [], time.monotonic(), Effort()
             if writer is not None:
-                answer = replace(answer, seconds_output=writer.write(answer.step, done.fraction))
+                writer.write(answer.step, done.fraction)
             record.steps.append(answer)
             record.seconds = spent + time.monotonic() - began
             self._save()
@@ -226,26 +225,25 @@ class Refinement:
         """Answer all steps of a discretisation again, those with few smaller loads with larger ones (collective)."""
         record = self.records[number]
         for place, old in enumerate(record.steps):
-            answer = self._answer(number, old.step, old.account)
-            record.steps[place] = replace(answer, seconds_output=old.seconds_output)
+            record.steps[place] = self._answer(number, old.step, old.account)
 
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int
-    ) -> tuple[ContactState | None, list[StepRecord]]:
-        """Return the small-strain state at a load fraction, None once no equilibrium was found, and its load steps.
+    ) -> ContactState | None:
+        """Return the small-strain state at a load fraction, None once no equilibrium was found.
 
         ``rounds`` is how often the own contact was stiffened: the pair's is as stiff when its multipliers are added.
         """
         if run is None or (record.rows and record.rows[-1].small is None):
-            return None, []
+            return None
         try:
             run.path.stiffer *= STIFFER**rounds
-            taken = list(run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f)))
-            run.path.augment(taken[-1])
+            *_, done = run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f))
+            run.path.augment(done)
             self._keep(run.snapshot(fraction), number, "small")
-            return run.state(fraction), taken
+            return run.state(fraction)
         except NotConverged:
-            return None, []
+            return None
 
     def _announce(self, run: MeshRun, record: Record) -> None:
         self.observer.started({

@@ -11,11 +11,13 @@ from functools import cache
 from itertools import permutations, product
 from typing import Any
 
+import basix
 import dolfinx
 import numpy as np
 from petsc4py import PETSc
 
 from finite_strain import compat
+from meshes.box import TAGS
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,9 @@ _KINDS |= {(p + 1) * (p + 2) * (p + 3) // 6: ("tetrahedron", p) for p in range(1
 
 def element_of(nodes: int, variant: str = "gll_warped") -> Any:
     """Return the Lagrange element with a number of nodes."""
-    return compat.lagrange_element(*_KINDS[nodes], variant)
+    cell, order = _KINDS[nodes]
+    kind, variant = getattr(basix.CellType, cell), getattr(basix.LagrangeVariant, variant)
+    return basix.create_element(basix.ElementFamily.P, kind, order, variant)
 
 
 def outside_by(places: np.ndarray, nodes: int) -> np.ndarray:
@@ -154,6 +158,14 @@ class CellNodes:
             vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
             part[:] = work[:, : part.shape[1]]
         return answer
+
+
+def on_top(space: Any, facet_tags: Any) -> np.ndarray:
+    """Return whether each node (nodes,) of this rank, ghosts included, lies on the top."""
+    dofs = space.dofmap.index_map
+    answer = np.zeros(dofs.size_local + dofs.num_ghosts, dtype=bool)
+    answer[dolfinx.fem.locate_dofs_topological(space, 2, facet_tags.find(TAGS["top"]))] = True
+    return answer
 
 
 def _by_reference(derivatives: np.ndarray, values: np.ndarray) -> np.ndarray:

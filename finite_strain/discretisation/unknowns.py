@@ -26,7 +26,8 @@ class Fields:
         self.displacement = displacement
         self.pressures = pressures
         self.functions = [displacement, *pressures]
-        ends = np.cumsum([_owned(function.function_space) for function in self.functions])
+        dofmaps = [function.function_space.dofmap for function in self.functions]
+        ends = np.cumsum([dofmap.index_map_bs * dofmap.index_map.size_local for dofmap in dofmaps])
         self.ranges = [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
         """The range of each field in this rank's part of a solver's vector."""
 
@@ -72,10 +73,6 @@ class Fields:
         """Set every function to zero: the undeformed, unloaded state."""
         for function in self.functions:
             function.x.array[:] = 0.0
-
-
-def _owned(space: Any) -> int:
-    return space.dofmap.index_map_bs * space.dofmap.index_map.size_local
 
 
 def idle_dofs(function: Any, cells: np.ndarray) -> np.ndarray:

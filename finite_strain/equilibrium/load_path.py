@@ -14,7 +14,6 @@ from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.distortion import Distortion, distortion
 from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
 from finite_strain.geometry.load_control import LoadControl
-from finite_strain.numerics import DEFAULT
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
@@ -82,8 +81,7 @@ class LoadPath:
 
     def __init__(
         self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
-        observe: Callable[[float, int], None] = lambda _fraction, _cuts: None, stiffer: float = 1.0,
-        shortest: float = DEFAULT.shortest_step, longest: float = math.inf,
+        observe: Callable[[float, int], None], stiffer: float, shortest: float, longest: float,
     ) -> None:  # fmt: skip
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest

@@ -4,9 +4,7 @@ In the mixed form equilibrium is a saddle point, not a minimum: the search uses 
 """
 
 import math
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,13 +49,8 @@ class Equilibrium:
 
 @dataclass
 class Effort:
-    """Running totals of assembly and linear solves on this rank; wall times [s].
+    """Running totals; ``linear_fallbacks`` counts solves that needed factors because the Krylov method failed."""
 
-    ``linear_fallbacks`` counts solves that needed factors because the Krylov method failed.
-    """
-
-    seconds_assembly: float = 0.0
-    seconds_solve: float = 0.0
     tangents: int = 0
     linear_iterations: int = 0
     linear_fallbacks: int = 0
@@ -178,8 +171,7 @@ class NewtonSolver:
 
     def _iterate(self) -> int:
         """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
-        began, assembled = time.perf_counter(), self.effort.seconds_assembly
-        effort, solves = self.effort, self.system.solves
+        solves = self.system.solves
         try:
             self.snes.solve(None, self._x)
         except PETSc.Error as error:
@@ -188,29 +180,21 @@ class NewtonSolver:
         iterations = self.snes.getIterationNumber()
         failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
         if failed and not self.choice.direct:
-            effort.linear_fallbacks += 1
+            self.effort.linear_fallbacks += 1
             factors = self.linear.factors()
             self.system.ksp = factors
             self.snes.solve(None, self._x)
             self.system.ksp = self.linear.ksp
             factors.destroy()
             iterations += self.snes.getIterationNumber()
-        effort.linear_iterations += self.system.solves - solves
-        effort.seconds_solve += time.perf_counter() - began - (effort.seconds_assembly - assembled)
+        self.effort.linear_iterations += self.system.solves - solves
         return iterations
 
-    @contextmanager
-    def _assembling(self) -> Iterator[None]:
-        began = time.perf_counter()
-        yield
-        self.effort.seconds_assembly += time.perf_counter() - began
-
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        with self._assembling():
-            self._set(x)
-            self.model.residual(b)
-            if self.system.count:
-                self.system.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
+        self._set(x)
+        self.model.residual(b)
+        if self.system.count:
+            self.system.store(b, self.control.moves.T @ self.model.part_forces() - self._targets)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         taken, norm = snes.getKSP().getIterationNumber(), snes.getFunctionNorm()
@@ -221,24 +205,21 @@ class NewtonSolver:
         if not self._is_old:
             self._renew(x)
         elif not self._prepared:
-            with self._assembling():
-                self._set(x)
-                self.system.linearise(is_old=True)
+            self._set(x)
+            self.system.linearise(is_old=True)
         self._prepared = False
 
     def _renew(self, x: PETSc.Vec) -> None:
-        with self._assembling():
-            self._set(x)
-            self.model.tangent(stores=self.choice.direct)
+        self._set(x)
+        self.model.tangent(stores=self.choice.direct)
         self.effort.tangents += 1
         self._keeps = True
         self.system.linearise(is_old=False)
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
-        with self._assembling():
-            self._set(x)
-            energy = self.model.energy() if self._merit is None else self._merit(x)
-            energy -= float(self._targets @ self.system.approaches(x))
+        self._set(x)
+        energy = self.model.energy() if self._merit is None else self._merit(x)
+        energy -= float(self._targets @ self.system.approaches(x))
         return energy if math.isfinite(energy) else math.nan
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:

@@ -3,16 +3,14 @@
 Inside elements the pressure oscillates as the gap closes; its mean over the hat function of a vertex does not.
 """
 
-import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model, assembled
-from finite_strain.discretisation.nodal_values import Lattice
+from finite_strain.discretisation.nodal_values import Lattice, on_top
 from finite_strain.discretisation.regions import constant
-from meshes.box import TAGS
 
 
 class Extremes:
@@ -24,9 +22,7 @@ class Extremes:
         nearest = model.contact.slots[0].balls
         self._cells = np.unique(model.contact.cells[nearest[model.contact.cells] >= 0]).astype(np.int32)
         self._balls = nearest[self._cells]
-        is_top = np.zeros(len(model.nodal), dtype=bool)
-        is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
-        self._is_top = is_top[compat.cell_dofs(model.space)[self._cells]]
+        self._is_top = on_top(model.space, model.facet_tags)[compat.cell_dofs(model.space)[self._cells]]
         self._values = compat.compile_expression(model.contact.penetration(), lattice.points, model.comm)
         hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
         self._asked = constant(model.mesh, 0.0)

@@ -4,8 +4,6 @@ The linear model, the pairs and S_Q compare with Hooke's law of the layer: anoth
 finite strain. The form language evaluates psi at a few numbers by itself; nothing is compiled.
 """
 
-from typing import Any
-
 import numpy as np
 import ufl
 
@@ -31,7 +29,7 @@ def check_own_energy(problem: Problem) -> None:
             F = np.eye(3)
             for place in entries:
                 F[place] += e
-            values.append(float(psi(_matrix(F))))
+            values.append(float(psi(ufl.as_matrix(F.tolist()))))
         return np.array(values)
 
     try:
@@ -57,7 +55,3 @@ def check_own_energy(problem: Problem) -> None:
             f"finite_strain.law: psi(F) must have the layer's moduli at small strain, young {layer.young:g} Pa and "
             f"poisson {layer.poisson:g}, got {young:.5g} Pa and {poisson:.5g}; change either"
         )
-
-
-def _matrix(F: np.ndarray) -> Any:
-    return ufl.as_matrix(F.tolist())

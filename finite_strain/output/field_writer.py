@@ -9,7 +9,6 @@ Where DOLFINx was built with ADIOS2, each step has a VTX folder, too.
 """
 
 import shutil
-import time
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +58,8 @@ class FieldWriter:
         beyond = (path for path in self.folder.glob("step_*.*") if path.stem > last)
         on_root(self.model.comm, lambda: list(map(_remove, beyond)))
 
-    def write(self, number: int, fraction: float) -> float:
-        """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index; return the seconds taken."""
-        began = time.monotonic()
+    def write(self, number: int, fraction: float) -> None:
+        """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index."""
         if self.choice.wants(number, fraction):
             arrays, fields = self._mesh_arrays(), self._node_fields()
             owned = self.model.space.dofmap.index_map.size_local
@@ -71,7 +69,6 @@ class FieldWriter:
             on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
             if compat.vtx_writer() is not None:
                 write_vtx(self.model, path.with_suffix(".bp"), number, fields)
-        return time.monotonic() - began
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
         index_map = self.model.space.dofmap.index_map
@@ -155,7 +152,6 @@ class FieldWriter:
             frame="points are the scene's: frame_turn x + frame_origin of the simulated part's own x",
             frame_turn=reduction.turn,
             frame_origin=np.array([*reduction.origin, 0.0]),
-            frame_angle=reduction.angle,
             mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )

@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass
 
-import dolfinx
 import numpy as np
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.discretisation.nodal_values import CellNodes
+from finite_strain.discretisation.nodal_values import CellNodes, on_top
 from finite_strain.geometry.symmetry import Reduction
-from meshes.box import TAGS
 
 
 @dataclass(frozen=True)
@@ -28,10 +26,8 @@ class TopSurface:
     def __init__(self, model: Model, nodes: CellNodes | None = None) -> None:
         self.model, self.nodes = model, nodes or CellNodes(model.space)
         lattice = self.nodes.lattice
-        is_top = np.zeros(len(model.nodal), dtype=bool)
-        is_top[dolfinx.fem.locate_dofs_topological(model.space, 2, model.facet_tags.find(TAGS["top"]))] = True
-        self._cells, face = np.nonzero(is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
-        self._is_top = is_top
+        self._is_top = on_top(model.space, model.facet_tags)
+        self._cells, face = np.nonzero(self._is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
         pieces = self.nodes.dofs[self._cells[:, None, None], lattice.pieces[face]]
         self._pieces = pieces.reshape(-1, pieces.shape[2])
         self._pressure = compat.compile_expression(model.contact_pressure_expression, lattice.points, model.comm)

@@ -36,9 +36,9 @@ SPEEDUP = 1.6
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of a run: unknowns, element order, number of load steps, of pairs, and whether factors solve it.
+    """A mesh of a run: unknowns, element order (2: path finder), number of load steps, of pairs, kind of solver.
 
-    ``searches`` is for the path finder, ``mixed`` for elements with pressures.
+    ``direct``: by factors; ``mixed``: elements with pressures.
     """
 
     unknowns: float
@@ -46,7 +46,6 @@ class Mesh:
     steps: int
     pairs: int
     direct: bool
-    searches: bool = False
     mixed: bool = False
 
     @property
@@ -55,7 +54,7 @@ class Mesh:
         share = self.unknowns / UNIT
         if not self.direct:
             return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
-        each = SEARCH_SECONDS if self.searches else STEP_SECONDS * self.order / 3.0
+        each = SEARCH_SECONDS if self.order == 2 else STEP_SECONDS * self.order / 3.0
         steps = self.steps + self.pairs if self.pairs else ALONE_SECONDS * self.steps
         return MESH_SECONDS * share + (MIXED_SECONDS if self.mixed else 1.0) * steps * each * share**STEP_POWER
 

@@ -82,18 +82,16 @@ class Discretisation:
 class SolverAccount:
     """Cost and residuals of a load step with output.
 
-    Counts are sums over the load steps since the last answer, ``cuts`` their largest; ``pair_iterations`` are those of
-    the small-strain problem. ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its
-    last solve; ``penetration`` [m]; ``force_balance`` is the relative difference of the forces on balls and base;
-    ``distorted_at`` are the places (distance from the nearest axis, depth) [m] of the smallest volume ratio and surface
-    stretch; ``strain_energy`` [J] is that of the whole scene.
+    Counts are sums over the load steps since the last answer, ``cuts`` their largest. ``residual`` [N] is Newton's
+    last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``penetration`` [m]; ``force_balance`` is the
+    relative difference of the forces on balls and base; ``distorted_at`` are the places (distance from the nearest
+    axis, depth) [m] of the smallest volume ratio and surface stretch; ``strain_energy`` [J] is that of the whole scene.
     """
 
     fraction: float
     iterations: int
     tangents: int
     augmentation_iterations: int
-    pair_iterations: int
     augmented: bool
     cuts: int
     residual: float
@@ -105,8 +103,6 @@ class SolverAccount:
     distorted_at: dict[str, list[float]]
     strain_energy: float
     linear_solver: str
-    seconds_assembly: float
-    seconds_solve: float
     linear_iterations: int
     linear_fallbacks: int
     residuals: list[float]
@@ -133,7 +129,6 @@ class Answer(SolverAccount):
     approach_error: list[float]
     tangential_force_error_at_force: list[float]
     mesh: int | None = None
-    seconds_output: float | None = None
 
     @property
     def account(self) -> SolverAccount:
@@ -146,8 +141,9 @@ class Answer(SolverAccount):
 
     @classmethod
     def from_step(cls, step: Step) -> Answer:
-        """Return the answer that `to_step` wrote."""
-        return cls(balls=step.balls, **step.record)
+        """Return the answer that `to_step` wrote, maybe with more entries than there are now."""
+        known = {each.name: step.record[each.name] for each in fields(cls) if each.name in step.record}
+        return cls(balls=step.balls, **known)
 
 
 @dataclass

@@ -163,16 +163,13 @@ class RunPlan:
         solvers = [choose(n, mixed, given, level.order) for n, level in zip(unknowns, self.likely, strict=True)]
         path, loads = len(self.path), len(self.loads)
         meshes = [
-            Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct,
-                 searches=level == PATH_FINDER, mixed=mixed)
+            Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct, mixed)
             for n, level, solver in zip(unknowns, self.likely, solvers, strict=True)
         ]  # fmt: skip
         speed = ranks ** math.log2(SPEEDUP)
         largest = Mesh(most, HIGHEST, loads, loads * self.is_paired, choose(most, mixed, given, HIGHEST).direct)
-        seconds = [
-            START_SECONDS * (level == PATH_FINDER) + mesh.seconds
-            for level, mesh in zip(self.likely, meshes, strict=True)
-        ]
+        seconds = [mesh.seconds for mesh in meshes]
+        seconds[0] += START_SECONDS
         return {
             "forms": forms,
             "linear_solver": solvers[-1].describe(),

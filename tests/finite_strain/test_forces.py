@@ -15,6 +15,7 @@ pytest.importorskip("dolfinx")
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.nodal_values import element_of
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
 from tests.finite_strain.scenes import (
@@ -95,7 +96,7 @@ def carry(rig: Rig, number: int, axis: int, length: float) -> None:
 
 def at_mesh_nodes(model: Model, values: np.ndarray) -> np.ndarray:
     """Return a field of the linear space at the nodes of the mesh, which consists of quadratic hexahedra."""
-    corners, nodes = (compat.lagrange_element("hexahedron", order) for order in (1, 2))
+    corners, nodes = (element_of((order + 1) ** 3) for order in (1, 2))
     shapes = corners.tabulate(0, nodes.points)[0].reshape(len(nodes.points), -1)
     answer = np.zeros(len(model.mesh.geometry.x))
     answer[compat.geometry_dofs(model.mesh)] = values[compat.cell_dofs(model.linear_space)] @ shapes.T

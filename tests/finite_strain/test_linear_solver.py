@@ -115,8 +115,6 @@ def test_a_direct_solver_and_multigrid_agree_on_a_deep_contact(
     # far from equilibrium the tangent may be indefinite; the direct solver then takes over
     assert effort.linear_fallbacks <= 2 * len(PATH)
     assert effort.linear_iterations > 5
-    assert effort.seconds_assembly > 0.0
-    assert effort.seconds_solve > 0.0
     assert residuals[-1] <= rig.solver.tolerance < residuals[0]
     assert forces[1] == relatively(forces[0], SOLVER)
 

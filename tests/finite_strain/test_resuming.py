@@ -97,7 +97,6 @@ def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
     same_fields(folder / "step_0002.h5", tmp_path / "step_0002.h5", PARALLEL)
-    assert all(step.record["seconds_output"] > 0.0 for step in found.steps)
 
 
 def test_a_finished_run_is_read_from_its_folder(result: Any, folder: Path) -> None:

@@ -90,7 +90,6 @@ def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
         assert step.record["pair_weight"] == [1.0, 1.0]
         assert 0 < step.record["tangents"] <= step.record["iterations"]
         assert step.record["augmentation_iterations"] == step.record["iterations"]  # with multipliers from the start
-        assert step.record["pair_iterations"] > 0
         assert step.record["seconds"] > 0.0
     assert result.solved.converged
     assert result.solved.certificate["force_balance"] <= 1e-7

@@ -40,8 +40,9 @@ def test_more_steps_pairs_orders_and_unknowns_cost_more() -> None:
     mesh = Mesh(1e4, 3, 2, 2, direct=True)
     for dearer in (
         Mesh(2e4, 3, 2, 2, direct=True), Mesh(1e4, 4, 2, 2, direct=True), Mesh(1e4, 3, 3, 2, direct=True),
-        Mesh(1e4, 3, 2, 3, direct=True), Mesh(1e4, 3, 2, 2, direct=True, searches=True),
+        Mesh(1e4, 3, 2, 3, direct=True), Mesh(1e4, 3, 2, 2, direct=True, mixed=True),
     ):  # fmt: skip
         assert dearer.seconds > mesh.seconds
         assert dearer.memory_bytes(1) >= mesh.memory_bytes(1)
+    assert Mesh(1e4, 2, 2, 2, direct=True).seconds > mesh.seconds  # the path finder searches the contact's edge
     assert Mesh(1e4, 3, 2, 0, direct=True).memory_bytes(1) < mesh.memory_bytes(1) < mesh.memory_bytes(2)

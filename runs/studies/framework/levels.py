@@ -126,7 +126,7 @@ def _answered(
                         small = mesh.small.state(done.fraction)
             record.rows.append(Row(own, small))
             truth = on_root(run.comm, partial(answers.truth, done.fraction))
-            account = mesh.account([done], [], own, began)
+            account = mesh.account([done], own, began)
             began, mesh.own.solver.effort = time.monotonic(), Effort()
             step = answers.answer(len(steps) + 1, account, truth).to_step()
             steps.append(dataclasses.replace(step, record={**_of(plan, mesh.own, record), **step.record}))
