@@ -17,7 +17,6 @@ from finite_strain.discretisation.point_location import Locations
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
-from finite_strain.force.distortion import distortion
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mpi import on_root
@@ -128,7 +127,7 @@ class MeshRun:
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
-        bent = distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
+        bent = self.own.path.distorted()
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
         return SolverAccount(
             fraction=record.fraction,

@@ -98,16 +98,16 @@ class Refinement:
             if record.stopped and number > 1:
                 why = f"{record.level} did not reach full load: {record.stopped}"
                 break
-            decision = self.comm.bcast(
+            level = self.comm.bcast(
                 decide(
                     self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns, self.plan.given is not None
                 ),
                 root=0,
             )  # fmt: skip
-            if decision.level is None:
-                why = decision.why
+            if isinstance(level, str):
+                why = level
                 break
-            self.records.append(Record(decision.level))
+            self.records.append(Record(level))
             self._save()
         if self._reach(answered) < self.plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
@@ -173,7 +173,7 @@ class Refinement:
                 self._save()
                 continue
             if done.fraction not in plan.goals:
-                self._compare(number, done.fraction)
+                self._answers(number).compare(done.fraction, self._truth(number, done.fraction))
                 self._save()
                 continue
             answer = self._answer(number, len(record.steps) + 1, run.account(taken, own, mark))
@@ -211,10 +211,6 @@ class Refinement:
         if fraction not in self.truths:
             self.truths[fraction] = on_root(self.comm, partial(self._answers(number).truth, fraction))
         return self.truths[fraction]
-
-    def _compare(self, number: int, fraction: float) -> None:
-        """Record the change from the coarser discretisation at a load without an answer (collective)."""
-        self._answers(number).compare(fraction, self._truth(number, fraction))
 
     def _answer(self, number: int, step: int, account: SolverAccount) -> Answer:
         """Return the answer of a discretisation at the load step number ``step`` (collective)."""

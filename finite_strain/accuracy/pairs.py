@@ -80,12 +80,12 @@ def paired(own: ContactState, small: ContactState, truth: LinearTruth, scale: np
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), UNSURE, 1.0)
     factor, shift = np.ones_like(weight), np.zeros_like(weight)
+    name = "approach" if forces_given else "normal_force"
+    known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
     if forces_given:
-        shift = weight * (truth.approach - small.approach)
-        known, own_value, small_value = truth.approach, own.approach, small.approach
+        shift = weight * (known - small_value)
     else:
-        factor = ratio(truth.normal_force, small.normal_force, empty=1.0) ** weight
-        known, own_value, small_value = truth.normal_force, own.normal_force, small.normal_force
+        factor = ratio(known, small_value, empty=1.0) ** weight
     apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), UNSURE)
     share = np.abs(ratio(known, small_value, empty=1.0) - 1.0) * apart
     per_squared = own.per_squared_force + weight[:, None] * correction

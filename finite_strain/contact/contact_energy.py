@@ -19,7 +19,6 @@ between two balls either may come into contact first.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +29,7 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.geometry.estimates import NAMED
-from finite_strain.geometry.symmetry import ModelBall
+from finite_strain.geometry.symmetry import Reduction
 from linear_bem.indenter import Indenter
 from meshes.box import TAGS
 
@@ -91,18 +90,11 @@ class _Slot:
 
 
 class Contact:
-    """The contact energy of all balls of a model and its derivatives; ``balls`` are numbered as given.
+    """The contact energy of all balls of a reduced scene and its derivatives."""
 
-    ``angle`` is the rotation of the model's frame against the scene's.
-    """
-
-    def __init__(
-        self, displacement: Any, facet_tags: Any, balls: Sequence[ModelBall], finite: bool, degree: int,
-        angle: float = 0.0,
-    ) -> None:  # fmt: skip
-        space = displacement.function_space
-        self.mesh, self.balls, self.finite = space.mesh, tuple(balls), finite
-        self.angle = angle
+    def __init__(self, displacement: Any, facet_tags: Any, reduction: Reduction, finite: bool, degree: int) -> None:
+        space, balls = displacement.function_space, reduction.balls
+        self.mesh, self.balls, self.angle, self.finite = space.mesh, balls, reduction.angle, finite
         self.displacement, self.earlier = displacement, dolfinx.fem.Function(space, name="earlier_displacement")
         self.augmented = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))
         self.turning = dolfinx.fem.Constant(self.mesh, PETSc.ScalarType(0.0))

@@ -52,9 +52,7 @@ class Model:
         self._stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.length = min(ball.radius for ball in problem.balls)
         degree = 2 * order + contact_degree
-        self.contact = Contact(
-            self.displacement, self.facet_tags, reduction.balls, self.is_finite, degree, reduction.angle
-        )
+        self.contact = Contact(self.displacement, self.facet_tags, reduction, self.is_finite, degree)
         moduli, turning = regions.Moduli.of(self.bulks, self.mesh, self.cell_tags), self.contact.turning
         self._constants = {  # made once: equal parts of a form are compiled once, too
             bulk.tag: regions.elastic_constants(bulk, self.mesh, moduli, self.length, turning) for bulk in self.bulks

@@ -36,11 +36,6 @@ class Lattice:
     pieces: np.ndarray
     """(faces, p^2, 4 or 3) nodes of the quadrilaterals or triangles that fill each face, one after the other around."""
 
-    @classmethod
-    def of(cls, space: Any) -> Lattice:
-        """Return the lattice of a Lagrange space of any order."""
-        return _lattice(compat.cell_dofs(space).shape[1])
-
 
 _KINDS = {(p + 1) ** 3: ("hexahedron", p) for p in range(1, 6)}
 _KINDS |= {(p + 1) * (p + 2) * (p + 3) // 6: ("tetrahedron", p) for p in range(1, 6)}
@@ -61,7 +56,8 @@ def outside_by(places: np.ndarray, nodes: int) -> np.ndarray:
 
 
 @cache
-def _lattice(nodes: int) -> Lattice:
+def lattice_of(nodes: int) -> Lattice:
+    """Return the lattice of the Lagrange element with a number of nodes."""
     cell, order = _KINDS[nodes]
     points = element_of(nodes).points
     places = np.rint(order * element_of(nodes, "equispaced").points).astype(int)
@@ -115,11 +111,11 @@ class CellNodes:
     """The n nodes of each of the c cells that this rank owns, in a Lagrange vector space."""
 
     def __init__(self, space: Any) -> None:
-        self.space, self.lattice = space, Lattice.of(space)
-        self._work = dolfinx.fem.Function(space)
+        self.space, self._work = space, dolfinx.fem.Function(space)
         mesh = space.mesh
         owned = mesh.topology.index_map(3).size_local
         self.dofs = compat.cell_dofs(space)[:owned]
+        self.lattice = lattice_of(self.dofs.shape[1])
         nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned]]
         jacobian = _by_reference(derivatives_of(nodes.shape[1], self.lattice.points), nodes)
         self.volumes = np.abs(np.linalg.det(jacobian))

@@ -121,7 +121,7 @@ class LoadPath:
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
                             f"the last good state is at {reached:.4g} of the full load: the film under a ball is "
                             f"{1.0 - max(self._last.approaches) / self.problem.layer.thickness:.2g} of the layer's "
-                            f"thickness; {self._distorted().describe()}"
+                            f"thickness; {self.distorted().describe()}"
                         ) from error
                     continue
                 approaches = tuple(self.model.contact.approaches)
@@ -132,11 +132,12 @@ class LoadPath:
 
     def check_volumes(self) -> None:
         """Raise `NotConverged` if elements are turned inside out, which the residual alone does not detect."""
-        turned = self.model.is_finite and self._distorted().volume_ratio <= 0.0
+        turned = self.model.is_finite and self.distorted().volume_ratio <= 0.0
         if turned or not math.isfinite(self.model.energy()):
             raise NotConverged("the equilibrium found has elements turned inside out")
 
-    def _distorted(self) -> Distortion:
+    def distorted(self) -> Distortion:
+        """Return how far the present state is from the end of the solid (collective)."""
         model = self.model
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
 

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model, assembled
-from finite_strain.discretisation.nodal_values import Lattice, on_top
+from finite_strain.discretisation.nodal_values import lattice_of, on_top
 from finite_strain.discretisation.regions import constant
 
 
@@ -18,12 +18,13 @@ class Extremes:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        lattice = Lattice.of(model.space)
         nearest = model.contact.slots[0].balls
         self._cells = np.unique(model.contact.cells[nearest[model.contact.cells] >= 0]).astype(np.int32)
         self._balls = nearest[self._cells]
-        self._is_top = on_top(model.space, model.facet_tags)[compat.cell_dofs(model.space)[self._cells]]
-        self._values = compat.compile_expression(model.contact.penetration(), lattice.points, model.comm)
+        dofs = compat.cell_dofs(model.space)[self._cells]
+        self._is_top = on_top(model.space, model.facet_tags)[dofs]
+        nodes = lattice_of(dofs.shape[1]).points
+        self._values = compat.compile_expression(model.contact.penetration(), nodes, model.comm)
         hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
         self._asked = constant(model.mesh, 0.0)
         averaged = ufl.conditional(ufl.gt(self._asked, 0), model.contact_pressure_expression, 1)

@@ -48,54 +48,42 @@ class Budget:
         return DEFAULT_UNKNOWNS if self.unknowns is None else self.unknowns
 
 
-@dataclass(frozen=True)
-class Decision:
-    """The next discretisation (None: no further one), and why."""
-
-    level: Discretisation | None
-    why: str
-
-
 def decide(  # noqa: PLR0911  (each return is one reason to stop)
     asked: float, records: Sequence[Record], budget: Budget, unknowns: Callable[[Discretisation], float],
     mesh_given: bool = False,
-) -> Decision:  # fmt: skip
-    """Return whether and how to refine after the last finished record.
+) -> Discretisation | str:  # fmt: skip
+    """Return the discretisation to run after the last finished record, or why there is none.
 
     ``unknowns`` estimates a discretisation's size. On a mesh that is given only order and penalty are raised.
     """
     last = records[-1]
     if len(records) == 1:
-        return Decision(FIRST, "an error estimate needs two discretisations")
+        return FIRST  # an error estimate needs two discretisations
     if last.reached <= asked:
-        return Decision(None, "the accuracy asked for is met")
+        return "the accuracy asked for is met"
     if len(records) >= MOST_LEVELS:
-        return Decision(None, f"{MOST_LEVELS} discretisations did not reach it")
+        return f"{MOST_LEVELS} discretisations did not reach it"
     level = _next(asked, records)
     if isinstance(level, str):
-        return Decision(None, f"what remains is {level}")
+        return f"what remains is {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
-        return Decision(None, "an own mesh is neither refined nor made wider: give a finer or a wider one")
+        return "an own mesh is neither refined nor made wider: give a finer or a wider one"
     wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
         level = replace(level, fineness=level.fineness - STEP)
         wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     following = f"the next discretisation ({level})"
     if wanted > budget.most_unknowns:
-        return Decision(
-            None,
-            f"{following}, about {wanted:.0f} unknowns, passes the budget of {budget.most_unknowns:.0f} unknowns",
-        )
+        return f"{following}, about {wanted:.0f} unknowns, passes the budget of {budget.most_unknowns:.0f} unknowns"
     if budget.seconds is not None:
         spent = sum(record.seconds for record in records)
         needed = last.seconds * (wanted / last.unknowns) ** SECONDS_POWER
         if spent + needed > budget.seconds:
-            return Decision(
-                None,
+            return (
                 f"{following} would take about {needed:.0f} s and pass the budget of {budget.seconds:g} s "
-                f"({spent:.0f} s spent)",
+                f"({spent:.0f} s spent)"
             )
-    return Decision(level, f"the error is {100 * last.reached:.2g} %, {100 * asked:.2g} % was asked for")
+    return level
 
 
 def coarser(records: Sequence[Record]) -> Record:
