@@ -155,29 +155,27 @@ class RunPlan:
 
         ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are those of each discretisation.
         """
-        unknowns = [self.unknowns(level) for level in self.likely]
-        most = self.budget.most_unknowns
-        box = self.box(PATH_FINDER)
-        forms, given = describe_forms(self.problem), given_in(os.environ.get("PETSC_OPTIONS", ""))
-        mixed = "mixed" in forms.values()
-        solvers = [choose(n, mixed, given, level.order) for n, level in zip(unknowns, self.likely, strict=True)]
-        path, loads = len(self.path), len(self.loads)
-        meshes = [
-            Mesh(n, level.order, path if level == PATH_FINDER else loads, loads * self.is_paired, solver.direct, mixed)
-            for n, level, solver in zip(unknowns, self.likely, solvers, strict=True)
-        ]  # fmt: skip
+        most, box, forms = self.budget.most_unknowns, self.box(PATH_FINDER), describe_forms(self.problem)
+        mixed, given = "mixed" in forms.values(), given_in(os.environ.get("PETSC_OPTIONS", ""))
+        pairs = len(self.loads) * self.is_paired
+
+        def mesh(unknowns: float, order: int) -> Mesh:
+            steps = self.path if order == PATH_FINDER.order else self.loads
+            return Mesh(unknowns, order, len(steps), pairs, choose(unknowns, mixed, given, order).direct, mixed)
+
+        meshes = [mesh(self.unknowns(level), level.order) for level in self.likely]
+        last, largest = meshes[-1], mesh(most, HIGHEST)
         speed = ranks ** math.log2(SPEEDUP)
-        largest = Mesh(most, HIGHEST, loads, loads * self.is_paired, choose(most, mixed, given, HIGHEST).direct)
-        seconds = [mesh.seconds for mesh in meshes]
+        seconds = [each.seconds for each in meshes]
         seconds[0] += START_SECONDS
         return {
             "forms": forms,
-            "linear_solver": solvers[-1].describe(),
+            "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
-            "unknowns": round(unknowns[-1]),
-            "meshes": [f"{level}: about {n:.0f} unknowns" for level, n in zip(self.likely, unknowns, strict=True)]
+            "unknowns": round(last.unknowns),
+            "meshes": [f"{level}: about {self.unknowns(level):.0f} unknowns" for level in self.likely]
             + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
-            "memory_bytes": meshes[-1].memory_bytes(ranks),
+            "memory_bytes": last.memory_bytes(ranks),
             "memory_bytes_at_most": largest.memory_bytes(ranks),
             "seconds": sum(seconds) / speed,
             "processor_seconds": sum(seconds),
