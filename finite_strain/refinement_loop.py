@@ -259,9 +259,13 @@ class Refinement:
         """Return the coarser discretisation's state at a load fraction, if it has one."""
         if number == 0 or fraction not in self.plan.loads:
             return None
-        file = self._file(number - 1, model, fraction)
-        there = self.comm.bcast(self.comm.rank == 0 and file.exists() and not Snapshot.fault(file), root=0)
-        return run.predicted_by(Snapshot.load(file)) if there else None
+        return next(iter(self._saved_states(run, number - 1, model, [fraction])), None)
+
+    def _saved_states(self, run: ModelRun, number: int, model: str, fractions: list[float]) -> list[State]:
+        """Return a discretisation's states at load fractions but those whose files are missing or damaged."""
+        files = [self._file(number, model, fraction) for fraction in fractions]
+        sound = on_root(self.comm, lambda: [file for file in files if not Snapshot.fault(file)])
+        return [run.predicted_by(Snapshot.load(file)) for file in sound]
 
     def _resume(self, run: MeshRun, record: Record, number: int) -> None:
         """Restart from the last states that an earlier run of this discretisation saved."""
@@ -269,10 +273,7 @@ class Refinement:
             if each is None:
                 continue
             met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
-            files = [self._file(number, model, fraction) for fraction in met]
-            faults: list[str] = on_root(self.comm, partial(list, map(Snapshot.fault, files)))
-            good = [file for file, fault in zip(files, faults, strict=True) if not fault]
-            each.path.resume([each.predicted_by(Snapshot.load(file)) for file in good])
+            each.path.resume(self._saved_states(each, number, model, met))
 
     def _judge(self, record: Record) -> None:
         """Record the accuracy at the last step: the largest error of a ball's T over the scale, and its terms."""
