@@ -49,6 +49,7 @@ logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:
     """Return a Lagrange space of the degree with the value shape."""
     if _OLD:
+        _name_spacing(mesh.ufl_domain())
         family, cell = ("DG" if discontinuous else "CG"), mesh.ufl_cell()
         scalar = ufl.FiniteElement(family, cell, degree)
         kinds = {1: lambda: ufl.VectorElement(scalar, dim=shape[0]), 2: lambda: ufl.TensorElement(scalar, shape=shape)}
@@ -61,6 +62,20 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
         "Lagrange", mesh.basix_cell().name, degree, shape=shape or None, discontinuous=discontinuous
     )
     return dolfinx.fem.functionspace(mesh, element)
+
+
+def _name_spacing(domain: Any) -> None:
+    """Name the spacing of a mesh's nodes, as the old version's compiler does in every form that it compiles.
+
+    Names of forms in the cache contain it: they must not depend on whether an earlier form was compiled or found there.
+    """
+    vector = domain.ufl_coordinate_element()
+    scalar = vector.sub_elements()[0]
+    if scalar.variant() is None:
+        named = ufl.FiniteElement(
+            scalar.family(), scalar.cell(), scalar.degree(), scalar.quadrature_scheme(), variant="equispaced"
+        )
+        domain._ufl_coordinate_element = ufl.VectorElement(named, dim=vector.num_sub_elements())
 
 
 def compile_form(form: Any, comm: MPI.Comm) -> Any:

@@ -72,6 +72,27 @@ def test_a_form_costs_no_status_call_for_each_of_the_others(tmp_path: Path, monk
         assert len(asked) < 20
 
 
+def test_the_name_of_a_form_does_not_depend_on_what_was_compiled_before(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    import dolfinx  # noqa: PLC0415
+    import ufl  # noqa: PLC0415
+    from mpi4py import MPI  # noqa: PLC0415
+
+    from finite_strain import compat  # noqa: PLC0415
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    names = []
+    for _ in range(2):  # compiled first, and then from the cache
+        mesh = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1, dolfinx.mesh.CellType.hexahedron)
+        field = dolfinx.fem.Function(compat.function_space(mesh, 1))
+        for form in (field * ufl.dx, field**2 * ufl.dx):
+            compat.compile_form(form, MPI.COMM_SELF)
+        names.append({file.name for file in (tmp_path / "thirdbody" / "forms").glob("*.so")})
+    assert names[0]
+    assert names[1] == names[0]
+
+
 def test_common_scenes_find_every_form_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     import ffcx.codegeneration.jit as compiler  # noqa: PLC0415
     from mpi4py import MPI  # noqa: PLC0415
