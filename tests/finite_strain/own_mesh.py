@@ -17,7 +17,7 @@ from finite_strain.geometry.load_control import prescribed
 from finite_strain.own_mesh import OwnMesh
 from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
 from tests.finite_strain.scenes import COARSER
-from tests.finite_strain.test_own_mesh import SMALL, block
+from tests.finite_strain.test_own_mesh import SMALL, SOLVERS, SPARSE, block
 
 layer = Layer(young=1.0, poisson=0.3, thickness=1.16)
 balls = tuple(Ball((x, 0.0), 1.0, "sphere") for x in (-1.0, 1.0))
@@ -46,9 +46,9 @@ def all_on_the_first(comm: Any, ranks: int, dimension: int, cells: Any, *_: Any)
 
 
 options = {"ghost_mode": dolfinx.mesh.GhostMode.none, "partitioner": all_on_the_first}
-meshed = block(comm=comm, **options)
+meshed = block(**SPARSE, comm=comm, **options)
 cells = comm.allgather(meshed[0].topology.index_map(3).size_local)
-for name, solver in (("factors", {}), ("multigrid", {"direct_up_to": "0"})):
+for name, solver in SOLVERS.items():
     answers[name] = finite_strain.solve(
         SMALL, mesh=meshed, model="small_strain", tangential_force=0.3, solver_options=solver
     )

@@ -261,7 +261,7 @@ def test_a_run_feels_its_law(tmp_path: Path) -> None:
         return float(rig.normal_forces()[0])
 
     plain = force(NeoHookean())
-    assert force(Gent(1.0)) > 1.01 * plain
+    assert force(Yeoh((0.3, 0.04))) > 1.01 * plain
     assert force(Yeoh((-0.3, 0.04))) < 0.99 * plain
 
 
