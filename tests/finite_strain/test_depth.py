@@ -34,7 +34,7 @@ from tests.finite_strain.scenes import (
     single,
 )
 
-STEPS = (0.1, 0.25, 0.5, 0.75, 1.0)
+STEPS = (0.1, 0.4, 1.0)
 
 
 def strengthening(step: Any, problem: Any) -> float:
@@ -51,7 +51,7 @@ def deep() -> Any:
 
 
 def test_finite_strain_strengthens_the_force_at_depth_and_not_under_light_load(deep: Any) -> None:
-    shallow, middle, last = deep.steps[0], deep.steps[2], deep.steps[-1]
+    shallow, middle, last = deep.steps
     ratios = [strengthening(step, pair(0.3)) for step in (shallow, middle, last)]
     assert ratios[0] < ratios[1] < ratios[2]
     errors = [step.balls[0].tangential_force_error / abs(step.balls[0].tangential_force[0]) for step in deep.steps]
