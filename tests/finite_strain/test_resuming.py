@@ -1,4 +1,4 @@
-"""The light run again: on two ranks, stopped and resumed, with damaged files."""
+"""The light run again: on two and four ranks, stopped and resumed, with damaged files."""
 
 from __future__ import annotations
 
@@ -47,26 +47,25 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run on one rank that was stopped after its first step."""
-    folder = tmp_path_factory.mktemp("stopped")
-    with pytest.raises(Stopped):
-        solve(folder, StopAfter(1))
-    return folder
+    """The folder of a run on four ranks that was stopped after its first step."""
+    base = tmp_path_factory.mktemp("four")
+    assert press(4, base, "stopped") == {"stopped": ["Stopped: "] * 4}
+    return base / "stopped"
 
 
 @pytest.fixture(scope="module")
 def on_two(tmp_path_factory: pytest.TempPathFactory, stopped: Path) -> tuple[Any, Path]:
-    """What four runs on two ranks said, and the folder of their folders: "whole" goes on with that of one."""
+    """What three runs on two ranks said, and the folder of their folders: "whole" goes on with that of four."""
     base = tmp_path_factory.mktemp("two")
     shutil.copytree(stopped, base / "whole")
     (base / "unreadable").mkdir()
     (base / "unreadable" / NAME).write_bytes(b"")
-    return press(2, base, "whole", "failing", "unreadable", "stopped"), base
+    return press(2, base, "whole", "failing", "unreadable"), base
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_that_go_on_with_a_run_of_one_give_the_same_answer(
+def test_two_ranks_that_go_on_with_a_run_of_four_give_the_same_answer_as_one(
     result: Any, folder: Path, on_two: tuple[Any, Path]
 ) -> None:
     found, other = on_two[0]["whole"], on_two[1] / "whole"
@@ -84,18 +83,16 @@ def test_two_ranks_that_go_on_with_a_run_of_one_give_the_same_answer(
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_a_run_on_two_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
-    result: Any, folder: Path, on_two: tuple[Any, Path], tmp_path: Path
+def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
+    result: Any, folder: Path, stopped: Path, tmp_path: Path
 ) -> None:
-    said, stopped = on_two[0]["stopped"], on_two[1] / "stopped"
-    assert said == ["Stopped: "] * 2
     same_fields(folder / "step_0001.h5", stopped / "step_0001.h5", PARALLEL)
     assert not (stopped / "step_0002.h5").exists()
     shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh, by two ranks, are kept
+    # the path finder's answers and the first step on this mesh, by four ranks, are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
