@@ -13,7 +13,7 @@ import pytest
 
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
-from linear_bem.result import UNRESOLVED
+from linear_bem.result import UNRESOLVED, WITHIN_ERROR
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
@@ -80,7 +80,7 @@ def test_a_state_that_the_result_calls_unresolved_owes_equilibrium_alone() -> No
         return verdict(found(a={"steps": steps, "solved": notes}), "a", {"check": None})
 
     ended, why = judged(stored=1.0 + 2.0 * BALANCE)
-    assert ended == "T not resolved"
+    assert ended == "named limit"
     assert "0.9 m from a ball's axis; energy against work: 3.8 %; forces against base" in why
     assert judged(smallest_volume_ratio=-0.1)[0] == "WRONG"
     assert judged(force_balance=2.0 * FORCES)[0] == "WRONG"
@@ -100,8 +100,11 @@ def test_a_case_is_held_against_another_with_both_error_bars_or_a_tolerance() ->
     assert pair(-1.01e-3, within=0.02)[0] == "right"
     assert pair(-1.01e-3, within=0.001)[0] == "WRONG"
     assert pair(-1e-6, factor=1e3, within=1e-6)[0] == "right"
-    assert pair(-1.5e-3, within=2.0)[0] == "not checked"  # a tolerance of all of T cannot fail
-    assert pair(-4.5e-3, within=2.0)[0] == "WRONG"
+    assert pair(-1.09e-3, within=0.1)[0] == "right"
+    ended, why = pair(-1.09e-3, within=0.11)  # so large a tolerance claims nothing
+    assert ended == "not checked"
+    assert "tolerance 11 %, which is no check" in why
+    assert pair(-1.2e-3, within=0.11)[0] == "WRONG"
     alone = found(a={"steps": [{"balls": [ball(0.1, 0.1)], "record": {}}]})
     check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END}
     assert compared(alone, "a", check) is None
@@ -114,7 +117,35 @@ def test_an_answer_that_does_not_know_its_error_is_neither_right_nor_a_reference
     check = {"words": "the twin", "other": "b", "within": 0.0, "factor": 1.0, "at": END}
     assert compared(both, "a", check) is None
     ended, why = verdict(both, "b", {"check": None})
-    assert (ended, why) == ("T not resolved", "the error of T is larger than T")
+    assert (ended, why) == ("T not resolved", "the error of T is an unknown part of T")
+
+
+def test_an_answer_whose_error_is_a_large_part_of_it_claims_nothing_whatever_else_holds() -> None:
+    def ended(error: float) -> tuple[str, str]:
+        steps = path(1.5, 0.01, 0.03, 0.1)
+        steps[-1]["balls"] = [ball(0.1, 0.1**1.5, error=error)]
+        return verdict(found(a={"steps": steps}), "a", {"check": None})
+
+    assert ended(0.99e-4)[0] == "right"
+    state, why = ended(1.1e-4)
+    assert state == "T not resolved"
+    assert why.startswith("the error of T is 11 % of T; energy against work")
+
+
+def test_a_result_that_says_that_the_force_is_below_its_error_is_a_named_limit_and_owes_every_check() -> None:
+    def ended(stored: float) -> str:
+        steps = path(1.5, 0.01, 0.03, 0.1, stored=stored)
+        steps[-1]["balls"] = [ball(0.1, 0.1**1.5, error=2e-3)]
+        record = {"steps": steps, "solved": {"notes": [f"{WITHIN_ERROR}: it is at most 0.003 N"]}}
+        return verdict(found(a=record), "a", {"check": None})[0]
+
+    assert ended(1.0) == "named limit"
+    assert ended(1.0 + 2.0 * BALANCE) == "WRONG"
+
+
+def test_balance_of_forces_alone_claims_nothing_about_the_force() -> None:
+    two = path(1.5, 0.05, 0.1)
+    assert verdict(found(a={"steps": two}), "a", {"check": None})[0] == "not checked"
 
 
 def test_finite_strain_is_held_against_its_limit_of_no_load_even_where_its_path_stopped_later() -> None:
@@ -154,12 +185,15 @@ def test_a_case_under_given_forces_is_compared_where_the_other_passes_them() -> 
 
 
 def test_unlike_balls_must_pull_each_other_alike() -> None:
-    def two(second: float) -> str:
-        balls = [ball(0.1, 0.1, pull=-1e-3), ball(0.1, 0.05, pull=second)]
+    def two(second: float, error: float = 1e-5) -> str:
+        balls = [ball(0.1, 0.1, pull=-1e-3, error=error), ball(0.1, 0.05, pull=second, error=error)]
         return verdict(found(a={"steps": [{"balls": balls, "record": {}}]}), "a", {"check": None})[0]
 
     assert two(1.01e-3) == "right"
     assert two(1.1e-3) == "WRONG"
+    assert two(1.01e-3, error=1.05e-4) == "T not resolved"
+    assert two(1.01e-3, error=0.99e-4) == "right"
+    assert two(1.5e-3, error=1.05e-4) == "WRONG"
 
 
 def test_a_stop_is_judged_by_what_it_reached() -> None:
