@@ -22,8 +22,8 @@ ROUNDOFF = 1e-9
 """A component of T below this share of it is shown as 0."""
 UNRESOLVED = "the state is not resolved"
 """Beginning of a note by `finite_strain`: elements at full load are nearly turned inside out."""
-WITHIN_ERROR = "T is zero within its error"
-"""Beginning of a note by `finite_strain`: at full load the error of T is larger than T, for every ball."""
+FAINT = "T is too small to be resolved"
+"""Beginning of a note by `finite_strain`: at full load the error of T is above half of T, for every ball."""
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@ import math
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
-from linear_bem.result import UNRESOLVED, WITHIN_ERROR
+from linear_bem.result import FAINT, UNRESOLVED
 
+HALF = 0.5
+"""Error of T over T above which T counts as too small to be resolved."""
 NEAR_ZERO = "a tenth of the force between the balls on a half-space"
 SQUEEZED, OF_FILM = 0.1, 0.5
 """Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
@@ -40,10 +42,10 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
         )
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
-    if all(0.0 < size < ball.tangential_force_error for size, ball in bounds):
+    if all(0.0 < HALF * size < ball.tangential_force_error for size, ball in bounds):
         most, force = max((size + ball.tangential_force_error, ball.normal_force) for size, ball in bounds)
         notes.append(
-            f"{WITHIN_ERROR}: it is at most {most:.2g} N, {most / force:.2g} of the normal force; at small loads "
+            f"{FAINT}: it is at most {most:.2g} N, {most / force:.2g} of the normal force; at small loads "
             "linear_bem resolves smaller ones"
         )
     if record.reached > plan.accuracy:

@@ -13,7 +13,7 @@ import pytest
 
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
-from linear_bem.result import UNRESOLVED, WITHIN_ERROR
+from linear_bem.result import FAINT, UNRESOLVED
 from runs.models import MODELS, Run
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
@@ -136,7 +136,7 @@ def test_a_result_that_says_that_the_force_is_below_its_error_is_a_named_limit_a
     def ended(stored: float) -> str:
         steps = path(1.5, 0.01, 0.03, 0.1, stored=stored)
         steps[-1]["balls"] = [ball(0.1, 0.1**1.5, error=2e-3)]
-        record = {"steps": steps, "solved": {"notes": [f"{WITHIN_ERROR}: it is at most 0.003 N"]}}
+        record = {"steps": steps, "solved": {"notes": [f"{FAINT}: it is at most 0.003 N"]}}
         return verdict(found(a=record), "a", {"check": None})[0]
 
     assert ended(1.0) == "named limit"

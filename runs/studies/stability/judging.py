@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from linear_bem.grid.contacts import COARSEST
-from linear_bem.result import UNRESOLVED, WITHIN_ERROR
+from linear_bem.result import FAINT, UNRESOLVED
 from runs.studies.framework.case import Case
 from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.agreement import compared
@@ -116,7 +116,7 @@ class Checks:
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
-    If equilibrium holds and the result itself says that its state is not resolved, or that T is smaller than its error,
+    If equilibrium holds and the result itself says that its state is not resolved, or that T is too small,
     the case is a named limit. T is not resolved if all checks pass and its error is above `MEANINGFUL` of T.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
@@ -134,7 +134,7 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         reason += f"; what it reached: {'; '.join(checks.passed) or 'not checked'}"
         faults = checks.faults + checks.doubts
         return ("WRONG", "; ".join([*faults, reason])) if faults else (state, reason)
-    said = [note for note in record.get("solved", {}).get("notes", []) if note.startswith((UNRESOLVED, WITHIN_ERROR))]
+    said = [note for note in record.get("solved", {}).get("notes", []) if note.startswith((UNRESOLVED, FAINT))]
     distorted = any(note.startswith(UNRESOLVED) for note in said)
     if checks.faults or (checks.doubts and not distorted):
         return "WRONG", "; ".join(checks.faults + checks.doubts)
