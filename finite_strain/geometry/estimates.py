@@ -79,6 +79,13 @@ def known_shape(ball: Ball | ModelBall) -> str | Indenter:
     )
 
 
+def gap_from(ball: Ball, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
+    """Return the gap [m] between a body and points at x, y (n,) [m] from its axis and z [m] above its lowest point."""
+    shape = known_shape(ball)
+    indenter, unit = (NAMED[shape], ball.radius) if isinstance(shape, str) else (shape, 1.0)
+    return np.asarray(unit * indenter.gap(x / unit, y / unit, z / unit))
+
+
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
     """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: the expected mean pressure over the penetration.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from finite_strain.geometry.estimates import alone
+from finite_strain.geometry.estimates import alone, gap_from
 from linear_bem.closed_forms import Indentation
 from linear_bem.problem import Problem
 
@@ -21,6 +22,11 @@ ANSWERS = 6
 """Load steps of a comparison along the load."""
 LARGEST_APPROACH = 0.9
 """Largest approach over the layer's thickness: beyond it the elements below a ball have almost no volume."""
+
+BETWEEN = 2001
+"""Points on the line between the axes of two bodies at which it is checked that they do not overlap."""
+TOUCHING = 1e-6
+"""Overlap over the largest approach below which bodies only touch."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,26 @@ class PrescribedApproach(PrescribedLoad):
         thickness, deepest = self.problem.layer.thickness, max(self.values)
         limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness ({thickness:g} m)"
         too_deep = deepest >= LARGEST_APPROACH * thickness
-        return [f"load.approach: {model} {limit}, got {deepest:g} m"] if too_deep else []
+        faults = [f"load.approach: {model} {limit}, got {deepest:g} m"] if too_deep else []
+        return faults + (self._overlaps(model) if self.problem.finite_strain is not None else [])
+
+    def _overlaps(self, model: str) -> list[str]:
+        """Reject bodies that overlap where they pass through the undeformed surface.
+
+        At small strain bodies are profiles over that surface, which may meet.
+        """
+        balls, share = self.problem.balls, np.linspace(0.0, 1.0, BETWEEN)[:, None]
+        for i, j in itertools.combinations(range(len(balls)), 2):
+            away = np.subtract(balls[j].position, balls[i].position)
+            first = gap_from(balls[i], *(share * away).T, self.values[i])
+            second = gap_from(balls[j], *((share - 1.0) * away).T, self.values[j])
+            deepest = -float(np.maximum(first, second).min())
+            if deepest > TOUCHING * max(self.values):
+                return [
+                    f"load.approach: {model} needs bodies that do not overlap; {i} and {j} do, by "
+                    f"{2.0 * deepest:.2g} m at the undeformed surface: as one rigid body they have no mutual force"
+                ]
+        return []
 
     def on(self, reduction: Reduction) -> LoadControl:
         """Return the approaches themselves."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,9 @@ pytest.importorskip("dolfinx")
 
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import reduce_scene
-from linear_bem import Ball, Load
+from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
 from linear_bem.closed_forms import indentation_of_layer
+from linear_bem.indenter import Cone
 from tests.finite_strain.scenes import (
     UNEQUAL,
     Rig,
@@ -26,8 +28,6 @@ from tests.finite_strain.scenes import (
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from linear_bem import Problem
 
 FORCE = 1e-8
 """Relative error of a prescribed force after Newton's method."""
@@ -119,3 +119,24 @@ def test_the_initial_approaches_are_those_of_single_balls() -> None:
     assert given.moves.shape == (2, 0)
     assert given.targets(1.0).shape == (0,)
     assert given.approaches(0.5) == relatively([0.05, 0.04], 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("slope", "approach", "overlap"),
+    [(20.0, 0.3, False), (20.0, 0.34, True), (45.0, 0.4, False)],  # the flanks of the first meet at 0.3384
+)
+def test_bodies_that_overlap_at_the_surface_are_refused_at_finite_strain_alone(
+    slope: float, approach: float, overlap: bool
+) -> None:
+    cone = Cone(math.radians(slope), 0.2)
+    balls = tuple(Ball((x, 0.3), cone.apex_radius, cone) for x in (-1.0, 1.0))
+    problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("approach", (approach,) * 2), None, FiniteStrain())
+    faults = prescribed(problem).faults("finite_strain")
+    assert [fault for fault in faults if "0 and 1 do, by" in fault] == (faults if overlap else [])
+    assert bool(faults) == overlap
+    assert prescribed(replace(problem, finite_strain=None)).faults("small_strain") == []
+
+
+def test_touching_balls_do_not_overlap_however_deep() -> None:
+    for approach in (0.5, 1.0, 1.6):
+        assert prescribed(pair(approach, thickness=2.0)).faults("finite_strain") == []

@@ -9,6 +9,8 @@ from runs.studies.framework.pair import POISSON, THICK, pair
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0))
 """Coarse to fine; the states on each are the initial guesses on the next."""
+EVIDENCE = (Level(2, 1.0), Level(2, 1.5), Level(2, 2.0), Level(3, 1.0), Level(3, 1.5))
+"""Of the thin pair: what ends its path must not depend on mesh or order."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ def scenes() -> dict[str, Deep]:
     """Return the scenes by name; R = 1 and E1 = 1, rigid base."""
     ball = Problem(Layer(1.0, POISSON, THICK), (Ball((0.0, 0.0), 1.0),), Load("approach", (2.0,)), None, FiniteStrain())
     return {
-        "thin pair": Deep(pair(1.0, substrate=None), (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)),
+        "thin pair": Deep(pair(1.0, substrate=None), (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0), EVIDENCE),
         "pair on 2 R": Deep(pair(1.6, 2.0, substrate=None), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6)),
         "pair on 6 R": Deep(pair(1.6, THICK, substrate=None), (0.2, 0.4, 0.8, 1.2, 1.6)),
         "one ball on 6 R": Deep(ball, (0.25, 0.5, 1.0, 1.5, 2.0)),
