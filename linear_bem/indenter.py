@@ -59,6 +59,11 @@ class Indenter:
         """Largest horizontal distance [m] from the axis of a point that can be touched; infinite without an edge."""
         return math.inf
 
+    @property
+    def edge(self) -> tuple[float, float] | None:
+        """Radius [m] of a flat end and of the rounding about it, where the pressure peaks; None without a flat end."""
+        return None
+
     def half_width(self, x: float, y: float) -> float:
         """Return the extent [m] of the body from its axis along the unit vector (x, y); 0 if it is unbounded."""
         return self.reach if math.isfinite(self.reach) else 0.0
@@ -213,6 +218,11 @@ class Punch(_OfRadius):
     def reach(self) -> float:
         """Radius of the punch [m]."""
         return self.radius
+
+    @property
+    def edge(self) -> tuple[float, float]:
+        """Radii [m] of the flat end and of its rounding."""
+        return self.radius - self.edge_radius, self.edge_radius
 
     def _beyond_flat(self, x: Any, y: Any) -> Any:
         """Return the distance r [m] from the axis less the flat end's radius."""

@@ -52,13 +52,15 @@ def graded(low: float, high: float, size: Callable[[np.ndarray], np.ndarray], le
 class Zone:
     """A ball's position [m], its contact radius at full load [m], and the half-width of its block [m].
 
-    ``smallest`` is the contact radius at the first load step with output, over that at full load.
+    ``smallest`` is the contact radius at the first load step with output, over that at full load; ``detail`` [m] bounds
+    the width of the elements at the contact's edge times f, where the pressure peaks at the edge of a flat end.
     """
 
     position: tuple[float, float]
     contact_radius: float
     half_width: float
     smallest: float = 1.0
+    detail: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Box:
         """Return the same box with every length divided by ``length`` [m]."""
         x, y, *places = ((a / length, b / length) for a, b in (self.x, self.y, *(z.position for z in self.zones)))
         zones = tuple(
-            Zone(place, zone.contact_radius / length, zone.half_width / length, zone.smallest)
+            Zone(place, zone.contact_radius / length, zone.half_width / length, zone.smallest, zone.detail / length)
             for place, zone in zip(places, self.zones, strict=True)
         )
         thickness, substrate = self.thickness / length, self.substrate / length
@@ -122,7 +124,7 @@ class Box:
     def rings(self, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
         """Return radii [m] of the lines of a block, from core to outline, and their shape (0: circle, 1: square)."""
         a, m, slope = zone.contact_radius, zone.half_width, self.slope
-        edge_size = min(EDGE * a, FILM_EDGE * self.thickness) / self.fineness
+        edge_size = min(EDGE * a, FILM_EDGE * self.thickness, zone.detail) / self.fineness
         if a > 0.9 * m:  # no line at the contact's edge fits
             core = CORE * m
             radii = graded(core, m, lambda r: slope * r)
@@ -140,7 +142,8 @@ class Box:
         """Return heights [m] of the faces between elements, downwards: of the layer, and of the substrate (or none)."""
         slope = self.slope
         radius = min(zone.smallest * zone.contact_radius for zone in self.zones)
-        first = min(FIRST_LAYER * radius, self.thickness / LAYERS) * slope / (self.growth * GROWTH)
+        finest = min(FIRST_LAYER * radius, self.thickness / LAYERS, *(zone.detail for zone in self.zones))
+        first = finest * slope / (self.growth * GROWTH)
 
         def size(z: np.ndarray) -> np.ndarray:
             return first - slope * z

@@ -79,6 +79,11 @@ def known_shape(ball: Ball | ModelBall) -> str | Indenter:
     )
 
 
+def edge_of(shape: str | Indenter) -> tuple[float, float] | None:
+    """Return the radii [m] of a flat end and of its rounding; None for a body without a flat end."""
+    return None if isinstance(shape, str) else shape.edge
+
+
 def gap_from(ball: Ball, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
     """Return the gap [m] between a body and points at x, y (n,) [m] from its axis and z [m] above its lowest point."""
     shape = known_shape(ball)

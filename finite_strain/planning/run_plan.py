@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import LEAST_SHARE, alone
+from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -27,6 +27,8 @@ MOST_AT_FIRST = 5e5
 """Largest number of unknowns of the first answering discretisation where no budget is stated."""
 LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
+DETAIL = 2.0
+"""Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
 FINE, SECOND = 0.005, replace(FIRST, order=HIGHEST)
 """Required accuracy up to which a plan counts on order 4, too."""
 ENOUGH, NEARBY = 3, 0.5
@@ -118,16 +120,18 @@ class RunPlan:
             sides.append((low, max(coordinates) + margin))
         if self.given is not None:
             sides, depth = [self.given.x, self.given.y], self.given.depth
-        radii = []
-        for ball in reduction.balls:
+        radii, edges = [], [edge_of(ball.shape) for ball in reduction.balls]
+        for ball, edge in zip(reduction.balls, edges, strict=True):
             # the mesh of a ball that hardly touches assumes a small approach
             hardly = alone(problem, ball, approach=LEAST_SHARE * self.deepest * ball.radius)
-            radii.append(max(self.expected[ball.index].contact_radius, hardly.contact_radius))
+            radius = max(self.expected[ball.index].contact_radius, hardly.contact_radius)
+            radii.append(radius if edge is None else edge[0])
         positions = [ball.position for ball in reduction.balls]
         widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
         lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
         smallest = self.goals[0] ** (0.5 / prescribed(problem).power)  # as Hertz's contact grows
-        zones = tuple(Zone(*zone, smallest) for zone in zip(positions, lines, widths, strict=True))
+        grown = [(smallest, math.inf) if edge is None else (1.0, DETAIL * edge[1]) for edge in edges]
+        zones = tuple(Zone(*zone, *more) for *zone, more in zip(positions, lines, widths, grown, strict=True))
         growth = self.numerics.growth
         return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 

@@ -16,7 +16,7 @@ from finite_strain.geometry.load_control import KINDS, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.refinement import Budget
 from finite_strain.planning.run_plan import plan_run
-from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
+from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, Punch, UnsupportedProblem
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
 from tests.launch import python
 
@@ -270,3 +270,17 @@ def test_a_problem_of_the_other_model_is_refused_by_its_key(problem: Problem, mo
             asked(problem, model=model)
     other = {"finite_strain": "small_strain", "small_strain": "finite_strain"}[model]
     assert plan_run(problem, 0.1, other).model == other
+
+
+@pytest.mark.parametrize("approach", [0.02, 0.1])
+def test_the_mesh_of_a_punch_follows_its_edge_at_any_load(approach: float) -> None:
+    sharp, blunt = Punch(0.5, 0.02), Punch(0.5, 0.15)
+    for punch in (sharp, blunt):
+        problem = on_layer(balls_at((-1.0, 0.0), (1.0, 0.0), shape=punch), Load("approach", (approach, approach)))
+        box = plan_run(problem, 0.1, "finite_strain", steps=(0.1, 1.0)).box(CUBIC)
+        radii, heights = box.rings(box.zones[0])[0], box.levels()[0]
+        flat, rounding = punch.edge
+        assert min(abs(radii - flat)) < 1e-12
+        beside = radii[(radii > flat - 2.5 * rounding) & (radii < flat + 2.5 * rounding)]
+        assert len(beside) >= 3  # a line on either side of it
+        assert -heights[1] < 2.0 * rounding

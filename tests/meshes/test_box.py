@@ -130,6 +130,7 @@ def test_graded_steps_have_the_requested_mean_length() -> None:
 
 def test_other_units_scale_every_length_and_nothing_else() -> None:
     box = box_of([(1.0, 0.0)], 0.4, 2, (0, 1), substrate=3.0)
+    box = replace(box, zones=tuple(replace(zone, detail=0.04) for zone in box.zones))
     scaled = box.in_units_of(1e-3)
     assert scaled.in_units_of(1e3) == box
     assert scaled.elements == box.elements
