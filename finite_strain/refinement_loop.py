@@ -21,6 +21,7 @@ from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
+from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
@@ -280,6 +281,9 @@ class Refinement:
         if not record.steps:
             return
         last = record.steps[-1]
+        if self.plan.is_paired:
+            film = 1.0 - max(ball.approach for ball in last.balls) / self.plan.problem.layer.thickness
+            record.resolved = is_resolved(last.smallest_volume_ratio, film)
         forces = np.array([ball.normal_force for ball in last.balls])
         largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
         record.scale = max(largest, scale_of_force(self.plan.problem, forces))

@@ -2,6 +2,7 @@
 
 import math
 
+from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
@@ -10,9 +11,6 @@ from linear_bem.result import FAINT, UNRESOLVED
 HALF = 0.5
 """Error of T over T above which T counts as too small to be resolved."""
 NEAR_ZERO = "a tenth of the force between the balls on a half-space"
-SQUEEZED, OF_FILM = 0.1, 0.5
-"""Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
-ball: foam (nu = 0) under a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
 
 
 def is_near_zero(record: Record) -> bool:
@@ -59,7 +57,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
         )
     film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
-    if plan.is_paired and last.smallest_volume_ratio < min(SQUEEZED, OF_FILM * film):
+    if plan.is_paired and not is_resolved(last.smallest_volume_ratio, film):
         away, depth = last.distorted_at["volume_ratio"]
         notes.append(
             f"{UNRESOLVED} {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "

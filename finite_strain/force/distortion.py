@@ -12,8 +12,16 @@ from finite_strain.discretisation.nodal_values import CellNodes
 CREASE = 0.65
 """Stretch of a free surface under plane strain below which it folds into a crease [Hong Zhao Suo 2009,
 doi 10.1063/1.3211917: at a compressive strain of 0.35; neo-Hookean and incompressible]."""
+SQUEEZED, OF_FILM = 0.1, 0.5
+"""Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
+ball: foam (nu = 0) under a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
 Place = tuple[float, float]
 """Undeformed distance from the nearest ball's axis, and depth below the surface [m]."""
+
+
+def is_resolved(volume_ratio: float, film: float) -> bool:
+    """Return whether no element is nearly turned inside out, for the share ``film`` of the thickness under a ball."""
+    return volume_ratio >= min(SQUEEZED, OF_FILM * film)
 
 
 @dataclass(frozen=True)

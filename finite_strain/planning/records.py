@@ -152,7 +152,8 @@ class Record:
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
     load; ``changes`` are those (balls,) from the coarser discretisation at the rows: R of T / Q^2 [1/N], Q of
-    the force or approach that was not given, relative. ``stiffened`` is how often penalties were raised at full load.
+    the force or approach that was not given, relative. ``stiffened`` is how often penalties were raised at full load;
+    ``resolved`` is False if elements are nearly turned inside out there.
     """
 
     level: Discretisation
@@ -166,6 +167,7 @@ class Record:
     reached: float = math.nan
     scale: float = math.nan
     stiffened: int = 0
+    resolved: bool = True
     stopped: str = ""
 
     def at(self, fraction: float) -> Row | None:

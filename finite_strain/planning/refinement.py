@@ -59,7 +59,7 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     last = records[-1]
     if len(records) == 1:
         return FIRST  # an error estimate needs two discretisations
-    if last.reached <= asked:
+    if last.reached <= asked and last.resolved:
         return "the accuracy asked for is met"
     if len(records) >= MOST_LEVELS:
         return f"{MOST_LEVELS} discretisations did not reach it"
@@ -96,6 +96,9 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
     """Return the discretisation that reduces the largest term, or which error none of them would."""
     last, before = records[-1], records[-2]
     level = last.level
+    if not last.resolved:  # order and penalty do not help there, smaller elements may
+        finer = replace(level, fineness=level.fineness + STEP)
+        return finer if before.resolved else "elements nearly turned inside out, on a finer mesh as well"
     largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
     if largest == "solver" and math.isfinite(last.reached):
         return "the solver's tolerance"

@@ -158,6 +158,18 @@ def test_a_stiffer_penalty_that_left_the_penetration_is_not_made_stiffer_again()
     assert "stiffer penalties" in end(0.02, [*first(0.2), *stiffened(QUARTIC, 0.145, 0.145)])
 
 
+def test_a_state_with_nearly_inverted_elements_is_solved_on_a_finer_mesh_once() -> None:
+    folded = first(0.01)
+    folded[-1].resolved = False
+    assert chosen(0.02, folded) == replace(CUBIC, fineness=1.0 + STEP)
+    finer = record(replace(CUBIC, fineness=1.0 + STEP), 0.01, discretisation=0.01)
+    assert "met" in decide(0.02, [*folded, finer], FREE, size).why
+    finer.resolved = False
+    end = decide(0.02, [*folded, finer], FREE, size)
+    assert end.level is None
+    assert "on a finer mesh as well" in end.why
+
+
 def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correction() -> None:
     def after(left: float) -> Discretisation:
         better = record(QUARTIC, 0.04, transfer=left, discretisation=0.001)
