@@ -63,7 +63,7 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
         return "the accuracy asked for is met"
     if len(records) >= MOST_LEVELS:
         return f"{MOST_LEVELS} discretisations did not reach it"
-    level = _next(asked, records)
+    level = _next(asked, records) if last.resolved else _finer(records)
     if isinstance(level, str):
         return f"what remains is {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
@@ -92,13 +92,18 @@ def coarser(records: Sequence[Record]) -> Record:
     return next((r for r in reversed(earlier) if r.level.resolution < fine.level.resolution), earlier[-1])
 
 
+def _finer(records: Sequence[Record]) -> Discretisation | str:
+    """Return a finer mesh for elements that are nearly turned inside out: order and penalty do not help there."""
+    last, before = records[-1], records[-2]
+    if not before.resolved:
+        return "elements nearly turned inside out, on a finer mesh as well"
+    return replace(last.level, fineness=last.level.fineness + STEP)
+
+
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
     """Return the discretisation that reduces the largest term, or which error none of them would."""
     last, before = records[-1], records[-2]
     level = last.level
-    if not last.resolved:  # order and penalty do not help there, smaller elements may
-        finer = replace(level, fineness=level.fineness + STEP)
-        return finer if before.resolved else "elements nearly turned inside out, on a finer mesh as well"
     largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
     if largest == "solver" and math.isfinite(last.reached):
         return "the solver's tolerance"
