@@ -22,6 +22,10 @@ CREASE = 0.65
 COLORS = (GREY, GREEN, PURPLE, BLUE, ORANGE)
 SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
          "energy balance [%]", "iterations")  # fmt: skip
+PLACES = (("s", "inside the layer"), ("o", "surface, under a ball"), ("^", "surface, beside it"))
+"""Markers of the places where the smallest values are."""
+UNDER = 0.95
+"""Distance from a ball's axis over R up to which a point of the surface is under it: touching balls are 1 apart."""
 TALLEST = 5.0
 """Largest S_Q in the figure."""
 
@@ -67,6 +71,7 @@ def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
             "at r": f"{bent['surface_stretch'][0]:.2f}",
             "energy balance [%]": 100.0 * _balance(before), "iterations": record["iterations"],
             "stopped": record.get("stopped", ""),
+            "places": {"smallest J": bent["volume_ratio"], "smallest surface stretch": bent["surface_stretch"]},
         })  # fmt: skip
     for row in rows:
         if row["level"] == rows[-1]["level"]:
@@ -103,7 +108,7 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     split = {
         name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))
     }
-    return {**row, **split}
+    return {key: value for key, value in (row | split).items() if key != "places"}
 
 
 def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
@@ -113,7 +118,12 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     for color, level in zip(COLORS, dict.fromkeys(row["level"] for row in first), strict=False):
         shown = [row for row in first if row["level"] == level]
         for axis, key in zip(axes, ("smallest J", "smallest surface stretch"), strict=False):
-            axis.plot([r["D / R"] for r in shown], [r[key] for r in shown], color=color, marker="o", ms=3, label=level)
+            axis.plot([r["D / R"] for r in shown], [r[key] for r in shown], color=color, label=level)
+            for r in shown:
+                axis.plot(r["D / R"], r[key], marker=_marker(*r["places"][key]), color=color, ms=4)
+    for axis, places in zip(axes, (PLACES, PLACES[1:]), strict=False):
+        for marker, place in places:
+            axis.plot([], [], ls="", marker=marker, color=GREY, ms=4, label=place)
     axes[1].axhline(CREASE, color="0.5", lw=0.8, ls=":")
     for color, (scene, path) in zip(COLORS[::-1], rows.items(), strict=False):
         known = [r for r in path if r["level"] == path[-1]["level"] and r["S_Q"] is not None]
@@ -127,6 +137,12 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
         axis.set(xlabel="$D/R$", title=title)
         axis.legend()
     return figure
+
+
+def _marker(away: float, depth: float) -> str:
+    """Return the marker of a place: undeformed distance from the nearest ball's axis, and depth below the surface."""
+    (base, _), (under, _), (beyond, _) = PLACES
+    return base if depth > 0.0 else under if away < UNDER else beyond
 
 
 STUDY = study_of_cases("deep", cases, present, publishes=("deep.png",))
