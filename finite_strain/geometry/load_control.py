@@ -110,11 +110,11 @@ class PrescribedApproach(PrescribedLoad):
 
         At small strain bodies are profiles over that surface, which may meet.
         """
-        balls, share = self.problem.balls, np.linspace(0.0, 1.0, BETWEEN)[:, None]
+        balls, share = self.problem.balls, np.linspace(0.0, 1.0, BETWEEN)
         for i, j in itertools.combinations(range(len(balls)), 2):
-            away = np.subtract(balls[j].position, balls[i].position)
-            first = gap_from(balls[i], *(share * away).T, self.values[i])
-            second = gap_from(balls[j], *((share - 1.0) * away).T, self.values[j])
+            x, y = np.subtract(balls[j].position, balls[i].position)
+            first = gap_from(balls[i], share * x, share * y, self.values[i])
+            second = gap_from(balls[j], (share - 1.0) * x, (share - 1.0) * y, self.values[j])
             deepest = -float(np.maximum(first, second).min())
             if deepest > TOUCHING * max(self.values):
                 return [

@@ -130,8 +130,10 @@ class RunPlan:
         widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
         lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
         smallest = self.goals[0] ** (0.5 / prescribed(problem).power)  # as Hertz's contact grows
-        grown = [(smallest, math.inf) if edge is None else (1.0, DETAIL * edge[1]) for edge in edges]
-        zones = tuple(Zone(*zone, *more) for *zone, more in zip(positions, lines, widths, grown, strict=True))
+        zones = tuple(
+            Zone(place, a, m, smallest) if edge is None else Zone(place, a, m, 1.0, DETAIL * edge[1])
+            for place, a, m, edge in zip(positions, lines, widths, edges, strict=True)
+        )
         growth = self.numerics.growth
         return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 

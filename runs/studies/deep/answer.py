@@ -108,7 +108,7 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
     split = {
         name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))
     }
-    return {key: value for key, value in (row | split).items() if key != "places"}
+    return {key: value for key, value in {**row, **split}.items() if key != "places"}
 
 
 def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
