@@ -163,11 +163,9 @@ def test_a_state_with_nearly_inverted_elements_is_solved_on_a_finer_mesh_once() 
     folded[-1].resolved = False
     assert chosen(0.02, folded) == replace(CUBIC, fineness=1.0 + STEP)
     finer = record(replace(CUBIC, fineness=1.0 + STEP), 0.01, discretisation=0.01)
-    assert "met" in decide(0.02, [*folded, finer], FREE, size).why
+    assert "met" in end(0.02, [*folded, finer])
     finer.resolved = False
-    end = decide(0.02, [*folded, finer], FREE, size)
-    assert end.level is None
-    assert "on a finer mesh as well" in end.why
+    assert "on a finer mesh as well" in end(0.02, [*folded, finer])
 
 
 def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correction() -> None:
