@@ -76,7 +76,7 @@ def cases(quick: bool) -> list[Case]:
     seeds = [Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3)]
     few, many = (Case(6.0, 0.3, count, 1, ROLLING) for count in (200, 1000))
     both = [Case(BETWEEN, phi, 200, seed, 0.0, DEEP, by) for phi, seed in BOTH for by in (False, True)]
-    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, *both, many, Case(6.0, 0.3, 1000, 1)]
+    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, *both, many]
 
 
 @dataclass(frozen=True)
