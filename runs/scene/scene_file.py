@@ -108,6 +108,15 @@ class PlainTables(Table):
         found = {effect.name: table for effect, table in self.effects() if effect.of_drift}
         return found if "reciprocation" in found else {}
 
+    def _small_balls(self) -> tuple[Ball, ...]:
+        """Return stand-ins for faulty balls: too small to overlap, large enough for every load that a ball may have."""
+        lengths = [abs(float(c)) for place in self.balls.positions for c in place]
+        kind, values = self.load.given
+        if kind == "approach":
+            lengths += map(abs, values if isinstance(values, tuple) else (values,))
+        radius = 1e-6 * max((length for length in lengths if math.isfinite(length)), default=0.0) or 1.0
+        return tuple(Ball(place, radius) for place in self.balls.positions)
+
     def problem(self) -> Problem:
         """Return the contact problem; raises `InvalidProblem` with every fault found."""
         size = len(self.balls.positions)
@@ -116,7 +125,7 @@ class PlainTables(Table):
             balls = self.balls.balls()
         except InvalidProblem as error:
             texts += error.faults
-            balls = tuple(Ball(place, math.ulp(0.0)) for place in self.balls.positions)
+            balls = self._small_balls()
         accuracy = self.accuracy.tangential_force
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
