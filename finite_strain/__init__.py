@@ -82,7 +82,8 @@ def solve(
         Called on all ranks after every answered step on each discretisation, except steps that a resumed run already
         has, with the `Step` and the DOLFINx functions by name: "displacement" [m], and of mixed regions
         "layer_pressure", "substrate_pressure" [Pa], positive in tension. They live on the simulated part, in its own
-        frame, and change with the next step: copy what is kept.
+        frame, and change with the next step: copy what is kept. They are the mesh's own solution, which the
+        small-strain problem does not correct, unlike T and Q, or under given forces D.
     mesh
         An own mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
         tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and

@@ -2,20 +2,18 @@
 
 ``height(x, y)`` and ``gap(x, y, z)`` take lengths [m] from the lowest point, x and y in the surface plane and z up.
 They use + - * / ** and abs only, so that one expression serves numpy arrays, the form language of finite elements
-(UFL, which differentiates symbolically) and the dual numbers of `slope`. No expression divides by zero or takes a root
-of zero, on the axis or at an edge: `TINY` times the body's length is added under each root.
+(UFL, which differentiates symbolically) and the dual numbers of `linear_bem.dual`. No expression divides by zero or
+takes a root of zero, on the axis or at an edge: `TINY` times the body's length is added under each root.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 import numbers
 from dataclasses import dataclass, fields
 from typing import Any
 
-import numpy as np
-
-from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
 
 TINY = 1e-9
@@ -37,7 +35,17 @@ def _cap(squared: Any, steep: float = 1.0) -> Any:
 
 @dataclass(frozen=True)
 class Indenter:
-    """A rigid surface with its lowest point at the origin; lengths in m."""
+    """A rigid surface with its lowest point at the origin; lengths in m.
+
+    An own body is a frozen dataclass derived from this one, with the property ``apex_radius`` and ``height(x, y)``: an
+    expression of + - * / ** and abs alone (a root is ``s**0.5``), 0 at the origin, which all models take.
+    """
+
+    def __init_subclass__(cls) -> None:
+        # a dataclass would take the property for the default of a field of its name, and fail to set it
+        hidden = [key for key in ("apex_radius", "reach") if key in inspect.get_annotations(cls)]
+        if any(key not in cls.__dict__ for key in hidden):
+            raise TypeError(f"{cls.__name__}: make {hidden[0]} a property or a constant, and name the field otherwise")
 
     def __post_init__(self) -> None:
         faults = [fault for f in fields(self) for fault in self._faults_of(f.name, getattr(self, f.name))]
@@ -244,54 +252,3 @@ class Punch(_OfRadius):
 
 def _positive_and_finite(value: Any) -> bool:
     return isinstance(value, numbers.Real) and 0.0 < float(value) < math.inf
-
-
-def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return the exact df/dx and df/dy of an indenter's height f at points x, y [m] from its axis."""
-    one, none = np.ones_like(x), np.zeros_like(x)
-    change = indenter.height(_Dual(x, one, none), _Dual(y, none, one))
-    return change.dx, change.dy
-
-
-@dataclass(frozen=True)
-class _Dual:
-    """Values with their derivatives by x and y (forward-mode automatic differentiation)."""
-
-    value: Array
-    dx: Array
-    dy: Array
-    __array_ufunc__ = None
-
-    def _chain(self, value: Array, by: Any) -> _Dual:
-        return _Dual(value, by * self.dx, by * self.dy)
-
-    def __add__(self, other: Any) -> _Dual:
-        if isinstance(other, _Dual):
-            return _Dual(self.value + other.value, self.dx + other.dx, self.dy + other.dy)
-        return self._chain(self.value + other, 1.0)
-
-    def __mul__(self, other: Any) -> _Dual:
-        if isinstance(other, _Dual):
-            a, b = self._chain(self.value * other.value, other.value), other._chain(other.value, self.value)
-            return _Dual(a.value, a.dx + b.dx, a.dy + b.dy)
-        return self._chain(self.value * other, other)
-
-    def __pow__(self, power: float) -> _Dual:
-        return self._chain(self.value**power, power * self.value ** (power - 1.0))
-
-    def __abs__(self) -> _Dual:
-        return self._chain(abs(self.value), np.sign(self.value))
-
-    def __neg__(self) -> _Dual:
-        return self * -1.0
-
-    def __sub__(self, other: Any) -> _Dual:
-        return self + (-other)
-
-    def __rsub__(self, other: Any) -> _Dual:
-        return -self + other
-
-    def __truediv__(self, other: Any) -> _Dual:
-        return self * (other**-1.0 if isinstance(other, _Dual) else 1.0 / other)
-
-    __radd__, __rmul__ = __add__, __mul__

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
+from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
@@ -230,7 +231,7 @@ class Problem:
                     f"balls.radius[{i}]: must be {ball.shape.apex_radius:g} m, which the shape states, got "
                     f"{ball.radius:g} m; leave it out"
                 )
-        return faults or self._overlaps()
+        return faults or height_faults(ball.shape for ball in self.balls) or self._overlaps()
 
     def _overlaps(self) -> list[str]:
         # a pair of whole bodies can be too close only within twice the largest half width

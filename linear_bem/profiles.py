@@ -6,16 +6,14 @@ from typing import TypeVar
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.dual import APEX, slope
 from linear_bem.errors import InvalidProblem
-from linear_bem.indenter import Indenter, Paraboloid, Sphere, slope
+from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball
 
 Value = TypeVar("Value", float, Array)
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
-
-APEX = 1e-12
-"""Largest height over the radius at the axis that counts as roundoff of a callable profile."""
 
 
 def height(ball: Ball) -> Height:

@@ -25,8 +25,9 @@ from linear_bem import (
     solve_contact,
     solve_point_load,
 )
+from linear_bem.dual import slope
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.indenter import Indenter, slope
+from linear_bem.indenter import Indenter
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)
 MODULUS = HALF_SPACE.contact_modulus
@@ -277,3 +278,57 @@ def test_a_body_of_ones_own_is_told_what_it_lacks():
         Ball((0.0, 0.0), shape=Bare())
     with pytest.raises(NotImplementedError, match=r"Bare: define height\(x, y\)"):
         Bare().height(0.0, 0.0)
+
+
+class NumpyRoot(Indenter):
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        return np.sqrt(1.0 + x**2 + y**2) - 1.0
+
+
+class NoExpression(Indenter):
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        return 0.0
+
+
+class Raised(Indenter):
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        return 0.1 + 0.5 * (x**2 + y**2)
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (NumpyRoot(), r"NumpyRoot\.height must be an expression of"),
+        (NoExpression(), r"NoExpression\.height must be an expression of"),
+        (Raised(), r"Raised\.height must be 0 at the axis.*got 0\.1 m"),
+    ],
+)
+def test_an_own_height_that_models_cannot_take_is_a_named_fault(body, says):
+    balls = tuple(Ball((x, 0.0), shape=body) for x in (-1.0, 1.0))
+    with pytest.raises(InvalidProblem, match=says) as found:
+        Problem(HALF_SPACE, balls, Load("force", (0.1, 0.1)))
+    assert len(found.value.args) == 1  # once for both balls
+
+
+def test_a_fault_inside_an_own_height_stays_as_it_is():
+    class Faulty(Indenter):
+        apex_radius = 1.0
+
+        def height(self, x, y):
+            return (x**2 + y**2) / "2"
+
+    with pytest.raises(TypeError, match="str"):
+        Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=Faulty()),), Load("force", (0.1,)))
+
+
+def test_a_field_may_not_hide_the_property_of_its_name():
+    with pytest.raises(TypeError, match="make apex_radius a property or a constant"):
+
+        class Hidden(Indenter):
+            apex_radius: float
