@@ -83,7 +83,7 @@ def _show(session: Session, document: Document) -> None:
             out,
             f"{LEGEND}",
             session.scale.legend(),
-            "S_Q, S_D: T finite over T linear at the same normal force and at the same approach; "
+            "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )
     finite, linear = document["finite"]["solved"], document["linear"]["solved"]

@@ -5,7 +5,7 @@ from typing import Any
 from linear_bem.result import Result, Step
 from runs.display import figures, tables
 from runs.display.numbers import bodies, leading_ball
-from runs.display.rows import LEGEND
+from runs.display.rows import legend_of_balls
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
@@ -52,8 +52,8 @@ def _show(session: Session, document: Document) -> None:
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
         tables.show_path(out, steps, leading_ball(balls), session.scale)
-    if len(balls) > 1 and not periodic:
-        tables.say(out, LEGEND)
+    if not periodic:
+        tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(
         out, *tables.error_lines(balls), *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"])
     )

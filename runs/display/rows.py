@@ -9,6 +9,9 @@ from runs.display.numbers import Scale, attraction
 Row = dict[str, Any]
 """Cells by the headings of their columns."""
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
+OF_SEVERAL = "T / Q of more than two balls: the part of T along the line to the centre of the other balls"
+LARGEST = 3
+"""How many balls with the largest |T| are named."""
 ROUNDOFF = 1e-9
 """A component below this fraction of its force is roundoff."""
 RATIO, SIZE_RATIO = "T / Q", "|T| / Q"
@@ -41,6 +44,18 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
             row[units.pressure.heading("peak p")] = ball["peak_pressure"] / units.pressure.size
         rows.append(row)
     return rows
+
+
+def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[str]:
+    """Return how to read the signs of `ball_rows`, and of more than two balls which T are the largest."""
+    if len(balls) < 2:
+        return []
+    if len(balls) == 2:
+        return [f"{LEGEND}; Tx, Ty: along x and y"]
+    sizes = [math.hypot(*ball["tangential_force"]) for ball in balls]
+    first = sorted(range(len(balls)), key=lambda i: -sizes[i])[:LARGEST]
+    named = ", ".join(f"ball {i} ({scale.units.force(sizes[i])})" for i in first)
+    return [LEGEND, OF_SEVERAL, f"largest |T|: {named}"]
 
 
 def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> list[Row]:

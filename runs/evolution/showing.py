@@ -7,7 +7,7 @@ import numpy as np
 
 from runs.display import tables
 from runs.display.numbers import number
-from runs.display.rows import LEGEND
+from runs.display.rows import legend_of_balls
 from runs.evolution import drawing, layer_pictures, outcome
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
@@ -48,7 +48,8 @@ def show(session: Session, document: Document) -> None:
     periodic = "periodic" in session.scene.drift
     if len(document["balls"]) <= LISTED:
         tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
-        tables.say(out, session.scale.legend(), *(() if periodic else (LEGEND,)))
+        signs = [] if periodic else legend_of_balls(document["balls"], session.scale)
+        tables.say(out, session.scale.legend(), *signs)
     else:
         tables.say(out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls")
     tables.say(out, *_sentences(session.scene, document, session.scale.units.length))

@@ -22,7 +22,7 @@ class LoadTable(Table):
     force: Forces | None = None
     """Normal force of each ball, which then finds its own depth."""
     total_force: Force | None = None
-    """Normal force on one rigid holder of all balls."""
+    """Normal force on one rigid holder of all balls, which presses them equally deep and does not tilt."""
     steps: Listed | None = None
     """Loads with output on the way, rising, in the unit of the load; fractions of it where the balls' loads differ."""
 

@@ -29,6 +29,9 @@ RARER_EXAMPLES: dict[str, dict[str, Any]] = {
     "finite_strain": {"share": 0.2, "ratios": [0.01, 0.001], "limit": 30, "exponents": [2, -2], "weights": [0.8, 0.2]},
 }
 """The same for keys that only some scenes take."""
+UNLIKE_BODIES = (
+    "unlike bodies in one problem need Python: Ball((x, y), shape=Ellipsoid(...)), Ball(..., shape=Cone(...))"
+)
 
 
 def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
@@ -45,6 +48,8 @@ def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
             return f"{where}: must be a table, got {_written(error['input'])}; {_example(table, '')}"
         case "literal_error":
             rule = f"must be {error['ctx']['expected']}".replace("'", '"')
+            if (table, key) == ("balls", "shape") and isinstance(error["input"], list):
+                return f"{where}: {rule}, one for all balls of a scene, got {_written(error['input'])}; {UNLIKE_BODIES}"
         case "quantity":
             rule = error["msg"]
         case "string_type":

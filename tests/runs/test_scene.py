@@ -238,6 +238,11 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ),
         (
             'radius = "8 mm"',
+            'shape = ["ellipsoid", "cone"]',
+            ["[balls] shape", "one for all balls", '["ellipsoid", "cone"]', "need Python"],
+        ),
+        (
+            'radius = "8 mm"',
             'shape = "punch"\nradius = "8 mm"\nedge_radius = "9 mm"',
             ["[balls] edge_radius", "not be larger than the punch", '"9 mm"', "0.008 m"],
         ),

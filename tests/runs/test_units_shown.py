@@ -13,7 +13,7 @@ from linear_bem.result import BallResult, Result, Solved
 from runs.commands import plan
 from runs.display import tables
 from runs.display.numbers import Scale, bodies
-from runs.display.rows import ball_rows
+from runs.display.rows import ball_rows, legend_of_balls
 from runs.models import choose
 from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
@@ -122,6 +122,19 @@ def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
     left, right = ball_rows(found, Scale.of(read.problem, read.data), periodic=True)
     assert left["|T| / Q"] == right["|T| / Q"] == pytest.approx(2e-3)
     assert "T / Q" not in left
+
+
+def test_the_balls_with_the_largest_t_are_named_by_its_size_not_by_its_part_along_one_line(tmp_path: Path) -> None:
+    text = SCENE.replace('["2.5 mm", "4 mm"]', '"2 mm"').replace('[["-4 mm", 0],', '[[0, "9 mm"], ["-4 mm", 0],')
+    read = scene(tmp_path, text)
+    scale, found = Scale.of(read.problem, read.data), [ball.to_dict() for ball in balls(read)]
+    found[0]["tangential_force"] = [3e-3, 0.0]  # across the line to the others
+    assert ball_rows(found, scale)[0]["T / Q"] == pytest.approx(0.0)
+    *_, meaning, largest = legend_of_balls(found, scale)
+    assert "line to the centre of the other balls" in meaning
+    assert largest.startswith("largest |T|: ball 0 (3 mN), ball 1 (1 mN)")
+    assert [line.startswith("T > 0") for line in legend_of_balls(found[:2], scale)] == [True]
+    assert legend_of_balls(found[:1], scale) == []
 
 
 def test_a_title_commands_no_terminal(tmp_path: Path) -> None:
