@@ -1,4 +1,7 @@
-"""The page that explains the scene file key by key, made from the models that read it."""
+"""The page that explains the scene file key by key, made from the models that read it.
+
+``python -m runs.handbook.scene_reference`` prints it.
+"""
 
 import inspect
 import json
@@ -102,3 +105,7 @@ def _words(name: str) -> str:
 
 def _toml(value: Any) -> str:
     return f"`{json.dumps(value)}`"
+
+
+if __name__ == "__main__":
+    print(page())
