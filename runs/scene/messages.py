@@ -32,6 +32,14 @@ RARER_EXAMPLES: dict[str, dict[str, Any]] = {
 UNLIKE_BODIES = (
     "unlike bodies in one problem need Python: Ball((x, y), shape=Ellipsoid(...)), Ball(..., shape=Cone(...))"
 )
+INSTEAD = {
+    "diameter": "give radius, half of it",
+    "shear_modulus": "give young, 2 (1 + poisson) times it",
+    "modulus": "give young, Young's modulus",
+    "nu": "give poisson",
+    "indentation": "give approach",
+}
+"""What to write in place of keys that people expect."""
 
 
 def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
@@ -116,6 +124,8 @@ def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
     here = known.get(table, []) if key else list(tables.model_fields)
     name = key or table
     elsewhere = [t for t, keys in known.items() if name in keys and t != table]
+    if key in INSTEAD:
+        return f"; {INSTEAD[key]}"
     close = difflib.get_close_matches(name, here, n=1)
     if close:
         return f'; did you mean "{close[0]}"?'

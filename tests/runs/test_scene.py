@@ -286,6 +286,12 @@ def test_a_misspelt_only_load_key_is_named_beside_the_rule(tmp_path: Path) -> No
     assert "exactly one of approach, force, total_force, got none of them" in rule
 
 
+def test_a_diameter_gets_the_remedy_and_the_load_no_fault_of_its_own(tmp_path: Path) -> None:
+    unknown, missing = faults(tmp_path, PAIR.replace("radius =", "diameter ="))
+    assert unknown == "[balls] diameter: unknown key; give radius, half of it"
+    assert missing.startswith("[balls] radius: is missing")
+
+
 def test_overlaps_are_one_fault_with_the_worst_pair_in_the_unit_of_the_scene(tmp_path: Path) -> None:
     row = '[["-8 mm", 0], ["8 mm", 0], ["20 mm", 0], ["35 mm", 0]]'
     (fault,) = faults(tmp_path, PAIR.replace('[["-8 mm", 0], ["0.8 cm", 0]]', row))
