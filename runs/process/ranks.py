@@ -21,15 +21,15 @@ _farewell: Any = None
 
 def rank_and_size() -> tuple[int, int]:
     """Return this process's rank and the number of ranks, from the launcher's environment."""
-    return _told() or (0, 1)
+    return _from_launcher() or (0, 1)
 
 
 def launched() -> bool:
     """Return whether a launcher started this process, and so reads what it prints."""
-    return _told() is not None
+    return _from_launcher() is not None
 
 
-def _told() -> tuple[int, int] | None:
+def _from_launcher() -> tuple[int, int] | None:
     for rank, size in LAUNCHERS:
         try:
             return int(os.environ[rank]), int(os.environ[size])
