@@ -33,6 +33,7 @@ from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
 from finite_strain.planning.run_plan import RunPlan
+from linear_bem.counts import grouped
 from linear_bem.errors import NotConverged, ThirdBodyError
 from linear_bem.result import Result, Solved
 
@@ -131,7 +132,7 @@ class Refinement:
         try:
             self._along(run, record, number, began)
         except NotConverged as error:
-            record.stopped = f"{name} mesh ({record.unknowns} unknowns): {error}"
+            record.stopped = f"{name} mesh ({grouped(record.unknowns)} unknowns): {error}"
         except ThirdBodyError:
             run.close()
             raise

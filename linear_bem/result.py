@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem
 
 COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [N]", "peak p [Pa]", "area [m²]")
@@ -191,7 +192,7 @@ class Result:
         left = len(self.balls) - LONGEST
         more = [f"{left} more balls; shown are those with the largest T"] if left > 0 else []
         solved = self.solved
-        cost = f"{solved.unknowns} unknowns, {solved.iterations} iterations, {solved.seconds:.2g} s"
+        cost = f"{grouped(solved.unknowns)} unknowns, {solved.iterations} iterations, {solved.seconds:.2g} s"
         return [*more, cost, *(f"note: {note}" for note in solved.notes)]
 
     def summary(self) -> str:

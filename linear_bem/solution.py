@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
+from linear_bem.counts import grouped
 from linear_bem.error_estimate import Errors
 from linear_bem.errors import InvalidProblem
 from linear_bem.lifted_balls import Contacts
@@ -62,7 +63,7 @@ class Solution:
     def __repr__(self) -> str:
         """Return one short line: kind and size of the discretisation, and what `Result` shows."""
         kind = "polynomials" if isinstance(self.contacts, SmoothContacts) else "grids"
-        return f"Solution({kind}, {self.contacts.unknowns} unknowns: {self.result()!r})"
+        return f"Solution({kind}, {grouped(self.contacts.unknowns)} unknowns: {self.result()!r})"
 
     def summary(self) -> str:
         """Return the summary of `result`."""

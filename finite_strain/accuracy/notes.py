@@ -6,6 +6,7 @@ from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
+from linear_bem.counts import grouped
 from linear_bem.result import FAINT, UNRESOLVED
 
 HALF = 0.5
@@ -72,8 +73,9 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
 def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:
     """Return notes on an exceeded budget: the first discretisations run at any cost."""
     budget, notes = plan.budget, []
-    if record.unknowns > (budget.unknowns or math.inf):
-        notes.append(f"the mesh has {record.unknowns} unknowns, more than the budget of {budget.unknowns:.0f}")
+    most = budget.unknowns or math.inf
+    if record.unknowns > most:
+        notes.append(f"the mesh has {grouped(record.unknowns)} unknowns, more than the budget of {grouped(most)}")
     if budget.seconds is not None and seconds > budget.seconds:
         notes.append(f"the discretisations took {seconds:.0f} s, more than the budget of {budget.seconds:g} s")
     return notes

@@ -21,6 +21,7 @@ from finite_strain.discretisation.regions import nothing_where_idle
 from finite_strain.equilibrium.order_levels import set_levels
 from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, across, choose, factor_bytes
 from finite_strain.mechanics.volumetric import Mixed
+from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.memory import SHARE, free_memory
 
@@ -119,8 +120,9 @@ class LinearSolver:
         node.Free()
         if needed > SHARE * free:
             raise NotConverged(
-                f"the Krylov method did not converge, and factors of {self.model.unknowns} unknowns need about "
-                f"{needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take more machines or a coarser mesh"
+                f"the Krylov method did not converge, and factors of {grouped(self.model.unknowns)} unknowns need "
+                f"about {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take more machines or "
+                "a coarser mesh"
             )
         ksp = PETSc.KSP().create(self.model.comm)
         ksp.setType("preonly")

@@ -8,6 +8,8 @@ user's PETSc options with the prefix ``thirdbody_`` take precedence.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from linear_bem.counts import grouped
+
 PREFIX = "thirdbody_"
 DIRECT_UP_TO = 200_000
 """Largest number of unknowns solved by factors; ``-thirdbody_direct_up_to N`` sets another number."""
@@ -112,7 +114,7 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str], order: int = 
         why = f"by the options of the prefix {PREFIX}"
     else:
         direct = unknowns <= limit
-        why = f"{'up to' if direct else 'more than'} {limit:.0f} unknowns"
+        why = f"{'up to' if direct else 'more than'} {grouped(limit)} unknowns"
     usual = FACTORS if direct else KRYLOV | _multigrid(mixed, unknowns / order**3)
     return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
 

@@ -212,7 +212,7 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
             records = [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             damage = damage or f"{path} cannot be read ({error})"
             continue
         if damage:  # else the next save would put it in the place of the good one

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from finite_strain.planning.records import Discretisation, Record
+from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem
 
 PATH_FINDER = Discretisation(order=2, fineness=1.0)
@@ -74,7 +75,8 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
         wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     following = f"the next discretisation ({level})"
     if wanted > budget.most_unknowns:
-        return f"{following}, about {wanted:.0f} unknowns, passes the budget of {budget.most_unknowns:.0f} unknowns"
+        most = grouped(budget.most_unknowns)
+        return f"{following}, about {grouped(wanted)} unknowns, passes the budget of {most} unknowns"
     if budget.seconds is not None:
         spent = sum(record.seconds for record in records)
         needed = last.seconds * (wanted / last.unknowns) ** SECONDS_POWER

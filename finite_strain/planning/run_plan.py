@@ -17,6 +17,7 @@ from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, HIGHEST, PATH_FINDER, Budget
 from linear_bem.closed_forms import Indentation
+from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
@@ -179,8 +180,8 @@ class RunPlan:
             "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(last.unknowns),
-            "meshes": [f"{level}: about {self.unknowns(level):.0f} unknowns" for level in self.likely]
-            + [f"finer ones, up to {most:.0f} unknowns, while the error at full load exceeds what was asked"],
+            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in self.likely]
+            + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
             "memory_bytes": last.memory_bytes(ranks),
             "memory_bytes_at_most": largest.memory_bytes(ranks),
             "seconds": sum(seconds) / speed,
@@ -219,13 +220,13 @@ def plan_run(
     )  # fmt: skip
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:
-        said = f"the coarsest mesh with an error estimate has about {float(f'{least:.2g}'):.0f} unknowns"
+        said = f"the coarsest mesh with an error estimate has about {grouped(float(f'{least:.2g}'))} unknowns"
         if plan.budget.unknowns:
-            raise UnsupportedProblem(f"accuracy.unknowns: {said}, got {most:.0f}; raise it")
+            raise UnsupportedProblem(f"accuracy.unknowns: {said}, got {grouped(most)}; raise it")
         ratio = problem.layer.thickness / max(ball.radius for ball in problem.balls)
         raise UnsupportedProblem(
-            f"layer.thickness, balls.positions: {said}, more than {most:.0f}, with a layer of {ratio:.3g} R and these "
-            "distances; take a thinner layer or nearer balls, use linear_bem, or set accuracy.unknowns"
+            f"layer.thickness, balls.positions: {said}, more than {grouped(most)}, with a layer of {ratio:.3g} R and "
+            "these distances; take a thinner layer or nearer balls, use linear_bem, or set accuracy.unknowns"
         )
     return plan
 

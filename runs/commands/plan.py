@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.counts import grouped
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Load, Problem
@@ -270,7 +271,7 @@ def _goal(accuracy: Mapping[str, Any]) -> str:
     seconds = accuracy["seconds_at_most"]
     limit = "no time limit" if seconds is None else f"at most {duration(float(seconds))}"
     known = f"T is known to {100 * accuracy['asked']:.3g} %"
-    return f"{known}; at most {accuracy['unknowns_at_most']:.0f} unknowns; {limit}"
+    return f"{known}; at most {grouped(accuracy['unknowns_at_most'])} unknowns; {limit}"
 
 
 def _memory(value: float) -> str:
@@ -293,4 +294,4 @@ def _word(key: str, value: Any) -> str:
     if isinstance(value, list):
         pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
         return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"
-    return number(value) if isinstance(value, float) else str(value)
+    return grouped(value) if isinstance(value, int) else number(value) if isinstance(value, float) else str(value)

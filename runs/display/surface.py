@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from linear_bem.arrays import Array
-from runs.process.files import replacing
+from linear_bem.errors import OutputUnusable
+from runs.process.files import DAMAGED, replacing
 
 NAME = "surface.npz"
 
@@ -32,12 +33,16 @@ def keep(folder: Path, fields: Any) -> None:
 
 
 def load(folder: Path) -> Surface | None:
-    """Return the surface kept in ``folder``, or None."""
+    """Return the surface kept in ``folder``, or None; raises `OutputUnusable` if it is damaged."""
     try:
-        with np.load(folder / NAME) as data:
+        with open(folder / NAME, "rb") as file, np.load(file) as data:  # numpy leaves a damaged file open
             return Surface(data["points"], data["triangles"], data["pressure"])
     except FileNotFoundError:
         return None
+    except DAMAGED as error:
+        raise OutputUnusable(
+            f"{folder / NAME}: cannot be read ({error}); only a picture is made from it: remove it"
+        ) from None
 
 
 def section_line(positions: Sequence[Sequence[float]]) -> tuple[Array, Array, Array]:

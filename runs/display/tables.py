@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from linear_bem.counts import grouped
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
@@ -142,7 +143,7 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     terms = error_terms(accuracy)
     if not terms:
         return []
-    meshes = "; ".join(f"{mesh_words(mesh)}: {mesh['unknowns']} unknowns" for mesh in accuracy["meshes"])
+    meshes = "; ".join(f"{mesh_words(mesh)}: {grouped(mesh['unknowns'])} unknowns" for mesh in accuracy["meshes"])
     symbol = {"the normal force": "Q", "the approach": "D"}.get(accuracy["relative_to"]["what"], "T")
     return [f"{symbol} is known to {100.0 * accuracy['reached']:.2g} % at full load: {terms}", f"meshes: {meshes}"]
 

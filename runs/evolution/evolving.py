@@ -185,7 +185,7 @@ class Evolution:
     ) -> Document:
         cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls, self._folder)
         self._write_structure(record.moments)
-        notes = [*self.session.notes, *given.notes]
+        notes = [*self.session.notes, *given.notes, *filter(None, [record.damage])]
         if not converged:
             notes.append("unfinished: the path has not come to its end; the same command continues it")
         happened = events(record.moments, self.balls)

@@ -131,14 +131,19 @@ class PairTable:
         self.identity = plain(identity, infinity="inf")
         digest = hashlib.sha256(json.dumps(self.identity, sort_keys=True).encode()).hexdigest()[:12]
         self.path = folder / f"{model}-{digest}.json"
+        self.damage = ""
         self.states = self._read()
 
     def _read(self) -> States:
+        """Return the saved states; none where the file is another table's or damaged, which ``damage`` then says."""
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return States.from_dict(data) if data["identity"] == self.identity else States()
+        except FileNotFoundError:
             return States()
-        return States.from_dict(data) if data.get("identity") == self.identity else States()
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.damage = f"{self.path}: cannot be read ({error}); its runs are computed again"
+            return States()
 
     @property
     def data(self) -> Document:

@@ -75,6 +75,8 @@ def provider(
             difference=DIRECT_DIFFERENCE,
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
+    if table.damage and ranks.is_root():
+        print_status(table.damage)
     # also reports what the model cannot solve, before the first run
     planned = planned_runs(model, table.missing_problems(), accuracy, budget or {})
     if ranks.is_root() and table.missing:

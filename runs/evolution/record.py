@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.errors import OutputUnusable
 from runs.evolution import saved_path
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
@@ -27,34 +28,48 @@ NEIGHBOURS = 1.2
 
 @dataclass(frozen=True)
 class Continuation:
-    """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m]."""
+    """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m].
+
+    Without a next step it is chosen as at the start of a path.
+    """
 
     sigma: float
     positions: Array
-    step: float
-    spare: float
+    step: float | None = None
+    spare: float = 0.0
 
 
 @dataclass
 class Record:
-    """The kept moments of one path; ``continuation`` is where it resumes, None at its start and at its end."""
+    """The kept moments of one path; ``continuation`` is where it resumes, None at its start and at its end.
+
+    ``damage`` says which saved moment could not be read, if any.
+    """
 
     moments: list[Moment] = field(default_factory=list)
     continuation: Continuation | None = None
     written: int = 0
+    damage: str = ""
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any], balls: HardBalls, folder: Path) -> Record:
         """Return the record of a saved document, with its keys "path" and "continuation"; empty where they are not.
 
-        ``folder`` holds the moments of many balls.
+        ``folder`` holds the moments of many balls; a path with a damaged one ends before it, and continues there.
         """
         goes_on = document.get("continuation")
         if goes_on is not None:
             goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"], goes_on["spare"])
         saved = document.get("path", [])
         if balls.many:
-            moments = [saved_path.read(folder, number) for number in range(len(saved))]
+            moments: list[Moment] = []
+            try:
+                for number in range(len(saved)):
+                    moments.append(saved_path.read(folder, number))
+            except OutputUnusable as error:
+                last = moments[-1] if moments else None
+                where = None if last is None else Continuation(last.sigma, last.positions)
+                return cls(moments, where, len(moments), f"{error}: the path from there on was computed again")
             return cls(moments, goes_on, len(moments))
         return cls([_from_dict(moment, balls) for moment in saved], goes_on)
 

@@ -7,7 +7,7 @@ import numpy as np
 from linear_bem.errors import OutputUnusable
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
-from runs.process.files import replacing
+from runs.process.files import DAMAGED, replacing
 
 
 def name(number: int) -> str:
@@ -30,11 +30,11 @@ def read(folder: Path, number: int) -> Moment:
     """Return a saved moment; its next step is not saved. Raises `OutputUnusable`."""
     file = folder / name(number)
     try:
-        with np.load(file) as data:
+        with open(file, "rb") as opened, np.load(opened) as data:  # numpy leaves a damaged file open
             state = State(data["tangential"], data["normal"], data["error"])
             sigma, speed, resting = data["scalars"].tolist()
             return Moment(
                 sigma, data["positions"], state, data["contacts"], data["pushes"], speed, np.nan, np.nan, bool(resting)
             )
-    except (OSError, ValueError, KeyError) as error:
-        raise OutputUnusable(f"{file}: cannot be read ({error}); --fresh computes the path again") from None
+    except DAMAGED as error:
+        raise OutputUnusable(f"{file}: cannot be read ({error})") from None

@@ -120,7 +120,7 @@ def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool
     except (OSError, KeyError, ValueError) as error:
         if isinstance(error, OutputUnusable):
             raise
-        raise OutputUnusable(f"{path}: cannot be read ({error}); run the scene again") from None
+        raise OutputUnusable(f"{path}: cannot be read ({error}); run the scene again with --fresh") from None
 
 
 def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:

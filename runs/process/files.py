@@ -5,11 +5,16 @@ import csv
 import io
 import json
 import os
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 from linear_bem.errors import OutputUnusable
+
+DAMAGED = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
+"""What numpy raises where a file of arrays is damaged."""
 
 
 @contextlib.contextmanager

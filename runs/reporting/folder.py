@@ -62,10 +62,15 @@ def read_folder(path: Path) -> Folder:
     try:
         mark = json.loads((path / MARK).read_text(encoding="utf-8"))
         identity, state = mark["identity"], mark["state"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (FileNotFoundError, NotADirectoryError):
         raise OutputUnusable(
-            f"{path}: holds no run and no study ({MARK} is not there or not readable); name the folder that "
+            f"{path}: holds no run and no study ({MARK} is not there); name the folder that "
             "thirdbody solve, compare, evolve or study wrote"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputUnusable(
+            f"{path / MARK}: is damaged ({error}), and its run cannot be identified; run the same command again with "
+            "--fresh"
         ) from None
     try:
         document = json.loads((path / "result.json").read_text(encoding="utf-8"))
@@ -81,3 +86,7 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         return ""
+    except (OSError, ValueError) as error:
+        raise OutputUnusable(
+            f"{path}: cannot be read as text ({error}); remove it and run the same command again"
+        ) from None

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from linear_bem.counts import grouped
 from runs.comparison import sensitivity
 from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
 from runs.display.rows import RATIO, SIZE_RATIO, ball_rows, comparison_rows, path_rows
@@ -144,7 +145,7 @@ def _state(
 def _account(solved: Mapping[str, Any]) -> dict[str, str]:
     shown = {}
     if solved.get("unknowns"):
-        shown["unknowns"] = f"{solved['unknowns']:,}".replace(",", " ")
+        shown["unknowns"] = grouped(solved["unknowns"])
     if solved.get("iterations"):
         shown["iterations"] = str(solved["iterations"])
     if solved.get("seconds") is not None:
@@ -167,7 +168,7 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
         "meshes": [
             {
                 "mesh": mesh_words(mesh),
-                "unknowns": mesh["unknowns"],
+                "unknowns": grouped(mesh["unknowns"]),
                 "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
                 "seconds": mesh["seconds"],
             }

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from linear_bem.counts import grouped
 from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, number
 from runs.process import signals
@@ -21,8 +22,8 @@ MODELLED = ("whole model", "half model", "quarter model")
 
 
 def _setting(info: Mapping[str, Any]) -> str:
-    """Return what is run in one phrase: "main mesh: 18051 unknowns, 2 ranks, 6 load steps, quarter model"."""
-    parts = [f"{info[key]} {words}" for key, words in COUNTED.items() if info.get(key)]
+    """Return what is run in one phrase: "main mesh: 18 051 unknowns, 2 ranks, 6 load steps, quarter model"."""
+    parts = [f"{grouped(info[key])} {words}" for key, words in COUNTED.items() if info.get(key)]
     parts += [MODELLED[info["symmetry_planes"]]] if "symmetry_planes" in info else []
     return f"{info.get('mesh', 'main')} mesh: {', '.join(parts)}"
 

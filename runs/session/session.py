@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from linear_bem.counts import grouped
 from linear_bem.errors import MissingDependency, UnsupportedProblem
 from linear_bem.result import Result, Solved, Step
 from runs.display import surface
@@ -67,7 +68,7 @@ class Session:
         if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
             self.folder = self._open_folder(version)
             finished = self.folder.finished()
-            self.saved, self.complete = finished or self.folder.saved() or {}, finished is not None
+            self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         self.comm = _world_if_there() if self.model.parallel else None
@@ -141,7 +142,7 @@ class Session:
             expected=self.plan.get("seconds_of_meshes", ()),
         )  # fmt: skip
         if self.root and self.plan:
-            size, time = f"about {self.plan['unknowns']} unknowns", duration(self.plan["seconds"])
+            size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(self.plan["seconds"])
             where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
             print_status(
                 f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}"
@@ -211,8 +212,9 @@ def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:
         unknowns, needed = stated, plan["memory_bytes_at_most"]
     if needed > here:
         raise UnsupportedProblem(
-            f"{scene.path}: [accuracy] unknowns: {unknowns:.3g} unknowns need about {needed / 1e9:.3g} GB of memory, "
-            f"got {here / 1e9:.3g} GB on {ranks.hosts()} machine(s); lower it, raise tangential_force, or take more"
+            f"{scene.path}: [accuracy] unknowns: {grouped(unknowns)} unknowns need about {needed / 1e9:.3g} GB of "
+            f"memory, got {here / 1e9:.3g} GB on {ranks.hosts()} machine(s); lower it, raise tangential_force, or "
+            "take more"
         )
 
 

@@ -186,7 +186,7 @@ def test_errors_that_refinement_cannot_reduce_end_it() -> None:
 
 @pytest.mark.parametrize(
     ("budget", "name"),
-    [(Budget(unknowns=3e3), "3000 unknowns"), (Budget(seconds=30.0), "30 s")],
+    [(Budget(unknowns=3e3), "3 000 unknowns"), (Budget(seconds=30.0), "30 s")],
     ids=["size", "time"],
 )
 def test_no_discretisation_beyond_the_budget_is_started(budget: Budget, name: str) -> None:
@@ -254,6 +254,11 @@ def test_records_come_back_from_their_file_and_only_for_the_run_that_wrote_them(
     assert note.endswith(f"the run continued from {BEFORE}")
     save_records(tmp_path, "mine", again)  # does not put the damaged file in the place of the good one
     file.write_text("{ truncated", encoding="utf-8")
+    assert saved_records(tmp_path, "mine")[1].endswith(f"the run continued from {BEFORE}")
+    file.write_text("{ truncated", encoding="utf-8")
+    strange = json.loads(written)  # whole, but not what was written
+    strange["discretisations"][1]["rows"] = ["a word"]
+    file.write_text(json.dumps(strange), encoding="utf-8")
     assert saved_records(tmp_path, "mine")[1].endswith(f"the run continued from {BEFORE}")
     file.write_text("{ truncated", encoding="utf-8")
     nothing, note = saved_records(tmp_path, "another's")

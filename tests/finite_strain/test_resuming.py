@@ -55,7 +55,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def on_two(tmp_path_factory: pytest.TempPathFactory, stopped: Path) -> tuple[Any, Path]:
-    """What three runs on two ranks said, and the folder of their folders: "whole" goes on with that of four."""
+    """What three runs on two ranks said, and the folder of their folders: "whole" continues that of four."""
     base = tmp_path_factory.mktemp("two")
     shutil.copytree(stopped, base / "whole")
     (base / "unreadable").mkdir()

@@ -270,7 +270,7 @@ def test_bodies_stand_no_closer_than_they_are_wide(body, apart):
         pair(0.99 * apart)
 
 
-def test_a_body_of_ones_own_is_told_what_it_lacks():
+def test_a_body_of_ones_own_is_refused_with_what_it_lacks():
     class Bare(Indenter):
         pass
 

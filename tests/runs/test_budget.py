@@ -33,7 +33,7 @@ def test_a_budget_of_nothing_is_a_fault_of_its_key(key: str, tmp_path: Path) -> 
         read_scene(scene(tmp_path, f"{key} = -1"))
 
 
-def test_a_plan_tells_the_meshes_and_the_budget(tmp_path: Path) -> None:
+def test_a_plan_states_the_meshes_and_the_budget(tmp_path: Path) -> None:
     done = thirdbody("plan", scene(tmp_path, "unknowns = 40000\nseconds = 900"), "--json")
     assert done.returncode == 0, done.stderr
     (elements,) = (model for model in json.loads(done.stdout)["models"] if model["model"] == "finite_strain")

@@ -104,7 +104,7 @@ def test_a_folder_is_refused_to_another_run(compared: tuple[dict[str, Any], Path
     assert "--fresh" in done.stderr
 
 
-def test_fresh_starts_anew(tmp_path: Path, compared: tuple[dict[str, Any], Path]) -> None:
+def test_fresh_starts_again(tmp_path: Path, compared: tuple[dict[str, Any], Path]) -> None:
     out = tmp_path / "out"
     shutil.copytree(compared[1], out)
     done = run(1, "compare", out, "--fresh")

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.errors import OutputUnusable
+from runs.display import surface
+from runs.evolution import saved_path
+from runs.evolution.drift import Moment
+from runs.evolution.forces import State
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.pair_table import PairTable
+from runs.evolution.record import Record
 from runs.session.output_folder import OutputFolder
 
 
@@ -30,3 +40,52 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
     (tmp_path / "out" / "result.json").write_text('{"answer"', encoding="utf-8")
     assert run.finished() is None
     run.close()
+
+
+def test_a_damaged_surface_is_named_with_what_it_is_for(tmp_path: Path) -> None:
+    (tmp_path / surface.NAME).write_bytes(b"PK\x03\x04 and no more")
+    with pytest.raises(OutputUnusable, match=r"surface\.npz: cannot be read.*only a picture"):
+        surface.load(tmp_path)
+
+
+@pytest.mark.parametrize(("damaged", "left"), [(2, 2), (0, 0)])
+def test_a_path_continues_from_the_last_moment_before_a_damaged_one(damaged: int, left: int, tmp_path: Path) -> None:
+    count = 101
+    balls, record = HardBalls(np.ones(count)), Record()
+    assert balls.many
+    for number in range(4):
+        x = np.stack([3.0 * np.arange(count), np.full(count, float(number))], axis=1)
+        state = State(np.zeros((count, 2)), np.ones(count), np.zeros(count))
+        moment = Moment(float(number), x, state, np.array([], int), np.array([]), 1.0, 0.5, 0.1, False)
+        record.take(moment, balls, last=number == 3)
+    document = record.to_dict(balls, tmp_path / "path")
+    assert Record.from_dict(document, balls, tmp_path / "path").ended
+    file = tmp_path / "path" / saved_path.name(damaged)
+    file.write_bytes(file.read_bytes()[:100])
+    found = Record.from_dict(document, balls, tmp_path / "path")
+    assert [moment.sigma for moment in found.moments] == [float(number) for number in range(left)]
+    assert (found.continuation is None) == (left == 0)
+    if found.continuation is not None:
+        assert found.continuation.sigma == left - 1
+        assert np.array_equal(found.continuation.positions, found.moments[-1].positions)
+    assert found.written == left
+    assert file.name in found.damage
+
+
+@pytest.mark.parametrize("text", ['{"identity"', "{}", "[]", '{"single": 3}'])
+def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, tmp_path: Path) -> None:
+    problem = Problem(
+        Layer(1.0, 0.3, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.1, 0.1))
+    )
+
+    def opened() -> PairTable:
+        return PairTable(problem, "linear_bem", lambda *_: pytest.fail("nothing is to be solved"), tmp_path, {})
+
+    table = opened()
+    assert not table.damage
+    if text == '{"single": 3}':
+        text = json.dumps({**table.data, "single": 3})
+    table.path.write_text(text, encoding="utf-8")
+    again = opened()
+    assert again.missing == table.missing
+    assert f"{table.path}: cannot be read" in again.damage

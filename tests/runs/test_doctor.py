@@ -45,7 +45,7 @@ def test_the_doctor_reports_every_part() -> None:
     assert done.returncode == (1 if blocked else 0)
 
 
-def test_a_python_without_dolfinx_is_told_which_one_has_it(without_elements: dict[str, str]) -> None:
+def test_a_python_without_dolfinx_gets_the_name_of_one_that_has_it(without_elements: dict[str, str]) -> None:
     done = python("-m", "runs.cli", "doctor", env=without_elements, timeout=150.0)
     assert done.returncode == 1, done.stderr
     assert "linear_bem and point_load can run" in done.stdout

@@ -89,7 +89,7 @@ def test_results_are_alike_only_where_every_entry_is() -> None:
         assert lasting(one) != lasting(other)
 
 
-def test_what_a_scene_pays_for_is_told_apart() -> None:
+def test_what_a_scene_pays_for_is_distinguished() -> None:
     def account(modules: set[str], functions: set[str]) -> Account:
         return Account(frozenset(modules), frozenset(functions), (), {"solved": {"unknowns": 7}})
 

@@ -1,4 +1,4 @@
-"""The command evolve: every scene starts, a killed run continues to the same result, f sets the clock, refusals."""
+"""The command evolve: every scene starts, a killed run continues to the same result, what f changes, refusals."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_scene_in_radii_is_told_in_radii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_outcome_of_a_scene_in_radii_is_in_radii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "radii.toml"
     file.write_text(DIMENSIONLESS, encoding="utf-8")
     evolve_scene(read_scene(file), "point_load", Options(False, tmp_path / "out", False), tmp_path / "tables")

@@ -79,7 +79,7 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     assert ("positions are not wrapped into the cell" in said) == bool(more)
 
 
-def test_too_many_balls_for_the_full_model_are_told(
+def test_too_many_balls_for_the_full_model_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("runs.evolution.evolving.MEASURED", 3)

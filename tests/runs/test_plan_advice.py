@@ -114,7 +114,7 @@ def test_a_stiff_substrate_can_be_dropped_and_a_soft_one_cannot() -> None:
     assert soft.change == pytest.approx(rigid, rel=0.02)
 
 
-def test_a_rigid_base_is_told_how_soft_a_substrate_would_be_felt() -> None:
+def test_a_plan_of_a_rigid_base_says_how_soft_a_substrate_would_be_felt() -> None:
     found = advice(pair(0.02, substrate=None))["substrate"]
     assert not found.present
     assert found.matters is None
@@ -172,7 +172,7 @@ def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tm
     done = thirdbody("plan", scene)
     assert done.returncode == 0, done.stderr
     assert re.search(
-        r"in compare: refused: accuracy.unknowns: the coarsest mesh .* \d{5} unknowns, got 45000", done.stdout
+        r"in compare: refused: accuracy.unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", done.stdout
     )
     assert "by more than the 10 % asked for" in done.stdout
 

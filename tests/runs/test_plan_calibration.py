@@ -24,7 +24,7 @@ Times are over that of "path" in the same run, times what it took when the cost 
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_a_plan_foresees_what_was_measured(name: str) -> None:
+def test_a_plan_estimates_what_was_measured(name: str) -> None:
     said, (unknowns, seconds, memory) = planned(name), MEASURED[name]
     assert unknowns / 1.3 < said["unknowns"] < 1.3 * unknowns
     assert seconds / 1.5 < said["seconds"] < 1.5 * seconds

@@ -49,7 +49,7 @@ def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
 
 
 def test_a_budget_beyond_the_memory_is_refused_before_any_work(tmp_path: Path) -> None:
-    with pytest.raises(UnsupportedProblem, match=r"\[accuracy\] unknowns: 1e\+09 unknowns need about .* GB"):
+    with pytest.raises(UnsupportedProblem, match=r"\[accuracy\] unknowns: 1 000 000 000 unknowns need about .* GB"):
         Session("solve", scene(tmp_path, "unknowns = 1e9"), None, Options(out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 

@@ -50,7 +50,7 @@ SPEEDUP, A_RANK = 1.6, 2.5e8
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_plan_foresees_what_commands_take(
+def test_a_plan_estimates_what_commands_take(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text, seconds, memory = COMMANDS[name]

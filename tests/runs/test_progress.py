@@ -106,7 +106,7 @@ def test_lines_tell_the_time_passed_and_left(capsys: pytest.CaptureFixture[str])
     coarse, later, main, step = capsys.readouterr().err.splitlines()
     assert coarse.startswith("coarse mesh: 50 % of the load   0.0 s in all, about 40 s left")
     assert "about" in later
-    assert main == "main mesh: 1000 unknowns, 1 rank(s), 2 load step(s), half model"
+    assert main == "main mesh: 1 000 unknowns, 1 rank(s), 2 load step(s), half model"
     assert "in all, about" in step
     run(())
     assert "left" not in capsys.readouterr().err

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from linear_bem.errors import OutputUnusable
 from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.reporting.pictures import figure, said_of
@@ -182,6 +183,16 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
     assert "holds no run and no study" in done.stderr
 
 
+def test_a_damaged_file_of_a_run_is_named(tmp_path: Path) -> None:
+    (tmp_path / MARK).write_text('{"identity": {"comm', encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"run\.json: is damaged.*--fresh"):
+        read_folder(tmp_path)
+    (tmp_path / MARK).write_text('{"identity": {"command": "solve"}, "state": "finished"}', encoding="utf-8")
+    (tmp_path / "run.log").write_bytes(b"\xff")
+    with pytest.raises(OutputUnusable, match=r"run\.log: cannot be read as text"):
+        read_folder(tmp_path)
+
+
 def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
     used = '<use xlink:href="#a" clip-path="url(#a)"/>'
     (tmp_path / "x.svg").write_text(f'<?xml version="1.0"?><svg viewBox="0 0 4 1" width="4pt"><g id="a"/>{used}</svg>')
@@ -202,7 +213,7 @@ def test_a_rendered_picture_says_what_it_shows() -> None:
     assert said_of(Path("run/anything_else.png")) == "Anything else"
 
 
-def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) -> None:
+def test_the_accuracy_asked_and_reached_is_shown_with_its_meshes(tmp_path: Path) -> None:
     state = {
         "position": [0.0, 0.0], "radius": 1.0, "approach": 0.1, "normal_force": 0.1, "tangential_force": [0.0, 0.0],
         "tangential_force_error": 0.0, "peak_pressure": 1.0, "contact_area": 0.1,
@@ -213,7 +224,7 @@ def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) 
         "reached": 0.031,
         "terms": {"discretisation": 0.03, "enforcement": 1e-4, "transfer": 0.0078, "solver": 1e-6},
         "met": False,
-        "stopped": "the budget of 60000 unknowns",
+        "stopped": "the budget of 60 000 unknowns",
         "meshes": meshes,
     }
     solved = {"seconds": 1.0, "ranks": 1, "iterations": 3, "unknowns": 7, "notes": [], "accuracy": accuracy}
@@ -225,10 +236,10 @@ def test_the_accuracy_asked_and_reached_is_told_with_its_meshes(tmp_path: Path) 
     )
     (tmp_path / "result.json").write_text(json.dumps({"balls": [state], "steps": [], "solved": solved}))
     text = " ".join(Page(page_of(read_folder(tmp_path))).text)
-    assert "Asked for T: 2 %; reached: 3.1 % (not met). It ended there because: the budget of 60000 unknowns." in text
+    assert "Asked for T: 2 %; reached: 3.1 % (not met). It ended there because: the budget of 60 000 unknowns." in text
+    assert "9 648" in text
     assert "discretisation 3 %, contact enforcement 0.01 %, transfer of the small-strain correction 0.8 %" in text
     assert "order 3, fineness 1.5" in text
-    assert "9648" in text
 
 
 @dataclasses.dataclass(frozen=True)

@@ -54,7 +54,7 @@ def test_the_page_says_which_share_explains_every_report(monkeypatch: pytest.Mon
     assert resistance.section(free, {1e-4: {}}) == ""
 
 
-def test_the_page_tells_which_reports_the_share_is_fitted_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_says_which_reports_the_share_is_fitted_to(monkeypatch: pytest.MonkeyPatch) -> None:
     other = dataclasses.replace(LEFT, title="another report", judge=lambda _: Finding(YES, ""))
     monkeypatch.setattr(resistance, "POINTS", (APART, LEFT, other))
     free, share = {PAIR: pair(0.065, at_rest=False)}, resistance.SHARES[0]

@@ -141,7 +141,7 @@ def test_finished_parts_are_not_computed_again(out: Path) -> None:
     assert "quick is True there and False here" in full.stderr
 
 
-def test_a_name_that_is_no_study_is_told_with_the_list() -> None:
+def test_a_name_that_is_no_study_is_refused_with_the_list() -> None:
     done = thirdbody("study", "figure")
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1

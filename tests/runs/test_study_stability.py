@@ -266,7 +266,7 @@ def test_linear_cases_pass_the_load_steps_of_the_elements() -> None:
     assert case.key() != dataclasses.replace(case, steps=(1.0,)).key()
 
 
-def test_a_stop_tells_how_far_it_came_even_on_the_mesh_before() -> None:
+def test_a_stop_says_how_far_it_came_even_on_the_mesh_before() -> None:
     reason = "coarse mesh: load step to 0.9: after 8 cut-backs; the last good state is at 0.85 of the full load"
     assert last_good([], "not converged", reason) == 0.85
     assert last_good([], "refused", "too deep") == 0.0

@@ -139,7 +139,7 @@ def test_the_load_of_a_sign_change_is_interpolated() -> None:
     assert fitting.sign_change(path[:2], "T") is None
 
 
-def test_the_sentence_tells_stronger_weaker_and_undecided_apart(tmp_path: Path) -> None:
+def test_the_sentence_says_stronger_weaker_or_undecided(tmp_path: Path) -> None:
     def record(ratio: float, case: Any) -> dict[str, Any]:
         balls = []
         for ball in solve(small_strain(case.problem)).balls:

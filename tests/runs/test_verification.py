@@ -150,7 +150,7 @@ def test_two_loads_extrapolate_a_straight_line_to_no_load() -> None:
 
 
 @pytest.mark.parametrize(("strength", "verdict"), [(1.0, "right"), (1.05, "WRONG")])
-def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_told(strength: float, verdict: str) -> None:
+def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_reported(strength: float, verdict: str) -> None:
     pull = -1e-4
     level = {"fraction": 1.0, "augmented": True, "order": 3, "fineness": 1.5}
     values = {"domain": 0.995 * pull, "domain_without_pair": pull, "traction": 1.001 * pull}

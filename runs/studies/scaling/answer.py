@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from linear_bem.counts import grouped
 from runs.process import ranks, signals
 from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
@@ -102,7 +103,7 @@ def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"{np.exp(np.polyval(fits['first_seconds'], np.log(n))) * ranks_ / 3600:.2g} processor hours a first solve"
             for n in AHEAD
         )
-        range_ = f"{taken[0]['unknowns']} to {taken[-1]['unknowns']} unknowns"
+        range_ = f"{grouped(taken[0]['unknowns'])} to {grouped(taken[-1]['unknowns'])} unknowns"
         measured = f"{form}, multigrid on {ranks_} ranks, {range_}: {growth}"
         lines.append(f"{measured}. Extrapolated, with the same levels: {ahead}.")
     return lines

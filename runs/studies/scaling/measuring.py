@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linear_bem import Elements
+from linear_bem.counts import grouped
 from linear_bem.errors import TooLarge
 from linear_bem.memory import require
 from runs.studies.framework.pair import pair
@@ -53,7 +54,7 @@ def pressed(form: str, comm: MPI.Comm) -> Snapshot:
 
 def too_large(form: str, target: int) -> str:
     """Return why a measurement would not fit into the free memory; nothing if it would."""
-    return memory_fault(BYTES[form] * target, f"a system of {target} unknowns ({form} form)")
+    return memory_fault(BYTES[form] * target, f"a system of {grouped(target)} unknowns ({form} form)")
 
 
 def memory_fault(needed: float, what: str) -> str:

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from linear_bem import Elements
+from linear_bem.counts import grouped
 from runs.models import Run
 from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
@@ -27,7 +28,7 @@ KEPT = ("unknowns", "fraction", "iterations", "tangents", "linear_iterations", "
 
 def too_large(target: int) -> str:
     """Return why a run would not fit into the free memory; nothing if it would."""
-    return memory_fault(BYTES * target, f"a run of {target} unknowns")
+    return memory_fault(BYTES * target, f"a run of {grouped(target)} unknowns")
 
 
 def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
