@@ -153,16 +153,15 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         if parted.intersection(landed.tolist()):
             i, j = balls.pairs(landed[:1])[0]
             raise NotConverged(
-                f"equilibria: none that Newton's method finds without balls inside each other; balls {i} and {j} touch "
-                "on its way, and their forces part them there"
+                f"none that Newton's method finds without balls inside each other; balls {i} and {j} touch on its way, "
+                "and their forces part them there"
             )
         held = np.union1d(held, landed).astype(np.intp)
         if float(np.max(np.abs(x - start))) > FURTHEST * touch:
             break
     raise NotConverged(
-        f"equilibria: none within {float(np.max(np.abs(x - start))) / touch:.3g} touching distances (R1 + R2) of the "
-        f"given positions; "
-        f"where the search ended, (T + pushes)/Q is {residual:.1e}"
+        f"none within {float(np.max(np.abs(x - start))):.3g} m of the final positions; where the search ended, "
+        f"(T + pushes)/Q is {residual:.1e}"
     )
 
 

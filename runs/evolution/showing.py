@@ -13,7 +13,7 @@ from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.process.json_values import Document
 from runs.scene.scene_file import Scene
-from runs.scene.units import Unit
+from runs.scene.units import Unit, in_unit
 from runs.session.session import Session
 
 LISTED = 20
@@ -89,7 +89,7 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     solved = document["solved"]
     lines.append(f"{solved['iterations']} steps in {number(solved['seconds'], 3)} s of processor time")
     if document["equilibrium"] is not None:
-        lines.append(_balance(document["equilibrium"], smallest))
+        lines.append(_balance(document["equilibrium"], smallest, length))
     for pair in document["pair_equilibria"] or []:
         lines.append(f"two balls rest {length(pair['distance'])} apart: {pair['verdict']}")
     if document["pair_equilibria"] == []:
@@ -120,9 +120,9 @@ def _compared(document: Document) -> list[str]:
     return lines
 
 
-def _balance(found: Mapping[str, Any], smallest: float) -> str:
+def _balance(found: Mapping[str, Any], smallest: float, length: Unit) -> str:
     if found["verdict"] == "none":
-        return f"no equilibrium found near the final positions: {found['reason']}"
+        return f"no equilibrium found: {in_unit(found['reason'], length)}"
     away = number(found["distance_from_end"] / smallest, 2)
     rates = ""
     if found["growth"]:

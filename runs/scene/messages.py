@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from runs.scene.effects import EFFECTS
-from runs.scene.units import NUMBER_AND_UNIT, Units
+from runs.scene.units import NUMBER_AND_UNIT, Units, in_unit
 
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
 EXAMPLES: dict[str, dict[str, Any]] = {
@@ -24,7 +24,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 }
 """A valid value of every key: shown as remedy, and substituted for a faulty value while the rest is checked."""
 RARER_EXAMPLES: dict[str, dict[str, Any]] = {
-    "load": {"steps": ["0.5 mm", "1 mm"]},
+    "load": {"force": "2 N", "total_force": "4 N", "steps": ["0.5 mm", "1 mm"]},
     "balls": {"semi_axes": ["8 mm", "6 mm", "8 mm"], "slope": "20 deg", "tip_radius": "1 mm", "edge_radius": "0.5 mm"},
     "finite_strain": {"share": 0.2, "ratios": [0.01, 0.001], "limit": 30, "exponents": [2, -2], "weights": [0.8, 0.2]},
 }
@@ -80,8 +80,7 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
     if "overlap" in rule:
-        length, remedy = (Units.written(data) or Units()).length, "move them apart or make them smaller"
-        rule = re.sub(r"(\d\S*) m\b", lambda number: length(float(number[1]), 9), rule)
+        rule, remedy = in_unit(rule, (Units.written(data) or Units()).length), "move them apart or make them smaller"
     remedy = remedy or _example(table, key)
     return f"[{table}] {key}{ball}: {rule}{as_given}; {remedy}"
 
@@ -151,8 +150,6 @@ def _example(table: str, key: str) -> str:
     keys = EXAMPLES.get(table, {})
     if key in _examples(table):
         return f"for example {key} = {_written(_examples(table)[key])}"
-    if table == "load" and key:
-        return f'for example {key} = "2 N"'
     if not key and keys:
         return f"for example [{table}] with " + ", ".join(f"{k} = {_written(v)}" for k, v in keys.items())
     return ""

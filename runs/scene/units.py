@@ -106,6 +106,11 @@ class Unit:
         return f"{symbol} / {self.name}" if self.name in ("R", "E R²", "E") else f"{symbol} [{self.name}]"
 
 
+def in_unit(text: str, length: Unit) -> str:
+    """Return a text with its lengths in metres ("0.016 m") in another unit."""
+    return re.sub(r"(\d\S*) m\b", lambda number: length(float(number[1]), 9), text)
+
+
 @dataclass(frozen=True)
 class Units:
     """The units in which a scene states lengths, forces and pressures; SI where it states none."""

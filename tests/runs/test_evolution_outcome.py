@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,12 @@ import numpy as np
 import pytest
 
 from linear_bem import Periodic, solve
+from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from runs.evolution import outcome, pair_table, showing
 from runs.evolution.evolving import evolve_scene
-from runs.evolution.forces import at
+from runs.evolution.forces import State, at
+from runs.evolution.hard_balls import HardBalls
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.scene.units import Unit
 from runs.session.session import Options
@@ -119,3 +122,14 @@ def test_sentences_of_the_end() -> None:
     assert outcome.arrangement_sentence(pairs, begin, None, length).startswith(
         "1 contact; 1 cluster of 2, 2 clusters of 1"
     )
+
+
+def test_where_no_equilibrium_was_found_is_said_in_the_unit_of_the_scene() -> None:
+    def parted(x: Array) -> State:  # apart, and less so the farther they are
+        push = 1e-9 * float(np.hypot(*(x[1] - x[0]))) ** -4.0
+        return State(np.array([[-push, 0.0], [push, 0.0]]), np.ones(2), np.zeros(2))
+
+    balls = HardBalls(np.full(2, 0.005))
+    found = outcome.equilibrium(parted, balls, np.array([[0.0, 0.0], [0.015, 0.0]]), 1e-4)
+    said = showing._balance(found, 0.005, Unit("mm", 1e-3))
+    assert re.match(r"no equilibrium found: none within \d+(\.\d+)? mm of the final positions; where the search", said)
