@@ -184,14 +184,21 @@ def _doubts(problem: Problem) -> list[str]:
 def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:
     """Return how many runs ``evolve`` needs for its table of pairs, their time and the largest memory; None without."""
     from runs.evolution.evolving import TABLES  # noqa: PLC0415  (only for a scene whose balls drift)
-    from runs.evolution.providers import table_of  # noqa: PLC0415
+    from runs.evolution.pair_table import DEPTHS  # noqa: PLC0415
+    from runs.evolution.providers import PAIR_ACCURACY, table_of  # noqa: PLC0415
 
     try:
         missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
     except UnsupportedProblem:
         return None
     planned = planned_runs(model, missing, scene.tangential_force, scene.budget)
-    cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
+    if planned is None and missing:  # a linear model: one run is made to see how long it takes
+        states = sum(each.size for each in missing) + sum(len(DEPTHS) for each in missing if each.size == 1)
+        pair = next((each for each in missing if each.size == 2), missing[-1])
+        result = model.solve(pair, Run(scene.tangential_force or PAIR_ACCURACY))
+        cost = as_command({"seconds": result.solved.seconds * states / pair.size}) | {"memory_bytes": MEMORY}
+    else:
+        cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
     return {"runs": len(missing), **cost}
 
 
@@ -229,7 +236,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     if table is not None:
         cost = ""
         if table["seconds"] is not None:
-            cost = f", about {duration(table['seconds'])} on two idle cores, {_memory(table['memory_bytes'])}"
+            cores = "two idle cores" if "processor_seconds" in document["models"][0] else "one idle core"
+            cost = f", about {duration(table['seconds'])} on {cores}, {_memory(table['memory_bytes'])}"
         say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{cost}")
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)

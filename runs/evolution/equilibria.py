@@ -136,7 +136,10 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         if residual <= BALANCED and settled:
             given, left = nnls(jacobian.T, -force) if len(held) else (pushes, 0.0)
             if left <= 2.0 * BALANCED * float(np.max(state.normal)):
-                return _judged(balls, x, state.normal, held, given, residual, tangent)
+                found = _judged(balls, x, state.normal, held, given, residual, tangent)
+                if not len(held) and max(map(abs, found.growth)) * touch <= BALANCED:
+                    raise NotConverged("none; the search ended where the balls are too far apart to act on each other")
+                return found
             parted.update(held[pushes <= 0.0].tolist())
             held = held[pushes > 0.0]
             continue

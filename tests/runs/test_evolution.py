@@ -251,6 +251,19 @@ def test_equilibria_of_the_full_model_are_sought_without_balls_inside_each_other
         assert "balls 0 and 1 touch" in found["reason"]
 
 
+def test_balls_too_far_apart_for_any_force_are_no_equilibrium() -> None:
+    def parting(x: Array) -> State:
+        between = x[1] - x[0]
+        size = max(0.08 - float(np.hypot(*between)), 0.0) ** 3
+        force = -1e-2 * size * between / float(np.hypot(*between))
+        return State(np.array([force, -force]), np.ones(2), np.zeros(2))
+
+    balls = HardBalls.of(scene([(0.0, 0.0), (0.03, 0.0)]))
+    found = equilibrium(parting, balls, np.array([[0.0, 0.0], [0.07, 0.0]]), 1e-4)
+    assert found["verdict"] == "none"
+    assert "too far apart" in found["reason"]
+
+
 def test_equilibria_hold_a_pair_that_lands_on_the_way() -> None:
     problem = scene([(0.0, 0.0), (0.018, 0.024)])
     balls = HardBalls.of(problem)

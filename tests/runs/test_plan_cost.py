@@ -38,6 +38,20 @@ def test_an_evolution_is_planned_with_the_runs_of_its_table(
     assert re.search(r"evolve: 13 runs by finite_strain for its table of pairs, about [^,]* on two idle cores", printed)
 
 
+def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(planning, "PATIENCE", 0.0)
+    plan_scene(read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml"), None, as_json=False)
+    printed = " ".join(capsys.readouterr().out.split())
+    said = re.search(
+        r"evolve: 27 runs by linear_bem for its table of pairs, about ([\d.]+) s on one idle core", printed
+    )
+    assert said is not None
+    assert 2.0 < float(said[1]) < 60.0  # 3.3 s for the runs of a pair on rubber, and the command around them
+
+
 def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
     problem = scene(tmp_path, "").problem
     model = MODELS["finite_strain"]
