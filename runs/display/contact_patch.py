@@ -31,6 +31,19 @@ class Patch:
     y: Array
     pressure: Array
 
+    @property
+    def area(self) -> float:
+        """Area inside the edge [m^2]."""
+        x, y = self.x[-1], self.y[-1]
+        return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+
+    @property
+    def force(self) -> float:
+        """Integral of the pressure [N], by the rings' mean pressures over their areas."""
+        share = (np.hypot(self.x - self.x[0, 0], self.y - self.y[0, 0]) ** 2).mean(axis=1)
+        mean = self.pressure.mean(axis=1)
+        return self.area * float(np.sum(0.5 * (mean[1:] + mean[:-1]) * np.diff(share)) / share[-1])
+
 
 def contact_patch(points: Array, pressure: Array) -> Patch | None:
     """Return the contact around ``points`` (n, 2) [m] of one ball; None where the fit is not good."""

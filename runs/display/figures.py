@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from linear_bem.arrays import Array
 from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
 from runs.display import surface
-from runs.display.contact_patch import contact_patch
+from runs.display.contact_patch import Patch, contact_patch
 from runs.display.numbers import Scale, attraction, leading_ball
 from runs.display.style import BLUE, GREEN, ORANGE, blank, dark_on_white, look, save_figure
 
 LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
 BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
 """Markers and error bars of every curve."""
+SAME = 0.25
+"""Largest deviation of a drawn contact's area and force from the result's, over the latter."""
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -106,15 +109,18 @@ def _draw_pressure(
     length, unit = scale.units.length, scale.units.pressure
     points, positions = top.points[:, :2], np.array([ball["position"] for ball in balls])
     nearest = np.argmin(np.linalg.norm(points[:, None] - positions, axis=2), axis=1)
-    patches = [contact_patch(points[nearest == i], top.pressure[nearest == i]) for i in range(len(balls))]
-    raw = np.isin(nearest, [i for i, patch in enumerate(patches) if patch is None])
+    patches: list[Patch | None] = [None] * len(balls)
+    for pressure in surface.smoothed(top):
+        for i, ball in enumerate(balls):
+            patches[i] = patches[i] or _patch(points[nearest == i], pressure[nearest == i], ball)
+        if all(patches):
+            break
+    raw = np.where(np.isin(nearest, [i for i, patch in enumerate(patches) if patch is None]), pressure, 0.0)
+    largest = max([raw.max(), *(patch.pressure.max() for patch in patches if patch is not None)])
     shown: dict[str, Any] = {
-        "shading": "gouraud",
-        "cmap": dark_on_white(),
-        "vmin": 0.0,
-        "vmax": top.pressure.max() / unit.size,
-    }
-    mesh = axes.tripcolor(*points.T / length.size, top.triangles, np.where(raw, top.pressure, 0.0) / unit.size, **shown)
+        "shading": "gouraud", "cmap": dark_on_white(), "vmin": 0.0, "vmax": float(largest) / unit.size,
+    }  # fmt: skip
+    mesh = axes.tripcolor(*points.T / length.size, top.triangles, raw / unit.size, **shown)
     for patch in patches:
         if patch is not None:
             x, y = patch.x / length.size, patch.y / length.size
@@ -126,6 +132,15 @@ def _draw_pressure(
     (x0, x1), (y0, y1) = _window(balls, scale)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
     axes.set_title("Contact pressure from above (+: axes of the balls)")
+
+
+def _patch(points: Array, pressure: Array, ball: Mapping[str, Any]) -> Patch | None:
+    """Return the contact of a ball if its area and force are about those of the result."""
+    patch = contact_patch(points, pressure)
+    if patch is None:
+        return None
+    pairs = (patch.area, ball["contact_area"]), (patch.force, ball["normal_force"])
+    return patch if all(abs(drawn - known) <= SAME * known for drawn, known in pairs) else None
 
 
 def _draw_section(

@@ -64,7 +64,10 @@ def test_the_section_shows_the_bodies_that_it_cuts_as_it_cuts_them(tmp_path: Pat
 def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:
     from matplotlib import image  # noqa: PLC0415
 
-    balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
+    balls = [
+        {"position": list(b.position), "radius": 1.0, "approach": 0.3, "contact_area": 1.0, "normal_force": 1.0}
+        for b in PAIR.balls
+    ]
     figures.draw_surface(tmp_path, PAIR, balls, Scale.of(PAIR))
     assert not (tmp_path / "surface.png").exists()  # nothing to draw without a surface
     surface.keep(tmp_path, bowl())
@@ -87,6 +90,8 @@ def test_a_contact_has_its_own_edge_and_not_that_of_the_elements() -> None:
         np.ones(180), abs=0.02
     )
     assert np.all(patch.pressure[-1] == 0.0)
+    assert patch.area == pytest.approx(np.pi * 0.8, rel=0.03)
+    assert patch.force == pytest.approx(2.0 / 3.0 * 3.0 * np.pi * 0.8, rel=0.05)
     inside = 3.0 * np.sqrt(1.0 - patch.x[:-4] ** 2 - (patch.y[:-4] / 0.8) ** 2) * np.sqrt(1.0 + 0.1 * patch.x[:-4])
     assert patch.pressure[:-4] == pytest.approx(inside, abs=0.03 * 3.0)
     # a flat punch's pressure has no zero line, and three nodes are no contact to fit
@@ -106,6 +111,42 @@ def test_a_contact_on_a_coarse_mesh_has_a_smooth_edge_too() -> None:
     assert np.mean(edge) == pytest.approx(1.0, abs=0.1)
 
 
+def rattling() -> surface.Surface:
+    """Return two contacts of radius 0.8 whose nodes open along lines of elements and press too much between them."""
+    fields = bowl(121)
+    x, y = np.abs(fields.points[:, 0]) - 1.0, fields.points[:, 1]
+    pressure = 3.0 * np.sqrt(np.maximum(1.0 - (x**2 + y**2) / 0.64, 0.0))
+    column = np.rint(fields.points[:, 0] / 0.05).astype(int) % 3
+    return surface.Surface(fields.points, fields.triangles, pressure * np.where(column == 0, 0.0, 1.5))
+
+
+def test_averages_of_nodes_that_open_and_press_keep_the_force() -> None:
+    top = rattling()
+    rounds = list(surface.smoothed(top))
+    assert np.array_equal(rounds[0], top.pressure)
+    forces = [pressure[top.triangles].sum() for pressure in rounds]  # of triangles of one size
+    assert forces == pytest.approx(np.full(len(rounds), forces[0]), rel=1e-12)
+    middle = np.hypot(np.abs(top.points[:, 0]) - 1.0, top.points[:, 1]) < 0.2
+    assert np.ptp(rounds[0][middle]) > 4.0
+    assert rounds[-1][middle] == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_contact_whose_nodes_rattle_is_drawn_with_its_edge_and_the_scale_of_its_averages() -> None:
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    top, figure = rattling(), Figure()
+    area = np.pi * 0.64
+    known = {"radius": 1.0, "approach": 0.3, "contact_area": area, "normal_force": 2.0 * area}
+    balls: list[dict[str, Any]] = [{"position": list(b.position), **known} for b in PAIR.balls]
+    figures._draw_pressure(figure, figure.subplots(), top, balls, Scale.of(PAIR))
+    axes = figure.axes[0]
+    edges = [line.get_xydata() for line in axes.lines if len(line.get_xydata()) > 1]
+    assert len(edges) == len(balls)
+    for edge, ball in zip(edges, balls, strict=True):
+        assert np.hypot(*(np.asarray(edge) - ball["position"]).T) == pytest.approx(np.full(len(edge), 0.8), rel=0.15)
+    assert axes.collections[-1].get_clim()[1] == pytest.approx(3.0, rel=0.15)  # not 4.5, of single nodes
+
+
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])
 def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: Path) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415
@@ -113,7 +154,10 @@ def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: P
     surface.keep(tmp_path, bowl())
     top = surface.load(tmp_path)
     assert top is not None
-    balls = [{"position": list(b.position), "radius": 1.0, "approach": 0.3} for b in PAIR.balls]
+    balls = [
+        {"position": list(b.position), "radius": 1.0, "approach": 0.3, "contact_area": 1.0, "normal_force": 1.0}
+        for b in PAIR.balls
+    ]
     figure = Figure()
     figures._draw_pressure(figure, figure.subplots(), top, balls, Scale.of(PAIR, data))
     assert label in figure.axes[1].get_ylabel()
