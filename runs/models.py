@@ -17,6 +17,7 @@ from runs.scene.scene_file import OutputTable, Scene
 
 if TYPE_CHECKING:
     from finite_strain import Observer
+    from linear_bem.solution import Solution
 
 
 class ModelName(enum.StrEnum):
@@ -34,7 +35,7 @@ class Run:
 
     Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
     with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults, and what takes
-    the linear model's lines of progress.
+    the linear model's lines of progress and its solutions.
     """
 
     tangential_force: float | None = None
@@ -46,6 +47,7 @@ class Run:
     steps: Sequence[float] | None = (1.0,)
     numerics: Mapping[str, Any] = field(default_factory=dict)
     report: Callable[[str], None] = lambda text: None
+    inspect: Callable[[Solution], None] = lambda solution: None
 
 
 COMMAND_SECONDS, COMMAND_BYTES = 1.7, 7e7
@@ -79,10 +81,12 @@ def _point_load(problem: Problem, run: Run) -> Result:
 
 
 def _linear_bem(problem: Problem, run: Run) -> Result:
-    from linear_bem import solve  # noqa: PLC0415
+    from linear_bem import solve_contact  # noqa: PLC0415
 
     accuracy = {} if run.tangential_force is None else {"accuracy": run.tangential_force}
-    return solve(problem, **accuracy, report=run.report)
+    solution = solve_contact(problem, **accuracy, report=run.report)
+    run.inspect(solution)
+    return solution.result()
 
 
 def load_path(problem: Problem) -> Sequence[float]:

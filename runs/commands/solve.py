@@ -10,6 +10,9 @@ from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
 
+DRAWN = 40
+"""Balls of a linear solution up to which its pressures are drawn: contacts of more are too small to be seen."""
+
 
 def solve_scene(scene: Scene, asked: str | None, options: Options) -> None:
     """Solve ``scene``, save the run and print its result."""
@@ -28,6 +31,8 @@ def _compute(session: Session) -> Document | None:
     if result.steps:
         figures.draw_path(session.out, document["steps"], session.scale, session.model.name)
     figures.draw_surface(session.out, session.problem, document["balls"], session.scale)
+    if session.solutions and session.problem.size <= DRAWN and session.problem.periodic is None:
+        figures.draw_contacts(session.out, session.solutions[-1], document["balls"], session.scale)
     session.finish(document["solved"])
     return document
 

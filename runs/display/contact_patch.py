@@ -4,6 +4,7 @@ Near the edge of a frictionless contact the pressure falls as the square root of
 up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +78,14 @@ def contact_patch(points: Array, pressure: Array) -> Patch | None:
     values = peak * np.sqrt(np.maximum(_powers(x, y, degree) @ factors, 0.0))
     values[-1] = 0.0
     return Patch(middle[0] + size * x, middle[1] + size * y, values)
+
+
+def patch_within(x: Array, y: Array, pressure: Callable[[Array, Array], Array]) -> Patch:
+    """Return the contact inside a known edge (rays,) [m] under a known pressure [Pa]."""
+    edge = np.stack([np.append(x, x[0]), np.append(y, y[0])])
+    middle = edge[:, :-1].mean(axis=1)[:, None, None]
+    rings = middle + np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * (edge[:, None] - middle)
+    return Patch(*rings, pressure(*rings))
 
 
 def _terms(degree: int) -> list[tuple[int, int]]:

@@ -10,8 +10,10 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.indenter import Indenter, Sphere
 from linear_bem.problem import Problem
+from linear_bem.smooth.contacts import SmoothContacts
+from linear_bem.solution import Solution
 from runs.display import surface
-from runs.display.contact_patch import Patch, contact_patch
+from runs.display.contact_patch import Patch, contact_patch, patch_within
 from runs.display.numbers import Scale, attraction, leading_ball
 from runs.display.style import BLUE, GREEN, ORANGE, blank, dark_on_white, look, save_figure
 
@@ -94,13 +96,41 @@ def draw_surface(folder: Path, problem: Problem, balls: Sequence[Mapping[str, An
     top = surface.load(folder)
     if top is None:
         return
+    figure, above, below = _sheet(balls, scale)
+    _draw_pressure(figure, above, top, balls, scale)
+    _draw_section(below, surface.section(top, [ball["position"] for ball in balls]), problem, balls, scale)
+    save_figure(figure, folder, "surface", ("png",))
+
+
+@look()
+def draw_contacts(folder: Path, solution: Solution, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+    """Write surface.png as `draw_surface`, for a solution of the linear model."""
+    figure, above, below = _sheet(balls, scale)
+    patches = [_solved_patch(solution, i, ball) for i, ball in enumerate(balls) if ball["contact_area"] > 0.0]
+    _draw_patches(figure, above, patches, max(float(patch.pressure.max()) for patch in patches), balls, scale)
+    origin, along, _ = surface.section_line([ball["position"] for ball in balls])
+    line = np.linspace(*_span(balls, along), 801)
+    x, y = (origin + np.outer(line - along @ origin, along)).T
+    _draw_section(below, (line, -solution.displacement(x, y)), solution.problem, balls, scale)
+    save_figure(figure, folder, "surface", ("png",))
+
+
+def _solved_patch(solution: Solution, index: int, ball: Mapping[str, Any]) -> Patch:
+    """Return the contact of a ball; the edge of one on a grid of cells is fitted if the fit is good."""
+    patch = patch_within(*solution.outline(index), solution.pressure)
+    if isinstance(solution.contacts, SmoothContacts):
+        return patch
+    points = np.stack([patch.x.ravel(), patch.y.ravel()], axis=1)
+    return _patch(points, patch.pressure.ravel(), ball) or patch
+
+
+def _sheet(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[Any, Any, Any]:
+    """Return an empty figure with its axes for the view from above and for the section."""
     (x0, x1), (y0, y1) = _window(balls, scale)
     width, ratio = 6.6, min(max((y1 - y0) / (x1 - x0), 0.3), 1.2)
     figure = blank(width, 0.8 * width * (ratio + 0.35) + 1.6)
-    above, section = figure.subplots(2, 1, height_ratios=(ratio, 0.35))
-    _draw_pressure(figure, above, top, balls, scale)
-    _draw_section(section, top, problem, balls, scale)
-    save_figure(figure, folder, "surface", ("png",))
+    above, below = figure.subplots(2, 1, height_ratios=(ratio, 0.35))
+    return figure, above, below
 
 
 def _draw_pressure(
@@ -117,15 +147,24 @@ def _draw_pressure(
             break
     raw = np.where(np.isin(nearest, [i for i, patch in enumerate(patches) if patch is None]), pressure, 0.0)
     largest = max([raw.max(), *(patch.pressure.max() for patch in patches if patch is not None)])
-    shown: dict[str, Any] = {
-        "shading": "gouraud", "cmap": dark_on_white(), "vmin": 0.0, "vmax": float(largest) / unit.size,
-    }  # fmt: skip
-    mesh = axes.tripcolor(*points.T / length.size, top.triangles, raw / unit.size, **shown)
+    axes.tripcolor(*points.T / length.size, top.triangles, raw / unit.size, **_shades(largest / unit.size))
+    _draw_patches(figure, axes, [patch for patch in patches if patch is not None], float(largest), balls, scale)
+
+
+def _shades(largest: float) -> dict[str, Any]:
+    return {"shading": "gouraud", "cmap": dark_on_white(), "vmin": 0.0, "vmax": float(largest)}
+
+
+def _draw_patches(
+    figure: Any, axes: Any, patches: Sequence[Patch], largest: float, balls: Sequence[Mapping[str, Any]], scale: Scale
+) -> None:
+    """Draw contacts with their edges, colours up to the ``largest`` pressure [Pa], and all that is around them."""
+    length, unit = scale.units.length, scale.units.pressure
     for patch in patches:
-        if patch is not None:
-            x, y = patch.x / length.size, patch.y / length.size
-            mesh = axes.pcolormesh(x, y, patch.pressure / unit.size, rasterized=True, **shown)
-            axes.plot(x[-1], y[-1], color="0.15", lw=1.2)
+        x, y = patch.x / length.size, patch.y / length.size
+        axes.pcolormesh(x, y, patch.pressure / unit.size, rasterized=True, **_shades(largest / unit.size))
+        axes.plot(x[-1], y[-1], color="0.15", lw=1.2)
+    mesh = axes.collections[-1]
     figure.colorbar(mesh, ax=axes, label=unit.heading("contact pressure $p$"), shrink=0.9)
     for ball in balls:
         axes.plot(*(c / length.size for c in ball["position"]), "+", color="white", ms=10, mew=1.8)
@@ -144,10 +183,11 @@ def _patch(points: Array, pressure: Array, ball: Mapping[str, Any]) -> Patch | N
 
 
 def _draw_section(
-    axes: Any, top: surface.Surface, problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
+    axes: Any, cut: tuple[Array, Array], problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
+    """Draw a section: ``cut`` holds coordinates along it and heights of the surface [m]."""
     size = scale.units.length.size
-    line, heights = surface.section(top, [ball["position"] for ball in balls])
+    line, heights = cut
     axes.plot(line / size, heights / size, color=FINITE, lw=2.2, label="surface", zorder=3)
     axes.axhline(0.0, color="0.3", lw=1.0, ls="--", zorder=4)
     origin, along, normal = surface.section_line([ball["position"] for ball in balls])
@@ -168,13 +208,18 @@ def _draw_section(
             x, z = center + t, profile(t * along[0], t * along[1]) - ball["approach"]
         axes.fill(x / size, z / size, color="#dde2e9", zorder=1)
         axes.plot(x / size, z / size, color="0.25", lw=1.2, zorder=2)
-    centers = [along @ ball["position"] / size for ball in balls]
-    margin = 1.3 * max(ball["radius"] for ball in balls) / size
-    axes.set(xlim=(min(centers) - margin, max(centers) + margin), aspect="equal")
+    axes.set(xlim=tuple(end / size for end in _span(balls, along)), aspect="equal")
     length = scale.units.length
     axes.set(xlabel=length.heading("along the section"), ylabel=length.heading("$z$"))
     axes.set_ylim((1.6 * lowest - 0.1 * scale.radius) / size, scale.radius / size)
     axes.set_title("Section through the balls (dashed: undeformed)")
+
+
+def _span(balls: Sequence[Mapping[str, Any]], along: Array) -> tuple[float, float]:
+    """Return the ends [m] of the part of the section that is drawn."""
+    centers = [float(along @ ball["position"]) for ball in balls]
+    margin = 1.3 * max(ball["radius"] for ball in balls)
+    return min(centers) - margin, max(centers) + margin
 
 
 def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[float, float], tuple[float, float]]:

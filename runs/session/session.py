@@ -16,6 +16,7 @@ from typing import Any
 from linear_bem.counts import grouped
 from linear_bem.errors import MissingDependency, UnsupportedProblem
 from linear_bem.result import Result, Solved, Step
+from linear_bem.solution import Solution
 from runs.display import surface
 from runs.display.numbers import Scale, duration
 from runs.models import Model, Run, choose, standing
@@ -43,6 +44,7 @@ class Options:
 class Session:
     """One run of one command by one model on one scene; the output folder is rank 0's.
 
+    ``solutions`` are those of the linear model at its load steps.
     ``complete``: an earlier run is complete; ``saved``: its document on disk, complete or not (rank 0 only).
     ``version`` is the format version of the saved document: runs of other versions are neither resumed nor shown.
     Errors of the input are raised before anything slow is loaded.
@@ -63,6 +65,7 @@ class Session:
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
             _check_memory(scene, self.plan)
         self.folder: OutputFolder | None = None
+        self.solutions: list[Solution] = []
         self.saved: Document = {}
         self.complete = False
         if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
@@ -157,7 +160,7 @@ class Session:
         scene = self.scene
         run = Run(
             scene.tangential_force, self.comm, fields, progress, scene.output, scene.budget, self.steps,
-            report=progress.note,
+            report=progress.note, inspect=self.solutions.append,
         )  # fmt: skip
         working = progress if self.plan else waiting(f"{self.model.name}, {self.problem.size} ball(s)")
         with working:

@@ -10,7 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Layer, Load, Problem
+from linear_bem import Ball, Layer, Load, Problem, solve_contact
+from linear_bem.indenter import Punch
+from linear_bem.smooth.contacts import SmoothContacts
 from runs.display import figures, surface
 from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale
@@ -56,7 +58,8 @@ def test_the_section_shows_the_bodies_that_it_cuts_as_it_cuts_them(tmp_path: Pat
     balls = (Ball((0.0, 0.0), 1.0), Ball((4.0, 0.0), 1.0), Ball((2.0, 0.6), 1.0), Ball((2.0, -1.5), 1.0))
     states = [{"position": list(ball.position), "radius": ball.radius, "approach": 0.3} for ball in balls]
     axes = Figure().subplots()
-    figures._draw_section(axes, top, SimpleNamespace(balls=balls), states, Scale(1.0, 1.0))  # type: ignore[arg-type]
+    cut = surface.section(top, [ball.position for ball in balls])
+    figures._draw_section(axes, cut, SimpleNamespace(balls=balls), states, Scale(1.0, 1.0))  # type: ignore[arg-type]
     circles = [line for line in axes.lines if line.get_color() == "0.25"]
     assert [np.ptp(circle.get_xdata()) for circle in circles] == pytest.approx([2.0, 2.0, 1.6])
 
@@ -145,6 +148,29 @@ def test_a_contact_whose_nodes_rattle_is_drawn_with_its_edge_and_the_scale_of_it
     for edge, ball in zip(edges, balls, strict=True):
         assert np.hypot(*(np.asarray(edge) - ball["position"]).T) == pytest.approx(np.full(len(edge), 0.8), rel=0.15)
     assert axes.collections[-1].get_clim()[1] == pytest.approx(3.0, rel=0.15)  # not 4.5, of single nodes
+
+
+@pytest.mark.parametrize(("shape", "smooth"), [("paraboloid", True), (Punch(1.0, 0.3), False)])
+def test_a_linear_solution_is_drawn_with_its_own_contacts_and_surface(
+    shape: Any, smooth: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    balls = tuple(Ball((x, 0.0), Punch(1.0, 0.3).apex_radius if not smooth else 1.0, shape) for x in (-1.5, 1.5))
+    solution = solve_contact(Problem(Layer(1.0, 0.3, 2.0), balls, Load("approach", (0.1, 0.1))), 1e-2)
+    assert isinstance(solution.contacts, SmoothContacts) == smooth
+    states = [ball.to_dict() for ball in solution.result().balls]
+    drawn: list[Any] = []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, *_: drawn.append(figure))
+    figures.draw_contacts(tmp_path, solution, states, Scale.of(solution.problem))
+    above, below, _ = drawn[0].axes
+    edges = [np.asarray(line.get_xydata()) for line in above.lines if len(line.get_xydata()) > 1]
+    for edge, state in zip(edges, states, strict=True):
+        x, y = edge.T
+        area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+        assert area == pytest.approx(state["contact_area"], rel=0.05)
+    assert above.collections[0].get_clim()[1] == pytest.approx(states[0]["peak_pressure"], rel=0.03)
+    (line,) = (line for line in below.lines if line.get_label() == "surface")
+    at, heights = line.get_data()
+    assert np.interp([-1.5, 1.5], at, heights) == pytest.approx([-0.1, -0.1], abs=2e-3)
 
 
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])
