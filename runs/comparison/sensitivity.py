@@ -199,7 +199,10 @@ def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float 
 def _row(name: str, value: str, step: str, slope: float, unit: str, known: float | None) -> dict[str, str]:
     row = {"input": name, "value": value, "change of T": step}
     if known is not None:
-        row["input change equal to T's error"] = f"\u00b1 {number(known / abs(slope), 2)}{unit}" if slope else "-"
+        change = known / abs(slope) if slope else None
+        # a power law says nothing about an input that more than doubles
+        large = "-" if change is None else "more than 100 %" if unit == " %" and change > 100.0 else ""
+        row["input change equal to T's error"] = large or f"\u00b1 {number(change, 2)}{unit}"
     return row
 
 

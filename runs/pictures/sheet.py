@@ -50,7 +50,7 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
     canvas = FigureCanvasAgg(figure)
     factor, unit = prefixed(legend.unit, max(map(abs, legend.limits)), legend.dimensionless)
     low, high = (factor * value for value in legend.limits)
-    bar = figure.add_axes((0.33, 0.125, 0.34, 0.026))
+    bar = figure.add_axes((0.27, 0.125, 0.34, 0.026))
     mappable = ScalarMappable(Normalize(low, high), legend.coloring.color_map())
     colors = figure.colorbar(mappable, cax=bar, orientation="horizontal")
     colors.outline.set_linewidth(0.5)

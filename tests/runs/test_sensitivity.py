@@ -87,13 +87,14 @@ def test_one_ball_has_no_sensitivity_and_a_profile_says_why() -> None:
 def test_the_table_holds_what_the_record_holds() -> None:
     scene = pair(Load("force", (0.02, 0.02)))
     found = {
-        "ball": 0, "exponents": {"h": -2.9, "Q": 0.0}, "poisson": (0.45, 0.46), "change": 0.2, "moduli": 1.0,
+        "ball": 0, "exponents": {"h": -2.9, "Q": 0.0, "R": -3e-3}, "poisson": (0.45, 0.46), "change": 0.2, "moduli": 1.0,
         "lengths": 2.0,
     }  # fmt: skip
-    nu, h, force = rows(found, scene, Scale.of(scene), 0.01)
+    nu, h, force, radius = rows(found, scene, Scale.of(scene), 0.01)
     assert nu["change of T"] == "0.45 \u2192 0.46: +20 %"
     assert nu["input change equal to T's error"] == "\u00b1 0.0005"
     assert (h["value"], h["change of T"]) == ("1.5 R", "1 % more: -2.9 %")
     assert h["input change equal to T's error"] == "\u00b1 0.34 %"
     assert force["input change equal to T's error"] == "-"
+    assert radius["input change equal to T's error"] == "more than 100 %"
     assert "add up" not in check(found)  # the sums are in the JSON
