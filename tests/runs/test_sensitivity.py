@@ -87,8 +87,8 @@ def test_one_ball_has_no_sensitivity_and_a_profile_says_why() -> None:
 def test_the_table_holds_what_the_record_holds() -> None:
     scene = pair(Load("force", (0.02, 0.02)))
     found = {
-        "ball": 0, "exponents": {"h": -2.9, "Q": 0.0, "R": -3e-3}, "poisson": (0.45, 0.46), "change": 0.2, "moduli": 1.0,
-        "lengths": 2.0,
+        "ball": 0, "exponents": {"h": -2.9, "Q": 0.0, "R": -3e-3}, "poisson": (0.45, 0.46), "change": 0.2,
+        "moduli": 1.0, "lengths": 2.0,
     }  # fmt: skip
     nu, h, force, radius = rows(found, scene, Scale.of(scene), 0.01)
     assert nu["change of T"] == "0.45 \u2192 0.46: +20 %"
