@@ -64,9 +64,9 @@ class BallResult:
         """Return the ball that ``to_dict`` wrote."""
         x, y = data["position"]
         tx, ty = data["tangential_force"]
-        routes = {k: (v[0], v[1]) for k, v in data.get("tangential_force_routes", {}).items()}
+        routes = {k: (v[0], v[1]) for k, v in dict(data.get("tangential_force_routes", {})).items()}
         numbers = {f.name: float(data[f.name]) for f in fields(cls) if f.type in ("float", float)}
-        errors = {k: float(v) for k, v in data.get("errors", {}).items()}
+        errors = {k: float(v) for k, v in dict(data.get("errors", {})).items()}
         return cls(position=(x, y), tangential_force=(tx, ty), tangential_force_routes=routes, errors=errors, **numbers)
 
 

@@ -17,7 +17,9 @@ SHARED_WORDS = {f"linear_bem.{name}" for name in _SHARED}
 MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},
-    "finite_strain": SHARED_WORDS | {"linear_bem.layer.kernel", "linear_bem.memory", "linear_bem.solver", "meshes"},
+    "finite_strain": SHARED_WORDS
+    | {f"linear_bem.{name}" for name in ("counts", "layer.kernel", "memory", "solver")}
+    | {"meshes"},
     "runs": {"linear_bem", "meshes", "finite_strain"},
 }
 THIRD_PARTY = {

@@ -46,7 +46,7 @@ class ContactState:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactState:
         """Return the state that `save_records` wrote."""
-        arrays = {name: np.array(value, dtype=float) for name, value in data.items() if name != "fraction"}
+        arrays = {name: np.array(value, dtype=float) for name, value in dict(data).items() if name != "fraction"}
         return cls(fraction=float(data["fraction"]), **arrays)
 
 
@@ -178,7 +178,7 @@ class Record:
     def from_dict(cls, data: Mapping[str, Any]) -> Record:
         """Return the record that `save_records` wrote."""
         steps = [Answer.from_step(Step.from_dict(step)) for step in data["steps"]]
-        rows = [Row(**{k: v and ContactState.from_dict(v) for k, v in row.items()}) for row in data["rows"]]
+        rows = [Row(**{k: v and ContactState.from_dict(v) for k, v in dict(row).items()}) for row in data["rows"]]
         return cls(**{**data, "level": Discretisation(**data["level"]), "rows": rows, "steps": steps})
 
 
@@ -212,7 +212,7 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
             records = [Record.from_dict(record) for record in saved["discretisations"]] if saved["key"] == key else []
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        except (OSError, ValueError, TypeError, LookupError) as error:
             damage = damage or f"{path} cannot be read ({error})"
             continue
         if damage:  # else the next save would put it in the place of the good one

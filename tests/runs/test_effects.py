@@ -63,10 +63,10 @@ def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> N
 
 def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it() -> None:
     called = measuring.run(LINEAR).functions
-    assert "linear_bem.solver:solve" in called
+    assert "linear_bem.solver:solve_contact" in called
     assert not [name for name in called if not name.startswith(("linear_bem.", "runs."))]
-    with pytest.raises(ThirdBodyError, match=r"linear_bem\.solver:solve \(refused"):
-        measuring.run(LINEAR, blocked=["linear_bem.solver:solve"])
+    with pytest.raises(ThirdBodyError, match=r"linear_bem\.solver:solve_contact \(refused"):
+        measuring.run(LINEAR, blocked=["linear_bem.solver:solve_contact"])
 
 
 def test_every_scene_of_the_study_is_a_scene(tmp_path: Any) -> None:
