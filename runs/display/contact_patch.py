@@ -85,7 +85,7 @@ def patch_within(x: Array, y: Array, pressure: Callable[[Array, Array], Array]) 
     edge = np.stack([np.append(x, x[0]), np.append(y, y[0])])
     middle = edge[:, :-1].mean(axis=1)[:, None, None]
     rings = middle + np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * (edge[:, None] - middle)
-    return Patch(*rings, pressure(*rings))
+    return Patch(rings[0], rings[1], pressure(rings[0], rings[1]))
 
 
 def _terms(degree: int) -> list[tuple[int, int]]:

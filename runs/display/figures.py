@@ -183,11 +183,11 @@ def _patch(points: Array, pressure: Array, ball: Mapping[str, Any]) -> Patch | N
 
 
 def _draw_section(
-    axes: Any, cut: tuple[Array, Array], problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
+    axes: Any, crossing: tuple[Array, Array], problem: Problem, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
-    """Draw a section: ``cut`` holds coordinates along it and heights of the surface [m]."""
+    """Draw a section: ``crossing`` holds coordinates along it and heights of the surface [m]."""
     size = scale.units.length.size
-    line, heights = cut
+    line, heights = crossing
     axes.plot(line / size, heights / size, color=FINITE, lw=2.2, label="surface", zorder=3)
     axes.axhline(0.0, color="0.3", lw=1.0, ls="--", zorder=4)
     origin, along, normal = surface.section_line([ball["position"] for ball in balls])
