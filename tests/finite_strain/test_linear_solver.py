@@ -62,9 +62,9 @@ def options() -> Iterator[Callable[[str, str], None]]:
 @pytest.mark.parametrize(
     ("unknowns", "mixed", "given", "method", "why"),
     [
-        (199_999, False, {}, "cholesky (mumps)", "up to 200000 unknowns"),
-        (200_001, False, {}, "fgmres + mg", "more than 200000 unknowns"),
-        (200_001, True, {}, "fgmres + fieldsplit", "more than 200000 unknowns"),
+        (199_999, False, {}, "cholesky (mumps)", "up to 200 000 unknowns"),
+        (200_001, False, {}, "fgmres + mg", "more than 200 000 unknowns"),
+        (200_001, True, {}, "fgmres + fieldsplit", "more than 200 000 unknowns"),
         (1_000, True, {"direct_up_to": "999"}, "fgmres + fieldsplit", "more than 999 unknowns"),
         (1e7, False, {"pc_type": "lu"}, "lu (mumps)", "by the options of the prefix thirdbody_"),
         (1_000, False, {"pc_type": "hypre"}, "fgmres + hypre", "by the options of the prefix thirdbody_"),

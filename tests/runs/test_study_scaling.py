@@ -40,6 +40,6 @@ def test_what_does_not_fit_the_memory_is_left_out_with_its_size(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("linear_bem.memory.free_memory", lambda: 1e9)
-    assert "a run of 600000 unknowns" in whole_runs.too_large(600_000)
+    assert "a run of 600 000 unknowns" in whole_runs.too_large(600_000)
     assert whole_runs.too_large(1_000) == ""
-    assert "a system of 600000 unknowns (mixed form)" in answer.too_large("mixed", 600_000)
+    assert "a system of 600 000 unknowns (mixed form)" in answer.too_large("mixed", 600_000)
