@@ -15,19 +15,25 @@ from linear_bem.errors import OutputUnusable
 
 DAMAGED = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 """What numpy raises where a file of arrays is damaged."""
+DRAFT = ".part."
+"""How the names of files begin that are not written to the end."""
 
 
 @contextlib.contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Yield a draft beside ``target`` that takes its place when all went well; raises `OutputUnusable`."""
-    draft = target.with_name(f".part.{target.name}")
+    """Yield a draft beside ``target`` that takes its place when all went well; raises `OutputUnusable`.
+
+    Two processes that write the same file each have a draft of their own; the last one counts.
+    """
+    draft = target.with_name(f"{DRAFT}{os.getpid()}.{target.name}")
     try:
         yield draft
         os.replace(draft, target)
     except OSError as error:
+        raise OutputUnusable(f"{target}: cannot be written: {error.strerror or error}; name another --out") from None
+    finally:
         with contextlib.suppress(OSError):
             draft.unlink()
-        raise OutputUnusable(f"{target}: cannot be written: {error.strerror or error}; name another --out") from None
 
 
 def write_text(target: Path, text: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from linear_bem.errors import OutputUnusable
-from runs.process.files import read_json, write_csv, write_text
+from runs.process.files import DRAFT, read_json, write_csv, write_text
 from runs.process.json_values import plain, to_json
 
 MARK = "run.json"
@@ -57,7 +57,7 @@ class OutputFolder:
         self._take_lock()
         mark = read_json(self.path / MARK)
         # a run on a full disk may have left only its first files, complete or not
-        others = [p.name for p in self.path.iterdir() if p.name.removeprefix(".part.") not in FIRST]
+        others = [p.name for p in self.path.iterdir() if p.name not in FIRST and not p.name.startswith(DRAFT)]
         damaged = mark is None and (self.path / MARK).exists()
         if damaged and others and not fresh:
             raise OutputUnusable(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from linear_bem.errors import OutputUnusable
+from runs.process.files import replacing, write_text
 from runs.process.json_values import plain, to_json
 from runs.session.output_folder import OutputFolder
 
@@ -61,7 +63,7 @@ def test_a_folder_with_files_of_no_run_is_left_alone(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir() if p.name != ".lock"] == ["thesis.tex"]
 
 
-@pytest.mark.parametrize("left", ["scene.toml", ".part.run.json", "run.json"])
+@pytest.mark.parametrize("left", ["scene.toml", ".part.7.run.json", "run.json"])
 def test_what_a_run_left_that_found_no_room_is_gone_on_from(left: str, tmp_path: Path) -> None:
     (tmp_path / left).write_text('{"identity": ', encoding="utf-8")
     OutputFolder(tmp_path, IDENTITY, "scene").close()
@@ -75,6 +77,17 @@ def test_two_runs_cannot_share_a_folder(tmp_path: Path) -> None:
         OutputFolder(tmp_path, IDENTITY, "scene")
     first.close()
     OutputFolder(tmp_path, IDENTITY, "scene").close()
+
+
+def test_two_writers_of_one_file_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "table.json"
+    with replacing(target) as draft:
+        draft.write_text("mine", encoding="utf-8")
+        with monkeypatch.context() as other:
+            other.setattr(os, "getpid", lambda: -1)
+            write_text(target, "theirs")
+    assert target.read_text(encoding="utf-8") == "mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["table.json"]
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
