@@ -138,7 +138,11 @@ class MeshRun:
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
-            distorted_at={"volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at)},
+            smallest_seen_area=bent.seen_area,
+            distorted_at={
+                "volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at),
+                "seen_area": list(bent.seen_at),
+            },
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,

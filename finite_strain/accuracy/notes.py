@@ -65,6 +65,12 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
             "left under a ball"
         )
+    if last.smallest_seen_area <= 0.0:
+        away = last.distorted_at["seen_area"][0]
+        notes.append(
+            f"the surface overhangs {away:.2g} m from a ball's axis: whether it touches itself is not checked, and "
+            "contact of the surface with itself is not computed"
+        )
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
     return notes + _overrun(plan, record, seconds)

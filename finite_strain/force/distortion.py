@@ -1,4 +1,8 @@
-"""How far a state is from the end of the solid: smallest volume ratio, surface stretch and film, and where they are."""
+"""How far a state is from the end of the solid: smallest volume ratio, surface stretch and film, and where they are.
+
+Where the surface is a graph over the plane, it does not touch itself: seen from above, every part of it has a positive
+area, so that the map of places in the plane is one to one near each place, and therefore, with fixed edges, as a whole.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,12 +30,18 @@ def is_resolved(volume_ratio: float, film: float) -> bool:
 
 @dataclass(frozen=True)
 class Distortion:
-    """Smallest det F at the nodes, smallest stretch along the top, and their places."""
+    """Smallest values at the nodes, and their places: det F, stretch along the top, and area of the top from above.
+
+    ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; above zero
+    everywhere the surface overhangs nowhere.
+    """
 
     volume_ratio: float
     at: Place
     surface_stretch: float
     surface_at: Place
+    seen_area: float
+    seen_at: Place
 
     def describe(self) -> str:
         """Return the values in words, with what they mean for the solid."""
@@ -39,6 +49,8 @@ class Distortion:
         surface = f"smallest stretch of the surface {self.surface_stretch:.2g}, {_place(self.surface_at)}"
         if self.surface_stretch < CREASE:
             surface += f", below {CREASE:g}, where a free surface folds into a crease"
+        if self.seen_area <= 0.0:
+            surface += f"; it overhangs, {_place(self.seen_at)}"
         return f"{volume}; {surface}"
 
 
@@ -53,7 +65,8 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
     top = space.mesh.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
     deep = top - space.mesh.comm.allreduce(float(heights.min(initial=np.inf)), op=MPI.MIN)
     on_top = points[..., 2] > top - 1e-9 * deep
-    values = np.linalg.det(F), np.where(on_top, np.sqrt(np.maximum(squared, 0.0)), np.inf)
+    stretch, seen = np.sqrt(np.maximum(squared, 0.0)), np.linalg.det(F[..., :2, :2])
+    values = np.linalg.det(F), np.where(on_top, stretch, np.inf), np.where(on_top, seen, np.inf)
     least = []
     for value in values:
         number = int(value.argmin()) if value.size else 0
@@ -61,7 +74,7 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
         away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
         place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
         least.append(min(space.mesh.comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
-    return Distortion(*least[0], *least[1])
+    return Distortion(*least[0], *least[1], *least[2])
 
 
 def _place(place: Place) -> str:

@@ -24,16 +24,22 @@ def test_the_smallest_values_of_a_quadratic_displacement_are_found_at_their_corn
     x, y, z = space.tabulate_dof_coordinates().T
     axes = [(1.0, 2.0), (9.0, 9.0)]
     still = distortion(space, np.zeros((len(x), 3)), axes)
-    assert (still.volume_ratio, still.surface_stretch) == pytest.approx((1.0, 1.0), abs=ROUNDOFF)
+    assert (still.volume_ratio, still.surface_stretch, still.seen_area) == pytest.approx((1.0, 1.0, 1.0), abs=ROUNDOFF)
     bent = distortion(space, np.column_stack([-0.3 * x**2 + 0.2 * z, 0.05 * y**2, -0.1 * z + 0.3 * y]), axes)
     # det = (1 - 0.6 x)(1 + 0.1 y)(1 - 0.1) with the rows and columns of y and z triangular: least at x = 1, y = 0
     assert bent.volume_ratio == pytest.approx(0.4 * 0.9, abs=ROUNDOFF)
     assert bent.at[0] == pytest.approx(2.0, abs=ROUNDOFF)
     assert (bent.surface_stretch, bent.surface_at[1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
+    assert (bent.seen_area, bent.seen_at[1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
     assert "folds into a crease" in bent.describe()
+    assert "overhangs" not in bent.describe()
     below = distortion(space, np.column_stack([-0.3 * x**2 * (1.5 - z), 0.0 * y, 0.0 * z]), axes)
     assert below.volume_ratio == pytest.approx(0.1, abs=ROUNDOFF)  # at the bottom; the top is as it was
     assert below.at[1] == pytest.approx(1.5, abs=ROUNDOFF)
     assert below.surface_stretch > 0.7
     folded = distortion(space, np.column_stack([-0.6 * x**2, np.zeros_like(y), np.zeros_like(z)]), axes)
     assert folded.volume_ratio == pytest.approx(-0.2, abs=ROUNDOFF)
+    assert folded.seen_area == pytest.approx(-0.2, abs=ROUNDOFF)
+    assert "it overhangs" in folded.describe()
+    wave = distortion(space, np.column_stack([np.zeros_like(x), np.zeros_like(y), 40.0 * x**2]), axes)
+    assert wave.seen_area == pytest.approx(1.0, abs=ROUNDOFF)  # steep, yet a graph

@@ -181,8 +181,8 @@ def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, not
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
     ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
     step = SimpleNamespace(
-        balls=(ball, ball), smallest_volume_ratio=volume_ratio, distorted_at={"volume_ratio": [1.0, 0.0]},
-        linear_failure="",
+        balls=(ball, ball), smallest_volume_ratio=volume_ratio, smallest_seen_area=1.0,
+        distorted_at={"volume_ratio": [1.0, 0.0]}, linear_failure="",
     )  # fmt: skip
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
@@ -192,10 +192,24 @@ def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, not
     )
 
 
+@pytest.mark.parametrize(("seen_area", "noted"), [(0.1, False), (-0.1, True)])
+def test_a_surface_that_overhangs_is_noted(seen_area: float, noted: bool) -> None:
+    plan = plan_run(pair(1.0), 0.1, "finite_strain")
+    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
+    step = SimpleNamespace(
+        balls=(ball, ball), smallest_volume_ratio=0.9, smallest_seen_area=seen_area,
+        distorted_at={"seen_area": [1.5, 0.0]}, linear_failure="",
+    )  # fmt: skip
+    rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    said = [note for note in result_notes(plan, record, "", 1.0) if "overhangs 1.5 m from a ball's axis" in note]
+    assert bool(said) == noted
+
+
 def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
     ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.0082, approach=0.1)
-    step = SimpleNamespace(balls=(ball, ball), smallest_volume_ratio=1.0, linear_failure="")
+    step = SimpleNamespace(balls=(ball, ball), smallest_volume_ratio=1.0, smallest_seen_area=1.0, linear_failure="")
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=2.0)  # type: ignore[list-item]
     assert result_notes(plan, record, "", 1.0) == [
@@ -211,7 +225,7 @@ def test_forces_with_an_error_above_half_of_them_are_bounded(second: float, note
         SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=error, approach=0.1, normal_force=1e3)
         for error in (1.5, second)
     ]
-    step = SimpleNamespace(balls=balls, smallest_volume_ratio=1.0, linear_failure="")
+    step = SimpleNamespace(balls=balls, smallest_volume_ratio=1.0, smallest_seen_area=1.0, linear_failure="")
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=200.0)  # type: ignore[list-item]
     said = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(FAINT)]

@@ -26,7 +26,8 @@ def step(depth: float, stretch: float, **more: Any) -> dict[str, Any]:
     ball = {"approach": depth, "normal_force": depth**2, "tangential_force": [0.0, 0.0], "tangential_force_error": 0.0}
     record = {
         "order": 3, "fineness": 1.0, "unknowns": 100, "fraction": depth / 2.0, "iterations": 5,
-        "smallest_volume_ratio": 0.4, "smallest_surface_stretch": stretch, "force_on_mesh": depth**2,
+        "smallest_volume_ratio": 0.4, "smallest_surface_stretch": stretch, "smallest_seen_area": 0.5,
+        "force_on_mesh": depth**2,
         "distorted_at": {"volume_ratio": [0.1, 0.2], "surface_stretch": [1.0, 0.0]}, "strain_energy": depth**3 / 3.0,
     }  # fmt: skip
     return {"balls": [ball], "record": {**record, **more}}
@@ -37,9 +38,17 @@ def test_the_page_names_the_crease_the_energy_balance_and_the_reason_of_a_stop(t
     steps = [step(0.01, 0.9), step(1.0, 0.8), step(2.0, 0.6, stopped="the film is thin")]
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
     assert "below a stretch of 0.65, where it creases, from D = 2 R on" in text
+    assert "no part of the surface has less than 0.5 of its undeformed area" in text
     assert "- order 3, fineness 1 ended at D = 2 R: the film is thin" in text
     last = next(line for line in text.splitlines() if line.startswith("| 2 |")).split("|")
     # the first step's work is taken as Hertz's, a millionth of the whole
     assert abs(float(last[-3])) < 1e-4
     assert (tmp_path / "deep.csv").read_text(encoding="utf-8").count("\n") == 4
     assert (tmp_path / "deep.png").stat().st_size > 10_000
+
+
+def test_the_page_says_from_where_on_the_surface_overhangs(tmp_path: Path) -> None:
+    case = next(case for case in cases(quick=False) if case.name == "one-ball-on-6-R")
+    steps = [step(1.0, 0.8), step(2.0, 0.8, smallest_seen_area=-0.1)]
+    text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
+    assert "From D = 2 R on the surface overhangs" in text

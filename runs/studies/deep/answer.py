@@ -21,7 +21,7 @@ CREASE = 0.65
 """Surface stretch below which a free surface creases; see `finite_strain.force.distortion`."""
 COLORS = (GREY, GREEN, PURPLE, BLUE, ORANGE)
 SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
-         "energy balance [%]", "iterations")  # fmt: skip
+         "smallest area from above", "energy balance [%]", "iterations")  # fmt: skip
 PLACES = (("s", "inside the layer"), ("o", "surface, under a ball"), ("^", "surface, beside it"))
 """Markers of the places where the smallest values are."""
 UNDER = 0.95
@@ -43,11 +43,15 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the rows of the finest discretisation, the ends of all, and where the surface begins to crease."""
+    """Return the rows of the finest discretisation, the ends of all, and where the surface creases and overhangs."""
     ends = list({row["level"]: row for row in path}.values())
     finest = [row for row in path if row["level"] == ends[-1]["level"]]
     creased = [row["D / R"] for row in finest if row["smallest surface stretch"] < CREASE]
-    return {"finest": finest, "ends": ends, "creased": creased, "least": min(row["D / R"] for row in ends)}
+    seen = [row["smallest area from above"] for row in finest]
+    return {
+        "finest": finest, "ends": ends, "creased": creased, "least": min(row["D / R"] for row in ends),
+        "seen": min(seen), "overhanging": [row["D / R"] for row, area in zip(finest, seen, strict=True) if area <= 0.0],
+    }  # fmt: skip
 
 
 def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
@@ -69,6 +73,7 @@ def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
             "at r, depth": "{:.2f}, {:.2f}".format(*bent["volume_ratio"]),
             "smallest surface stretch": record["smallest_surface_stretch"],
             "at r": f"{bent['surface_stretch'][0]:.2f}",
+            "smallest area from above": record["smallest_seen_area"],
             "energy balance [%]": 100.0 * _balance(before), "iterations": record["iterations"],
             "stopped": record.get("stopped", ""),
             "places": {"smallest J": bent["volume_ratio"], "smallest surface stretch": bent["surface_stretch"]},

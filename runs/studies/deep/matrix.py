@@ -7,9 +7,9 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import POISSON, THICK, pair
 
-LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0))
+LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(3, 1.5))
 """Coarse to fine; the states on each are the initial guesses on the next."""
-EVIDENCE = (Level(2, 1.0), Level(2, 1.5), Level(2, 2.0), Level(3, 1.0), Level(3, 1.5))
+EVIDENCE = (Level(2, 1.0), Level(2, 1.5), Level(2, 2.0), Level(3, 1.0), Level(3, 1.5), Level(3, 2.0))
 """Of the thin pair: what ends its path must not depend on mesh or order."""
 
 
