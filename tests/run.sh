@@ -15,26 +15,29 @@ cd -- "$checkout"
 summary=() failed=0
 # check NAME COMMAND...
 check() {
-  local name=$1 status=0 begin=$SECONDS
+  local name=$1 status=0 begin=$SECONDS seconds
   shift
   echo "tests: $name"
   "$@" || status=$?
+  seconds=$((SECONDS - begin))
+  # a check that ran beside the others ended when it last printed
+  [[ ! -e $beside/$name ]] || seconds=$(($(stat -c %Y "$beside/$name") - begun[$name]))
   if ((status)); then
     failed=1
-    summary+=("$name FAILED (exit code $status, $((SECONDS - begin)) s)")
+    summary+=("$name FAILED (exit code $status, $seconds s)")
   else
-    summary+=("$name passed ($((SECONDS - begin)) s)")
+    summary+=("$name passed ($seconds s)")
   fi
 }
 beside=$(mktemp -d)
-declare -A jobs=()
+declare -A jobs=() begun=()
 trap 'kill "${jobs[@]}" 2>/dev/null || true; rm -rf "$beside"' EXIT
 # begin NAME COMMAND...: starts a check beside the others; "check NAME end_of NAME" waits for it and prints its output.
 begin() {
   local name=$1
   shift
   "$@" >"$beside/$name" 2>&1 &
-  jobs[$name]=$!
+  jobs[$name]=$! begun[$name]=$(date +%s)
 }
 end_of() {
   local status=0
