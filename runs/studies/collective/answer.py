@@ -17,8 +17,8 @@ from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
 from runs.studies.framework.template import render
 
-SHOWN = Case(6.0, 0.3, 200, 1)
-"""The run of the animation."""
+SHOWN = (6.0, 0.3, 1)
+"""Thickness over R, area fraction and seed of the run in the animation."""
 GATHERED, GROUPED = 4.0, 1.3
 """Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
@@ -83,8 +83,8 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in free], laws)
         pictures.draw_ends(folder, [(d.case, folder / CASES) for d in free if d.case.seed == 1])
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
-        if SHOWN in [done.case for done in free]:
-            pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
+        for case in (d.case for d in free if (d.case.thickness, d.case.fraction, d.case.seed) == SHOWN):
+            pictures.draw_gathering(folder, case, folder / CASES, laws[case.thickness].largest)
     return text(found, laws, boundary.read(folder / CASES), quick, deep)
 
 

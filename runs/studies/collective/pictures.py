@@ -54,14 +54,13 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
 @look()
 def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
     """Write ends.png: the layer at the end of every run, a column per thickness."""
-    few = [(case, place) for case, place in found if case.count == min(c.count for c, _ in found)]
-    columns = sorted({case.thickness for case, _ in few})
-    lines = sorted({case.fraction for case, _ in few}, reverse=True)
+    columns = sorted({case.thickness for case, _ in found})
+    lines = sorted({case.fraction for case, _ in found}, reverse=True)
     figure = blank(2.3 * len(columns), 2.45 * len(lines))
     axes = figure.subplots(len(lines), len(columns), squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()
-    for case, place in few:
+    for case, place in found:
         axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
         axis.set_axis_on()
         run = place / case.name
@@ -99,13 +98,12 @@ def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, 
     chosen = [(case, rows) for case, rows in found if case.fraction == 0.3 and case.seed == 1]
     thicknesses = sorted({case.thickness for case, _ in chosen})
     figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
-    for case, rows in sorted(chosen, key=lambda c: (c[0].count, c[0].thickness)):
+    for case, rows in sorted(chosen, key=lambda c: c[0].thickness):
         color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
-        style = "-" if case.count < 1000 else "--"
         path = np.array([row["cycle"] for row in rows])
-        label = f"h = {case.thickness:g} R" + (", 1000 balls" if case.count >= 1000 else "")
-        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], style, color=color, label=label)
-        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], style, color=color, label=label)
+        label = f"h = {case.thickness:g} R"
+        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], color=color, label=label)
+        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], color=color, label=label)
     clusters.set(xscale="log", yscale="log", xlabel="path", ylabel="balls in the cluster of a ball, mean")
     order.set(xscale="log", xlabel="path", ylabel="mean of |psi_6|", ylim=(0.2, 1.0))
     clusters.legend(fontsize=8)
