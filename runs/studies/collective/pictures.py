@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from linear_bem.arrays import Array
+from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, panels, save_figure
 from runs.evolution import saved_path
 from runs.evolution.hard_balls import HardBalls
@@ -29,7 +31,7 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
         seen.add((case.thickness, case.fraction))
         outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
         grouped = outcome in ("gathers", "small groups")
-        text = f"{row['cluster_mean']:.3g}" if grouped else f"{row['hexatic_end']:.2f}"
+        text = number(row["cluster_mean"], 3) if grouped else f"{row['hexatic_end']:.2f}"
         outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
                           ha="center", fontsize=8)  # fmt: skip
     for name, color in COLORS.items():
@@ -65,8 +67,7 @@ def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
         axis.set_axis_on()
         run = place / case.name
         last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
-        draw_layer(axis, last.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
-        axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        _draw_cell(axis, case, last.positions)
         axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
     save_figure(figure, folder, "ends", ("png",))
 
@@ -82,14 +83,21 @@ def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> Non
             moment = saved_path.read(run, number)
             figure = blank(3.6, 3.8)
             axis = figure.subplots()
-            draw_layer(axis, moment.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
-            axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+            _draw_cell(axis, case, moment.positions)
             axis.set_title(f"h = {case.thickness:g} R, path {moment.sigma * largest:.1f}")
             canvas = FigureCanvasAgg(figure)
             canvas.draw()
             sheets.append(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
     if sheets:
         save_gif(sheets, folder / "gathering.gif")
+
+
+def _draw_cell(axis: Any, case: Case, positions: Array) -> None:
+    """Draw the balls in the frame of their periodic cell."""
+    draw_layer(axis, positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
+    axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+    for spine in axis.spines.values():
+        spine.set(visible=True, linewidth=0.6, color="0.4")
 
 
 @look()
