@@ -141,8 +141,11 @@ def _to_the_place_of_the_error(value: float | None, error: float | None) -> tupl
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return ``value`` to ``digits`` significant digits, a dash for none."""
-    return "-" if value is None else f"{value:.{digits}g}"
+    """Return ``value`` to ``digits`` significant digits, below a million without a power of ten; a dash for none."""
+    if value is None:
+        return "-"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e6 else text
 
 
 def percent(change: float) -> str:

@@ -15,7 +15,7 @@ from linear_bem.indenter import Punch
 from linear_bem.smooth.contacts import SmoothContacts
 from runs.display import figures, surface
 from runs.display.contact_patch import contact_patch
-from runs.display.numbers import Scale
+from runs.display.numbers import Scale, number
 from runs.display.style import error_bars, minus
 from runs.studies.figures.map_materials import _continued
 from runs.studies.figures.pair import line_through
@@ -249,6 +249,11 @@ def test_a_ratio_is_not_drawn_across_the_pole_where_its_denominator_changes_sign
 
 def test_numbers_have_minus_signs_and_words_hyphens() -> None:
     assert minus("minimum -0.0478 at h = -2e-3, half-space, x-1") == "minimum −0.0478 at h = −2e−3, half-space, x-1"
+
+
+def test_large_numbers_have_no_power_of_ten_below_a_million() -> None:
+    values = (1000.0, 1234.5, -12_345.0, 999_000.0, 1.5e6, 0.00123)
+    assert [number(value, 3) for value in values] == ["1000", "1230", "-12300", "999000", "1.5e+06", "0.00123"]
 
 
 def test_contours_are_continued_up_to_the_limit() -> None:

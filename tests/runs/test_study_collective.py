@@ -70,12 +70,14 @@ def test_verdicts_turn_with_clusters_and_order() -> None:
 def test_a_power_law_is_found_with_its_error() -> None:
     path = np.geomspace(0.1, 100.0, 30)
     noise = np.exp(0.05 * np.random.default_rng(0).normal(size=len(path)))
-    size = np.maximum(8.0 * path**0.4, 1.0) * noise
+    size = np.maximum(6.0 * path**0.4, 1.0) * noise
     law = answer.growth(finished([{"cycle": p, "cluster_mean": s} for p, s in zip(path, size, strict=True)]))
     assert law is not None
     assert law.exponent == pytest.approx(0.4, abs=4.0 * law.error)
     assert 0.0 < law.error < 0.05
     assert answer.growth(finished([{"cycle": p, "cluster_mean": 1.0} for p in path])) is None
+    joined = [{"cycle": p, "cluster_mean": s} for p, s in zip(path, np.geomspace(2.0, 60.0, 30), strict=True)]
+    assert answer.growth(finished(joined)) is None
 
 
 def test_a_run_with_resistance_has_a_scene_of_its_own() -> None:

@@ -17,12 +17,14 @@ from runs.studies.collective.cases import Case, PairLaw
 from runs.studies.framework.study import CASES, Study, command
 from runs.studies.framework.template import render
 
-SHOWN = Case(6.0, 0.3, 200, 1)
-"""The run of the animation."""
+SHOWN = (6.0, 0.3, 1)
+"""Thickness over R, area fraction and seed of the run in the animation."""
 GATHERED, GROUPED = 4.0, 1.3
 """Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
 """Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
+NETWORK = 0.5
+"""Share of all balls in the mean cluster from which clusters have joined to one network."""
 GROWING = (2.0, 0.5)
 """Range of the growth law: mean clusters of this many balls up to this share of the largest at the end."""
 
@@ -83,8 +85,8 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in free], laws)
         pictures.draw_ends(folder, [(d.case, folder / CASES) for d in free if d.case.seed == 1])
         pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
-        if SHOWN in [done.case for done in free]:
-            pictures.draw_gathering(folder, SHOWN, folder / CASES, laws[SHOWN.thickness].largest)
+        for case in (d.case for d in free if (d.case.thickness, d.case.fraction, d.case.seed) == SHOWN):
+            pictures.draw_gathering(folder, case, folder / CASES, laws[case.thickness].largest)
     return text(found, laws, boundary.read(folder / CASES), quick, deep)
 
 
@@ -98,8 +100,13 @@ def read(case: Case, folder: Path) -> Finished | None:
 
 
 def growth(done: Finished) -> Growth | None:
-    """Return the growth law of a run, fitted by least squares in logarithms; None where clusters do not grow enough."""
+    """Return the growth law of a run, fitted by least squares in logarithms.
+
+    None where clusters do not grow enough, and where they join to one network through the cell.
+    """
     size = np.array([row["cluster_mean"] for row in done.rows])
+    if done.rows and size[-1] > NETWORK * done.case.count:
+        return None
     path = np.array([row["cycle"] for row in done.rows])
     used = (size >= GROWING[0]) & (size <= GROWING[1] * size[-1]) & (path > 0.0)
     if np.sum(used) < 5 or size[used][-1] < 2.0 * size[used][0]:

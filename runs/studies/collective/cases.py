@@ -69,14 +69,15 @@ class Case:
 
 def cases(quick: bool) -> list[Case]:
     """Return the runs of the quick or of the full version, those that answer most first."""
+    count = 200 if quick else 1000
     if quick:
-        return [Case(h, 0.3, 200, 1) for h in (1.16, 6.0)]
+        return [Case(h, 0.3, count, 1) for h in (1.16, 6.0)]
     thicknesses = (1.16, 2.0, 6.0, 3.0, 0.8)
-    grid = [Case(h, phi, 200, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
-    seeds = [Case(h, 0.3, 200, seed) for h in (6.0, 3.0) for seed in (2, 3)]
-    few, many = (Case(6.0, 0.3, count, 1, ROLLING) for count in (200, 1000))
-    both = [Case(BETWEEN, phi, 200, seed, 0.0, DEEP, by) for phi, seed in BOTH for by in (False, True)]
-    return [*grid, Case(1.16, 0.3, 1000, 1), few, *seeds, *both, many]
+    grid = [Case(h, phi, count, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
+    seeds = [Case(h, 0.3, count, seed) for h in (6.0, 3.0, 2.0, 1.16) for seed in (2, 3)]
+    rest = Case(6.0, 0.3, count, 1, ROLLING)
+    both = [Case(BETWEEN, phi, count, seed, 0.0, DEEP, by) for phi, seed in BOTH for by in (False, True)]
+    return [*grid, rest, *seeds, *both]
 
 
 @dataclass(frozen=True)

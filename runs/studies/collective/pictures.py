@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from linear_bem.arrays import Array
+from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, panels, save_figure
 from runs.evolution import saved_path
 from runs.evolution.hard_balls import HardBalls
@@ -29,7 +31,7 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
         seen.add((case.thickness, case.fraction))
         outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
         grouped = outcome in ("gathers", "small groups")
-        text = f"{row['cluster_mean']:.3g}" if grouped else f"{row['hexatic_end']:.2f}"
+        text = number(row["cluster_mean"], 3) if grouped else f"{row['hexatic_end']:.2f}"
         outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
                           ha="center", fontsize=8)  # fmt: skip
     for name, color in COLORS.items():
@@ -54,20 +56,18 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
 @look()
 def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
     """Write ends.png: the layer at the end of every run, a column per thickness."""
-    few = [(case, place) for case, place in found if case.count == min(c.count for c, _ in found)]
-    columns = sorted({case.thickness for case, _ in few})
-    lines = sorted({case.fraction for case, _ in few}, reverse=True)
+    columns = sorted({case.thickness for case, _ in found})
+    lines = sorted({case.fraction for case, _ in found}, reverse=True)
     figure = blank(2.3 * len(columns), 2.45 * len(lines))
     axes = figure.subplots(len(lines), len(columns), squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()
-    for case, place in few:
+    for case, place in found:
         axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
         axis.set_axis_on()
         run = place / case.name
         last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
-        draw_layer(axis, last.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
-        axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        _draw_cell(axis, case, last.positions)
         axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
     save_figure(figure, folder, "ends", ("png",))
 
@@ -83,8 +83,7 @@ def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> Non
             moment = saved_path.read(run, number)
             figure = blank(3.6, 3.8)
             axis = figure.subplots()
-            draw_layer(axis, moment.positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
-            axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+            _draw_cell(axis, case, moment.positions)
             axis.set_title(f"h = {case.thickness:g} R, path {moment.sigma * largest:.1f}")
             canvas = FigureCanvasAgg(figure)
             canvas.draw()
@@ -93,19 +92,26 @@ def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> Non
         save_gif(sheets, folder / "gathering.gif")
 
 
+def _draw_cell(axis: Any, case: Case, positions: Array) -> None:
+    """Draw the balls in the frame of their periodic cell."""
+    draw_layer(axis, positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
+    axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
+    for spine in axis.spines.values():
+        spine.set(visible=True, linewidth=0.6, color="0.4")
+
+
 @look()
 def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, float]]]]) -> None:
     """Write growth.svg and .png: mean cluster and hexatic order over the path at one area fraction."""
     chosen = [(case, rows) for case, rows in found if case.fraction == 0.3 and case.seed == 1]
     thicknesses = sorted({case.thickness for case, _ in chosen})
     figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
-    for case, rows in sorted(chosen, key=lambda c: (c[0].count, c[0].thickness)):
+    for case, rows in sorted(chosen, key=lambda c: c[0].thickness):
         color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
-        style = "-" if case.count < 1000 else "--"
         path = np.array([row["cycle"] for row in rows])
-        label = f"h = {case.thickness:g} R" + (", 1000 balls" if case.count >= 1000 else "")
-        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], style, color=color, label=label)
-        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], style, color=color, label=label)
+        label = f"h = {case.thickness:g} R"
+        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], color=color, label=label)
+        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], color=color, label=label)
     clusters.set(xscale="log", yscale="log", xlabel="path", ylabel="balls in the cluster of a ball, mean")
     order.set(xscale="log", xlabel="path", ylabel="mean of |psi_6|", ylim=(0.2, 1.0))
     clusters.legend(fontsize=8)
