@@ -138,7 +138,7 @@ class MeshRun:
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
-            smallest_seen_area=bent.seen_area,
+            smallest_seen_area=bent.seen_area, surface_crossing=bent.crossing,
             distorted_at={
                 "volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at),
                 "seen_area": list(bent.seen_at),

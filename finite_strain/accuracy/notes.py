@@ -53,6 +53,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"{name} known to {100 * record.reached:.3g} % at full load; "
             f"{100 * plan.accuracy:.2g} % was asked for: {why}"
         )
+    is_finite = plan.model == "finite_strain"
     if plan.is_paired and record.rows[-1].small is None:
         notes.append(
             "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
@@ -65,10 +66,15 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
             "left under a ball"
         )
-    if last.smallest_seen_area <= 0.0:
+    if is_finite and last.surface_crossing > 0.0:
+        notes.append(
+            "the flanks of the cleft between mirrored balls pass through each other by "
+            f"{2.0 * last.surface_crossing:.2g} m: contact of the surface with itself is not computed"
+        )
+    elif is_finite and last.smallest_seen_area <= 0.0:
         away = last.distorted_at["seen_area"][0]
         notes.append(
-            f"the surface overhangs {away:.2g} m from a ball's axis: whether it touches itself is not checked, and "
+            f"the surface overhangs {away:.2g} m from a ball's axis: it does not pass through planes of symmetry, but "
             "contact of the surface with itself is not computed"
         )
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)

@@ -33,7 +33,8 @@ class Distortion:
     """Smallest values at the nodes, and their places: det F, stretch along the top, and area of the top from above.
 
     ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; above zero
-    everywhere the surface overhangs nowhere.
+    everywhere the surface overhangs nowhere. ``crossing`` [m]: how far the top passes through the sides of the model,
+    of which some are planes of symmetry; the flanks between mirrored bodies meet where it is above zero.
     """
 
     volume_ratio: float
@@ -42,6 +43,7 @@ class Distortion:
     surface_at: Place
     seen_area: float
     seen_at: Place
+    crossing: float
 
     def describe(self) -> str:
         """Return the values in words, with what they mean for the solid."""
@@ -51,6 +53,8 @@ class Distortion:
             surface += f", below {CREASE:g}, where a free surface folds into a crease"
         if self.seen_area <= 0.0:
             surface += f"; it overhangs, {_place(self.seen_at)}"
+        if self.crossing > 0.0:
+            surface += f"; it passes through a plane of symmetry by {self.crossing:.2g} m"
         return f"{volume}; {surface}"
 
 
@@ -61,9 +65,11 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
     points = space.tabulate_dof_coordinates()[cells.dofs]
     along = F[..., :, :2]
     squared = np.linalg.eigvalsh(along.swapaxes(-1, -2) @ along)[..., 0]
-    heights = space.mesh.geometry.x[:, 2]
-    top = space.mesh.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
-    deep = top - space.mesh.comm.allreduce(float(heights.min(initial=np.inf)), op=MPI.MIN)
+    comm, corners = space.mesh.comm, space.mesh.geometry.x
+    ends = np.concatenate([corners.min(axis=0, initial=np.inf), -corners.max(axis=0, initial=-np.inf)])
+    comm.Allreduce(MPI.IN_PLACE, ends, op=MPI.MIN)
+    low, high = ends[:3], -ends[3:]
+    top, deep = high[2], high[2] - low[2]
     on_top = points[..., 2] > top - 1e-9 * deep
     stretch, seen = np.sqrt(np.maximum(squared, 0.0)), np.linalg.det(F[..., :2, :2])
     values = np.linalg.det(F), np.where(on_top, stretch, np.inf), np.where(on_top, seen, np.inf)
@@ -73,8 +79,11 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
         x, y, z = points.reshape(-1, 3)[number] if value.size else (0.0, 0.0, 0.0)
         away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
         place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
-        least.append(min(space.mesh.comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
-    return Distortion(*least[0], *least[1], *least[2])
+        least.append(min(comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
+    moved = (points + nodal[cells.dofs])[on_top][:, :2]
+    outside = np.maximum(low[:2] - moved, moved - high[:2]).max(initial=0.0)
+    crossing = comm.allreduce(float(outside), op=MPI.MAX)
+    return Distortion(*least[0], *least[1], *least[2], crossing if crossing > 1e-9 * deep else 0.0)
 
 
 def _place(place: Place) -> str:

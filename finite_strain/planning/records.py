@@ -85,7 +85,8 @@ class SolverAccount:
     Counts are sums over the load steps since the last answer, ``cuts`` their largest. ``residual`` [N] is Newton's
     last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``penetration`` [m]; ``force_balance`` is the
     relative difference of the forces on balls and base; ``distorted_at`` are the places (distance from the nearest
-    axis, depth) [m] of the smallest volume ratio, surface stretch and area seen from above over undeformed area (see
+    axis, depth) [m] of the smallest volume ratio, surface stretch and area seen from above over undeformed area,
+    ``surface_crossing`` [m] is how far the surface passes through planes of symmetry (see
     `finite_strain.force.distortion`); ``strain_energy`` [J] is that of the whole scene.
     """
 
@@ -102,6 +103,7 @@ class SolverAccount:
     smallest_volume_ratio: float
     smallest_surface_stretch: float
     smallest_seen_area: float
+    surface_crossing: float
     distorted_at: dict[str, list[float]]
     strain_energy: float
     linear_solver: str

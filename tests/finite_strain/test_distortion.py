@@ -41,5 +41,9 @@ def test_the_smallest_values_of_a_quadratic_displacement_are_found_at_their_corn
     assert folded.volume_ratio == pytest.approx(-0.2, abs=ROUNDOFF)
     assert folded.seen_area == pytest.approx(-0.2, abs=ROUNDOFF)
     assert "it overhangs" in folded.describe()
+    assert folded.crossing == 0.0
+    leaning = distortion(space, np.column_stack([-0.1 * z, np.zeros_like(y), np.zeros_like(z)]), axes)
+    assert leaning.crossing == pytest.approx(0.15, abs=ROUNDOFF)
+    assert "passes through a plane of symmetry by 0.15 m" in leaning.describe()
     wave = distortion(space, np.column_stack([np.zeros_like(x), np.zeros_like(y), 40.0 * x**2]), axes)
     assert wave.seen_area == pytest.approx(1.0, abs=ROUNDOFF)  # steep, yet a graph

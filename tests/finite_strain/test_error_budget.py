@@ -181,7 +181,7 @@ def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, not
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
     ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
     step = SimpleNamespace(
-        balls=(ball, ball), smallest_volume_ratio=volume_ratio, smallest_seen_area=1.0,
+        balls=(ball, ball), smallest_volume_ratio=volume_ratio, smallest_seen_area=1.0, surface_crossing=0.0,
         distorted_at={"volume_ratio": [1.0, 0.0]}, linear_failure="",
     )  # fmt: skip
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
@@ -192,24 +192,34 @@ def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, not
     )
 
 
-@pytest.mark.parametrize(("seen_area", "noted"), [(0.1, False), (-0.1, True)])
-def test_a_surface_that_overhangs_is_noted(seen_area: float, noted: bool) -> None:
+@pytest.mark.parametrize(
+    ("seen_area", "crossing", "noted"),
+    [
+        (0.1, 0.0, ""),
+        (-0.1, 0.0, "overhangs 1.5 m from a ball's axis"),
+        (-0.1, 0.01, "pass through each other by 0.02 m"),
+    ],
+)
+def test_a_surface_that_may_touch_itself_is_noted(seen_area: float, crossing: float, noted: str) -> None:
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
     ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
     step = SimpleNamespace(
-        balls=(ball, ball), smallest_volume_ratio=0.9, smallest_seen_area=seen_area,
+        balls=(ball, ball), smallest_volume_ratio=0.9, smallest_seen_area=seen_area, surface_crossing=crossing,
         distorted_at={"seen_area": [1.5, 0.0]}, linear_failure="",
     )  # fmt: skip
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
-    said = [note for note in result_notes(plan, record, "", 1.0) if "overhangs 1.5 m from a ball's axis" in note]
-    assert bool(said) == noted
+    said = [note for note in result_notes(plan, record, "", 1.0) if "contact of the surface with itself" in note]
+    assert len(said) == bool(noted)
+    assert all(noted in note for note in said)
 
 
 def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
     ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.0082, approach=0.1)
-    step = SimpleNamespace(balls=(ball, ball), smallest_volume_ratio=1.0, smallest_seen_area=1.0, linear_failure="")
+    step = SimpleNamespace(
+        balls=(ball, ball), smallest_volume_ratio=1.0, smallest_seen_area=1.0, surface_crossing=0.0, linear_failure=""
+    )
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=2.0)  # type: ignore[list-item]
     assert result_notes(plan, record, "", 1.0) == [
@@ -225,7 +235,9 @@ def test_forces_with_an_error_above_half_of_them_are_bounded(second: float, note
         SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=error, approach=0.1, normal_force=1e3)
         for error in (1.5, second)
     ]
-    step = SimpleNamespace(balls=balls, smallest_volume_ratio=1.0, smallest_seen_area=1.0, linear_failure="")
+    step = SimpleNamespace(
+        balls=balls, smallest_volume_ratio=1.0, smallest_seen_area=1.0, surface_crossing=0.0, linear_failure=""
+    )
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=200.0)  # type: ignore[list-item]
     said = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(FAINT)]

@@ -47,7 +47,7 @@ FREE = Budget(unknowns=1e9)
 ANSWER = Answer(
     fraction=1.0, iterations=5, tangents=1, augmentation_iterations=5, augmented=True, cuts=0,
     residual=1e-12, tolerance=1e-11, penetration=1e-6, force_balance=1e-9, smallest_volume_ratio=0.9,
-    smallest_surface_stretch=0.9, smallest_seen_area=0.9, distorted_at={}, strain_energy=1.0,
+    smallest_surface_stretch=0.9, smallest_seen_area=0.9, surface_crossing=0.0, distorted_at={}, strain_energy=1.0,
     linear_solver="cholesky (mumps)", linear_iterations=9, linear_fallbacks=0,
     residuals=[1e-3, 1e-12], seconds=0.3, balls=(BallResult((0.0, 1.0), 1.0, 0.1, 1.0, (0.01, 0.0), 4e-4, 2.0, 0.1),),
     step=1, linear_failure="", error_terms={"solver": [4e-4]}, pair_weight=[1.0], imbalance=0.0,

@@ -27,7 +27,7 @@ def step(depth: float, stretch: float, **more: Any) -> dict[str, Any]:
     record = {
         "order": 3, "fineness": 1.0, "unknowns": 100, "fraction": depth / 2.0, "iterations": 5,
         "smallest_volume_ratio": 0.4, "smallest_surface_stretch": stretch, "smallest_seen_area": 0.5,
-        "force_on_mesh": depth**2,
+        "surface_crossing": 0.0, "force_on_mesh": depth**2,
         "distorted_at": {"volume_ratio": [0.1, 0.2], "surface_stretch": [1.0, 0.0]}, "strain_energy": depth**3 / 3.0,
     }  # fmt: skip
     return {"balls": [ball], "record": {**record, **more}}
@@ -52,3 +52,7 @@ def test_the_page_says_from_where_on_the_surface_overhangs(tmp_path: Path) -> No
     steps = [step(1.0, 0.8), step(2.0, 0.8, smallest_seen_area=-0.1)]
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
     assert "From D = 2 R on the surface overhangs" in text
+    assert "the flanks of the cleft do not meet" in text
+    steps[1] = step(2.0, 0.8, smallest_seen_area=-0.1, surface_crossing=0.02)
+    text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
+    assert "by 0.02 R: flanks meet there" in text

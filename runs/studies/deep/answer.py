@@ -50,7 +50,8 @@ def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     seen = [row["smallest area from above"] for row in finest]
     return {
         "finest": finest, "ends": ends, "creased": creased, "least": min(row["D / R"] for row in ends),
-        "seen": min(seen), "overhanging": [row["D / R"] for row, area in zip(finest, seen, strict=True) if area <= 0.0],
+        "seen": min(seen), "crossing": max(row["crossing"] for row in finest),
+        "overhanging": [row["D / R"] for row, area in zip(finest, seen, strict=True) if area <= 0.0],
     }  # fmt: skip
 
 
@@ -73,7 +74,7 @@ def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
             "at r, depth": "{:.2f}, {:.2f}".format(*bent["volume_ratio"]),
             "smallest surface stretch": record["smallest_surface_stretch"],
             "at r": f"{bent['surface_stretch'][0]:.2f}",
-            "smallest area from above": record["smallest_seen_area"],
+            "smallest area from above": record["smallest_seen_area"], "crossing": record["surface_crossing"],
             "energy balance [%]": 100.0 * _balance(before), "iterations": record["iterations"],
             "stopped": record.get("stopped", ""),
             "places": {"smallest J": bent["volume_ratio"], "smallest surface stretch": bent["surface_stretch"]},
