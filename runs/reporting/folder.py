@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import OutputUnusable
-from runs.session.output_folder import MARK
+from runs.session.output_folder import FINISHED, MARK
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def read_folder(path: Path) -> Folder:
         document = {}
     except ValueError as error:
         raise OutputUnusable(f"{path / 'result.json'}: is not JSON ({error}); run the same command again") from None
-    return Folder(path, identity, state == "finished", document, _text(path / "scene.toml"), _text(path / "run.log"))
+    return Folder(path, identity, state == FINISHED, document, _text(path / "scene.toml"), _text(path / "run.log"))
 
 
 def _text(path: Path) -> str:

@@ -1,5 +1,6 @@
 """The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
 
+import contextlib
 import fcntl
 import shutil
 import time
@@ -14,6 +15,8 @@ from runs.process.json_values import plain, to_json
 MARK = "run.json"
 FIRST = (MARK, "scene.toml", ".lock")
 """Files that a run writes before it computes."""
+RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
+"""States of a run in its `MARK`."""
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
@@ -75,8 +78,8 @@ class OutputFolder:
                 f"{self.path}: holds another run ({difference(mark.get('identity'), self.identity)}); "
                 "name another --out, or replace that run with --fresh"
             )
-        if read_json(self.path / MARK) is None:
-            self._write_mark("running")
+        if self._state() != FINISHED:
+            self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
 
     def _take_lock(self) -> None:
@@ -100,14 +103,17 @@ class OutputFolder:
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
+    def _state(self) -> str | None:
+        mark = read_json(self.path / MARK)
+        return None if mark is None else mark.get("state")
+
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""
         return read_json(self.path / "result.json")
 
     def finished(self) -> dict[str, Any] | None:
         """Return the saved document of a complete run."""
-        mark = read_json(self.path / MARK)
-        return self.saved() if mark is not None and mark.get("state") == "finished" else None
+        return self.saved() if self._state() == FINISHED else None
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""
@@ -116,7 +122,13 @@ class OutputFolder:
 
     def finish(self) -> None:
         """Mark the run as complete; from then on its command prints the saved document."""
-        self._write_mark("finished")
+        self._write_mark(FINISHED)
+
+    def stop(self, state: str) -> None:
+        """Mark a run that is not complete as ``state``, `INTERRUPTED` or `FAILED`; the same command continues it."""
+        with contextlib.suppress(OutputUnusable):  # the error that ends the run is the one to report
+            if self._state() != FINISHED:
+                self._write_mark(state)
 
     def log(self, text: str) -> None:
         """Append lines to run.log, each with the time."""

@@ -25,7 +25,7 @@ from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
-from runs.session.output_folder import OutputFolder
+from runs.session.output_folder import FAILED, INTERRUPTED, OutputFolder
 from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
@@ -74,8 +74,12 @@ class Session:
             self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
-        self.comm = _world_if_there() if self.model.parallel else None
-        self.complete = ranks.share(self.complete)
+        try:
+            self.comm = _world_if_there() if self.model.parallel else None
+            self.complete = ranks.share(self.complete)
+        except BaseException:
+            self.__exit__(*sys.exc_info())
+            raise
 
     def __enter__(self) -> Session:
         return self
@@ -84,6 +88,8 @@ class Session:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self.folder is not None:
+            if kind is not None:
+                self.folder.stop(INTERRUPTED if signals.received() or kind is KeyboardInterrupt else FAILED)
             self.folder.close()
 
     @property

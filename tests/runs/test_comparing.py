@@ -30,6 +30,10 @@ def run(ranks: int, command: str, out: Path, *more: str, wrong: str = "") -> sub
     return thirdbody(command, SCENE, "--out", out, *more, ranks=ranks, env=env, program=STAND_IN)
 
 
+def state(out: Path) -> str:
+    return str(strict((out / "run.json").read_text(encoding="utf-8"))["state"])
+
+
 def table(out: Path) -> list[dict[str, str]]:
     with open(out / "steps.csv", encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -144,6 +148,7 @@ def test_not_converged_ends_all_ranks_with_one_message(ranks: int, tmp_path: Pat
     assert done.stderr.count("thirdbody: error: step 2: DIVERGED_LINE_SEARCH") == 1
     assert "Traceback" not in done.stderr
     assert len(table(tmp_path / "out")) == 4
+    assert state(tmp_path / "out") == "failed"
 
 
 @pytest.mark.mpi
@@ -181,6 +186,9 @@ def test_an_interruption_is_no_failed_iteration(number: signal.Signals, tmp_path
     assert "the same command continues" in rest
     assert "Traceback" not in rest
     assert len(table(tmp_path / "out")) == 4
+    assert state(tmp_path / "out") == "interrupted"
+    assert run(1, "compare", tmp_path / "out").returncode == 0
+    assert state(tmp_path / "out") == "finished"
 
 
 def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
