@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from linear_bem.arrays import Array
 from linear_bem.indenter import Indenter
 
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
+FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh"
+"""Functions of numpy in `SLOPES`."""
 
 
 def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
@@ -39,9 +42,9 @@ def _faults_of(body: Indenter) -> list[str]:
         expression = False
     if not expression:
         return [
-            f"{name} must be an expression of + - * / ** and abs alone (a root is s**0.5), which finite elements can "
-            "differentiate, got another function, such as one of numpy; the linear model takes these, too, as a plain "
-            "function f(x, y): Ball(..., shape=f)"
+            f"{name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
+            "differentiate, got another function; the linear model takes any as a plain function f(x, y): "
+            "Ball(..., shape=f)"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])
     if abs(apex) <= APEX * body.apex_radius:
@@ -50,44 +53,42 @@ def _faults_of(body: Indenter) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Dual:
+class Dual(NDArrayOperatorsMixin):
     """Values with their derivatives by x and y (forward-mode automatic differentiation)."""
 
     value: Array
     dx: Array
     dy: Array
-    __array_ufunc__ = None
 
-    def _chain(self, value: Array, by: Any) -> Dual:
-        return Dual(value, by * self.dx, by * self.dy)
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        """Return a function of `SLOPES` with its derivatives; numpy raises TypeError for others."""
+        if ufunc not in SLOPES or method != "__call__" or kwargs:
+            return NotImplemented
+        values = [v.value if isinstance(v, Dual) else v for v in inputs]
+        slopes = SLOPES[ufunc](*values)
+        if any(isinstance(v, Dual) for v in inputs[len(slopes) :]):
+            return NotImplemented
+        terms = [(slope, v) for slope, v in zip(slopes, inputs, strict=False) if isinstance(v, Dual)]
+        dx, dy = sum(slope * v.dx for slope, v in terms), sum(slope * v.dy for slope, v in terms)
+        return Dual(ufunc(*values), dx, dy)
 
-    def __add__(self, other: Any) -> Dual:
-        if isinstance(other, Dual):
-            return Dual(self.value + other.value, self.dx + other.dx, self.dy + other.dy)
-        return self._chain(self.value + other, 1.0)
 
-    def __mul__(self, other: Any) -> Dual:
-        if isinstance(other, Dual):
-            a, b = self._chain(self.value * other.value, other.value), other._chain(other.value, self.value)
-            return Dual(a.value, a.dx + b.dx, a.dy + b.dy)
-        return self._chain(self.value * other, other)
-
-    def __pow__(self, power: float) -> Dual:
-        return self._chain(self.value**power, power * self.value ** (power - 1.0))
-
-    def __abs__(self) -> Dual:
-        return self._chain(abs(self.value), np.sign(self.value))
-
-    def __neg__(self) -> Dual:
-        return self * -1.0
-
-    def __sub__(self, other: Any) -> Dual:
-        return self + (-other)
-
-    def __rsub__(self, other: Any) -> Dual:
-        return -self + other
-
-    def __truediv__(self, other: Any) -> Dual:
-        return self * (other**-1.0 if isinstance(other, Dual) else 1.0 / other)
-
-    __radd__, __rmul__ = __add__, __mul__
+SLOPES: dict[np.ufunc, Callable[..., tuple[Any, ...]]] = {
+    np.add: lambda a, b: (1.0, 1.0),
+    np.subtract: lambda a, b: (1.0, -1.0),
+    np.multiply: lambda a, b: (b, a),
+    np.true_divide: lambda a, b: (1.0 / b, -a / b**2),
+    np.power: lambda a, power: (power * a ** (power - 1.0),),
+    np.negative: lambda a: (-1.0,),
+    np.absolute: lambda a: (np.sign(a),),
+    np.sqrt: lambda a: (0.5 / np.sqrt(a),),
+    np.exp: lambda a: (np.exp(a),),
+    np.log: lambda a: (1.0 / a,),
+    np.sin: lambda a: (np.cos(a),),
+    np.cos: lambda a: (-np.sin(a),),
+    np.tan: lambda a: (1.0 + np.tan(a) ** 2,),
+    np.sinh: lambda a: (np.cosh(a),),
+    np.cosh: lambda a: (np.sinh(a),),
+    np.tanh: lambda a: (1.0 - np.tanh(a) ** 2,),
+}
+"""Functions that a height may use, with their derivatives by each operand; the exponent of a power is a number."""

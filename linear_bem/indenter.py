@@ -1,9 +1,10 @@
 """Rigid indenters: each is one expression for the height of its surface above its lowest point.
 
 ``height(x, y)`` and ``gap(x, y, z)`` take lengths [m] from the lowest point, x and y in the surface plane and z up.
-They use + - * / ** and abs only, so that one expression serves numpy arrays, the form language of finite elements
-(UFL, which differentiates symbolically) and the dual numbers of `linear_bem.dual`. No expression divides by zero or
-takes a root of zero, on the axis or at an edge: `TINY` times the body's length is added under each root.
+They use + - * / **, abs and functions of numpy in `linear_bem.dual.SLOPES` only, so that one expression serves numpy
+arrays, the form language of finite elements (UFL, which differentiates symbolically) and dual numbers. No expression
+divides by zero or takes a root of zero, on the axis or at an edge: `TINY` times the body's length is added under each
+root.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ class Indenter:
     """A rigid surface with its lowest point at the origin; lengths in m.
 
     An own body is a frozen dataclass derived from this one, with the property ``apex_radius`` and ``height(x, y)``: an
-    expression of + - * / ** and abs alone (a root is ``s**0.5``), 0 at the origin, which all models take.
+    expression of + - * / **, abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh and tanh, 0 at the origin, which
+    all models take. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
     """
 
     def __init_subclass__(cls) -> None:
@@ -60,7 +62,10 @@ class Indenter:
     @property
     def apex_radius(self) -> float:
         """Radius of curvature [m] at the lowest point, the length that estimates are scaled by."""
-        raise NotImplementedError(f"{type(self).__name__}: define apex_radius, its radius of curvature [m] at the apex")
+        raise InvalidProblem(
+            f"balls.shape: {type(self).__name__} must define apex_radius, its radius of curvature [m] at the apex, got "
+            "none; add a constant or property of this name, such as apex_radius = 2.5e-3"
+        )
 
     @property
     def reach(self) -> float:
@@ -78,7 +83,10 @@ class Indenter:
 
     def height(self, x: Any, y: Any) -> Any:
         """Return the height [m] of the surface above its lowest point."""
-        raise NotImplementedError(f"{type(self).__name__}: define height(x, y), its surface above the apex [m]")
+        raise InvalidProblem(
+            f"balls.shape: {type(self).__name__} must define height(x, y), its surface [m] above the apex, got none; "
+            "add a method of this name, such as return (x**2 + y**2) / (2 * self.apex_radius)"
+        )
 
     def gap(self, x: Any, y: Any, z: Any) -> Any:
         """Return a distance [m] of points from the body, negative inside, with gradient (0, 0, -1) at its apex.

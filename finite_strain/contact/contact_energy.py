@@ -28,6 +28,7 @@ import ufl
 from petsc4py import PETSc
 
 from finite_strain import compat
+from finite_strain.contact.symbolic import Symbolic
 from finite_strain.geometry.estimates import NAMED
 from finite_strain.geometry.symmetry import Reduction
 from linear_bem.indenter import Indenter
@@ -257,8 +258,9 @@ def gap(shape: str | Indenter, radius: Any, offset: Any, displacement: Any, appr
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
     if finite:
         x, y, z = ((offset[i] + displacement[i]) / unit for i in range(3))
-        return unit * indenter.gap(x, y, z + approach / unit)
-    return unit * indenter.height(offset[0] / unit, offset[1] / unit) - approach - displacement[2]
+        return unit * indenter.gap(Symbolic(x), Symbolic(y), Symbolic(z + approach / unit)).expression
+    x, y = (Symbolic(offset[i] / unit) for i in range(2))
+    return unit * indenter.height(x, y).expression - approach - displacement[2]
 
 
 def _turned(vector: Any, angle: float) -> tuple[Any, Any, Any]:

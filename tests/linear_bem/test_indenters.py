@@ -274,17 +274,58 @@ def test_a_body_of_ones_own_is_refused_with_what_it_lacks():
     class Bare(Indenter):
         pass
 
-    with pytest.raises(NotImplementedError, match="Bare: define apex_radius"):
+    with pytest.raises(InvalidProblem, match=r"balls\.shape: Bare must define apex_radius.*got none; add"):
         Ball((0.0, 0.0), shape=Bare())
-    with pytest.raises(NotImplementedError, match=r"Bare: define height\(x, y\)"):
+    with pytest.raises(InvalidProblem, match=r"balls\.shape: Bare must define height\(x, y\).*got none; add"):
         Bare().height(0.0, 0.0)
 
 
-class NumpyRoot(Indenter):
+def test_heights_of_numpy_functions_have_exact_slopes():
+    def height(x, y):
+        r2 = x**2 + y**2
+        waves = np.cos(2.0 * x) * np.sin(y) + np.tan(0.3 * x) - 2.0 / (1.0 + y)
+        return np.exp(-r2) + np.log(1.0 + r2) + np.sqrt(2.0 + x) + np.cosh(x) * np.tanh(y) - np.sinh(y) + waves
+
+    class Body(Indenter):
+        apex_radius = 1.0
+
+        def height(self, x, y):
+            return height(x, y)
+
+    x, y, step = np.array([0.3, -0.2, 0.0]), np.array([0.1, 0.4, 0.0]), 1e-20
+    by_x, by_y = (height(x + 1j * step, y).imag / step, height(x, y + 1j * step).imag / step)  # complex steps: exact
+    assert slope(Body(), x, y) == (pytest.approx(by_x, rel=1e-13), pytest.approx(by_y, rel=1e-13))
+
+
+def test_a_height_of_numpy_functions_gives_the_answer_of_the_same_body():
+    class Bowl(Indenter):
+        apex_radius = 1.0
+
+        def height(self, x, y):
+            r2 = x**2 + y**2
+            return np.sqrt(1.0 + r2 + 0.25 * r2**2) - np.cos(x) ** 2 - np.sin(x) ** 2
+
+    def left(shape):
+        balls = tuple(Ball((x, 0.0), 1.0, shape) for x in (-1.5, 1.5))
+        return solve(Problem(HALF_SPACE, balls, Load("approach", (0.05, 0.05)))).balls[0]
+
+    own, named = left(Bowl()), left("paraboloid")
+    assert own.normal_force == pytest.approx(named.normal_force, rel=1e-9)
+    assert own.tangential_force[0] == pytest.approx(named.tangential_force[0], rel=1e-7)
+
+
+class Flattened(Indenter):
     apex_radius = 1.0
 
     def height(self, x, y):
-        return np.sqrt(1.0 + x**2 + y**2) - 1.0
+        return np.maximum(0.5 * (x**2 + y**2) - 0.01, 0.0)
+
+
+class PowerOfPower(Indenter):
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        return 2.0 ** (x**2 + y**2) - 1.0
 
 
 class NoExpression(Indenter):
@@ -304,7 +345,8 @@ class Raised(Indenter):
 @pytest.mark.parametrize(
     ("body", "says"),
     [
-        (NumpyRoot(), r"NumpyRoot\.height must be an expression of"),
+        (Flattened(), r"Flattened\.height must be an expression of"),
+        (PowerOfPower(), r"PowerOfPower\.height must be an expression of"),
         (NoExpression(), r"NoExpression\.height must be an expression of"),
         (Raised(), r"Raised\.height must be 0 at the axis.*got 0\.1 m"),
     ],

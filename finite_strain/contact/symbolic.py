@@ -1,0 +1,42 @@
+"""Expressions of the form language (UFL) that take the functions of numpy that heights of indenters may use."""
+
+import operator
+from typing import Any
+
+import numpy as np
+import ufl
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+FUNCTIONS = {
+    np.add: operator.add,
+    np.subtract: operator.sub,
+    np.multiply: operator.mul,
+    np.true_divide: operator.truediv,
+    np.power: operator.pow,
+    np.negative: operator.neg,
+    np.absolute: abs,
+    np.sqrt: ufl.sqrt,
+    np.exp: ufl.exp,
+    np.log: ufl.ln,
+    np.sin: ufl.sin,
+    np.cos: ufl.cos,
+    np.tan: ufl.tan,
+    np.sinh: ufl.sinh,
+    np.cosh: ufl.cosh,
+    np.tanh: ufl.tanh,
+}
+"""The form language's counterparts of the functions in `linear_bem.dual.SLOPES`."""
+
+
+class Symbolic(NDArrayOperatorsMixin):
+    """An ``expression`` of the form language on which operators and functions of numpy act."""
+
+    def __init__(self, expression: Any) -> None:
+        self.expression = expression
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        """Return the counterpart's expression; numpy raises TypeError for functions that have none."""
+        if ufunc not in FUNCTIONS or method != "__call__" or kwargs:
+            return NotImplemented
+        operands = [v.expression if isinstance(v, Symbolic) else v for v in inputs]
+        return Symbolic(FUNCTIONS[ufunc](*operands))

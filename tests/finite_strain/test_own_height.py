@@ -1,0 +1,64 @@
+"""Heights of own bodies that use functions of numpy, in the form language."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import ufl
+
+from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
+from linear_bem.dual import SLOPES, Dual
+from linear_bem.indenter import Indenter
+from tests.finite_strain.scenes import coarse_plan, coarse_rig, pair
+
+
+class Bowl(Indenter):
+    """A paraboloid."""
+
+    apex_radius = 1.0
+
+    def height(self, x: Any, y: Any) -> Any:
+        return 0.5 * (x**2 + y**2)
+
+
+class WrittenOtherwise(Bowl):
+    """The same, with functions of numpy."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        r2 = x**2 + y**2
+        return np.sqrt(1.0 + r2 + 0.25 * r2**2) - np.cos(x) ** 2 - np.sin(x) ** 2
+
+
+@pytest.mark.parametrize("function", SLOPES, ids=lambda function: function.__name__)
+def test_every_function_has_the_value_and_slope_of_the_form_language(function: np.ufunc) -> None:
+    place = 0.7, 0.4
+    one, none = np.ones(1), np.zeros(1)
+    dual = Dual(np.array([place[0]]), one, none), Dual(np.array([place[1]]), none, one)
+    x = ufl.SpatialCoordinate(ufl.triangle)
+    operands: list[Any] = [dual[0], Symbolic(x[0])], [dual[1], Symbolic(x[1])]
+    if function is np.power:
+        operands[1][:] = 2.5, 2.5
+    value = function(*(pair[0] for pair in operands[: function.nin]))
+    form = function(*(pair[1] for pair in operands[: function.nin])).expression
+    slopes = [ufl.algorithms.apply_derivatives.apply_derivatives(ufl.grad(form))[i](place) for i in range(2)]
+    assert float(form(place)) == pytest.approx(value.value[0], rel=1e-14)
+    assert slopes == pytest.approx([np.ravel(value.dx)[0], np.ravel(value.dy)[0]], rel=1e-13)
+    assert set(FUNCTIONS) == set(SLOPES)
+
+
+def test_a_height_of_numpy_functions_presses_like_the_same_body(tmp_path: Path) -> None:
+    forces = []
+    for shape in (WrittenOtherwise(), Bowl()):
+        (folder := tmp_path / type(shape).__name__).mkdir()
+        model = coarse_rig(coarse_plan(pair(0.1, shape=shape, poisson=0.3)), folder).model
+        model.contact.set_approaches(np.array([0.1]))
+        model.contact.set_penalties(np.array([30.0]))
+        forces.append(model.forces())
+    assert abs(forces[1][0, 2]) > 0.01
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9, abs=1e-12)
