@@ -53,7 +53,7 @@ class Ball:
 
     @property
     def indenter(self) -> Indenter | Profile:
-        """The body: an `Indenter`, or the profile as given."""
+        """The body, an `Indenter` or the profile as given."""
         if isinstance(self.shape, str):
             return NAMED_SHAPES[self.shape](self.radius)
         return self.shape

@@ -27,8 +27,11 @@ ELSEWHERE = {
 }
 """Files of the project that are pages of the handbook, too."""
 ANSWER = "<!-- answer:"
-OPENING = re.compile(r"^(?:\*\*|Of \d)(?:[^.\n]|\.\d)*\.(?:\*\*)?", re.MULTILINE)
+SENTENCE = r"(?:[^.\n]|\.\d|\n(?!\n))*\.(?:\*\*)?(?=\s)"
+OPENING = re.compile(rf"^(?:\*\*|Of \d|Resolved as ){SENTENCE}", re.MULTILINE)
 """A published answer that opens with a sentence, not with a table."""
+ANSWERED = re.compile(rf"^\*\*Answer\.\*\* (?:\([^)]*\) )?({SENTENCE})", re.MULTILINE)
+"""An answer in words on a study's page, before what is published."""
 TABLE = re.compile(r"<!-- studies:.*?-->", re.DOTALL)
 HEADING, TITLE = re.compile(r"^(#+ )", re.MULTILINE), re.compile(r"^# ", re.MULTILINE)
 LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
@@ -75,9 +78,10 @@ def study_table() -> str:
     """Return the table of all studies: question, and the sentence that opens the published answer if it has one."""
     rows = ["| study and question | published answer |", "|---|---|"]
     for name, question in STUDIES.items():
-        published = (ROOT / "runs" / "studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)[2]
-        found = OPENING.search(published)
-        said = found[0].replace("**", "").replace("|", "\\|") if found else "tables and figures on its page"
+        own, _, published = (ROOT / "runs/studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)
+        written, found = ANSWERED.search(own), OPENING.search(published)
+        answer = written[1] if written else found[0] if found else "tables and figures on its page"
+        said = " ".join(answer.replace("**", "").replace("|", "\\|").split())
         rows.append(f"| [{name}](studies/{name}.md): {question} | {said} |")
     return "\n".join(rows)
 

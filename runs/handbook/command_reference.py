@@ -37,4 +37,4 @@ def _name(parameter: Any) -> str:
     if parameter.param_type_name == "argument":
         return str(parameter.metavar or parameter.human_readable_name)
     value = "" if parameter.is_flag else f" {parameter.metavar or parameter.name.upper()}"
-    return f"{max(parameter.opts, key=len)}{value}"
+    return f"{max(parameter.opts, key=len)}{''.join(f' / {no}' for no in parameter.secondary_opts)}{value}"

@@ -20,7 +20,15 @@ from runs.scene.scene_file import Tables
 
 UNITS = {"length": "m", "angle": "rad", "force": "N", "pressure": "Pa"}
 """Words in the names of the types of `runs.scene.units`, and the unit of a plain number."""
-PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false"}
+PLAIN = {str: "text", int: "integer", float: "number", bool: "true or false"}
+NAMED = {
+    "Whole": "integer",
+    "Numbers": "list of numbers",
+    "Direction": "list of two numbers",
+    "Positions": "list of [x, y] (m)",
+    "Listed": "list of loads",
+}
+"""Words for types of `runs.scene.units` whose names do not say what to write."""
 
 
 def page() -> str:
@@ -96,7 +104,9 @@ def _types() -> list[tuple[str, Any]]:
 
 
 def _words(name: str) -> str:
-    words = re.sub(r"(?<!^)(?=[A-Z])", " ", name).lower().replace("listed", "list")
+    if name in NAMED:
+        return NAMED[name]
+    words = re.sub(r"(?<!^)(?=[A-Z])", " ", name).lower()
     unit = next((f" ({unit})" for word, unit in UNITS.items() if word in words), "")
     if get_args(getattr(units, name))[0] == units.OneOrMany:
         words = f"{words.removesuffix('s')}, or a list with one per ball"

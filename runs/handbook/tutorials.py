@@ -19,8 +19,8 @@ BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output)\n(?P<text>.*?)^```$
 NOT_RUN = "# not run here"
 WIDTH = 200
 """Columns of the blocks' terminal: pages wrap sentences themselves."""
-RULE = "\u2500" * 3
-"""Part of the line below the heading of a table."""
+TABLE = re.compile(r"\u2500{3}|^ *ball {2,}", re.MULTILINE)
+"""The line below the heading of a table, or the heading of the table in a printed result."""
 
 
 class TutorialFailed(Exception):
@@ -70,7 +70,7 @@ class Tutorial:
 
 def _shown(printed: str) -> str:
     """Return what was printed as fenced blocks: sentences as ``text``, which pages wrap, tables as ``none``."""
-    kinds = groupby(printed.split("\n\n"), key=lambda part: "none" if RULE in part else "text")
+    kinds = groupby(printed.split("\n\n"), key=lambda part: "none" if TABLE.search(part) else "text")
     blocks = ((kind, "\n\n".join(parts).rstrip("\n") + "\n") for kind, parts in kinds)
     return "\n\n".join(f"```{kind}\n{text if text.strip() else ''}```" for kind, text in blocks)
 

@@ -17,7 +17,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "layer": {"thickness": "10 mm", "young": "1 MPa", "poisson": 0.48},
     "balls": {"radius": "8 mm", "positions": [["-8 mm", 0], ["8 mm", 0]], "shape": "sphere"},
     "load": {"approach": "1.5 mm"},
-    "accuracy": {"tangential_force": 0.01, "seconds": 600, "unknowns": 1e5},
+    "accuracy": {"tangential_force": 0.01, "seconds": 600, "unknowns": 100_000},
     "elements": {"form": "mixed"},
     "output": {"fields": ["displacement", "von_mises"], "every": 1},
     **{name: dict(effect.example) for name, effect in EFFECTS.items()},

@@ -41,6 +41,15 @@ def test_the_scene_reference_names_every_law_and_its_numbers() -> None:
             assert f"`{name}`" in rows[number.name]
 
 
+def test_the_scene_reference_says_in_plain_words_what_a_key_takes() -> None:
+    page = scene_reference.page()
+    for key, words in (
+        ("every", "integer"), ("seed", "integer"), ("positions", r"list of \[x, y\] \(m\)"), ("steps", "list of loads"),
+        ("ratios", "list of numbers"), ("direction", "list of two numbers"), ("unknowns", r"number \|  \| `100000`"),
+    ):  # fmt: skip
+        assert re.search(rf"^\| `{key}` \| [^|]* \| {words} ", page, re.MULTILINE), key
+
+
 def test_the_scene_reference_knows_lists_that_are_not_of_balls() -> None:
     section = scene_reference.page().partition("## `[periodic]`")[2].partition("\n## ")[0]
     assert "| two lengths (m) |" in section
@@ -108,6 +117,8 @@ def test_the_page_of_validation_has_every_study_with_its_published_answer() -> N
     published = (ROOT / "runs/studies/stability/README.md").read_text(encoding="utf-8")
     (said,) = (row.split(" | ")[1].removesuffix(" |") for row in rows if "[stability]" in row)
     assert said.startswith("Of ") and said in published.replace("**", "")  # noqa: PT018
+    assert next(row for row in rows if "[figures]" in row).endswith("by 3.55 % at h' = 9.22. |")
+    assert next(row for row in rows if "[strengthening]" in row).split(" | ")[1].startswith("Resolved as stronger for")
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -84,3 +84,16 @@ def test_a_tutorial_is_a_notebook_with_what_its_blocks_printed(tmp_path: Path) -
     printed = [cell["outputs"][0]["text"] if cell.get("outputs") else [] for cell in written["cells"]]
     assert printed == [[], [], ["# a.toml\n", "x = 1\n"], ["42\n"], []]
     assert written["nbformat"] == 4
+
+
+def test_printed_tables_scroll_and_printed_sentences_wrap(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "```python\nfrom linear_bem import *\nballs = (Ball((0.0, 0.0), 1.0),)\n"
+        "print(solve(Problem(Layer(1.0, 0.3, 1.0), balls, Load('force', (0.01,)))).summary())\n```\n\n"
+        "```output\n```\n\n```python\nprint('A sentence about a ball.')\n```\n\n```output\n```\n",
+        encoding="utf-8",
+    )
+    filled = Tutorial(page, tmp_path / "work").run()
+    assert "```none\nResult(linear_bem" in filled
+    assert "```text\nA sentence about a ball." in filled
