@@ -39,8 +39,8 @@ class Indenter:
     """A rigid surface with its lowest point at the origin; lengths in m.
 
     An own body is a frozen dataclass derived from this one, with the property ``apex_radius`` and ``height(x, y)``: an
-    expression of + - * / **, abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh and tanh, 0 at the origin, which
-    all models take. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
+    expression of ``+ - * / **``, abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh and tanh, 0 at the origin,
+    which all models take. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
     """
 
     def __init_subclass__(cls) -> None:
