@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -126,6 +126,8 @@ class LoadPath:
                     continue
                 approaches = tuple(self.model.contact.approaches)
                 present = State(fraction, self.model.fields.copy(), approaches, energy=self.model.energy())
+                if record.augmented:  # the next state is extrapolated without multipliers
+                    present = _penalised(present, self.source)
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 yield record
@@ -148,7 +150,7 @@ class LoadPath:
 
     def resume(self, history: Sequence[State]) -> None:
         """Resume from the last states of an earlier run."""
-        self.history = [replace(state, source=None) for state in history][-2:]
+        self.history = [_penalised(s, s.source) if s.source else s for s in history][-2:]
         self._restore()
 
     def augment(self, record: StepRecord) -> bool:
@@ -294,4 +296,4 @@ class LoadPath:
 def _penalised(state: State, source: Penalised) -> State:
     """Return the state before its multipliers were added: its penetration holds the contact pressure."""
     values = (source.displacement, *state.values[1:])
-    return State(state.fraction, values, tuple(source.approaches))
+    return State(state.fraction, values, tuple(source.approaches), energy=state.energy)

@@ -73,17 +73,19 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
     on_top = points[..., 2] > top - 1e-9 * deep
     stretch, seen = np.sqrt(np.maximum(squared, 0.0)), np.linalg.det(F[..., :2, :2])
     values = np.linalg.det(F), np.where(on_top, stretch, np.inf), np.where(on_top, seen, np.inf)
-    least = []
+    least: list[tuple[float, Place]] = []
     for value in values:
         number = int(value.argmin()) if value.size else 0
         x, y, z = points.reshape(-1, 3)[number] if value.size else (0.0, 0.0, 0.0)
         away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
-        place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
-        least.append(min(comm.allgather((float(value.min(initial=np.inf)), tuple(place)))))
+        place = tuple(length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z)))
+        least.append(min(comm.allgather((float(value.min(initial=np.inf)), place))))
     moved = (points + nodal[cells.dofs])[on_top][:, :2]
     outside = np.maximum(low[:2] - moved, moved - high[:2]).max(initial=0.0)
     crossing = comm.allreduce(float(outside), op=MPI.MAX)
-    return Distortion(*least[0], *least[1], *least[2], crossing if crossing > 1e-9 * deep else 0.0)
+    (volume, at), (shortest, surface_at), (least_seen, seen_at) = least
+    crossing = crossing if crossing > 1e-9 * deep else 0.0
+    return Distortion(volume, at, shortest, surface_at, least_seen, seen_at, crossing)
 
 
 def _place(place: Place) -> str:
