@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.display.numbers import with_error
+from runs.display.numbers import number, with_error
 
 
 def markdown(
@@ -36,5 +36,5 @@ def written(value: Any, digits: int = 4) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, float):
-        return f"{value:.{digits}g}"
+        return number(value, digits)
     return str(value).replace("|", "\\|").replace("\n", " ")
