@@ -86,6 +86,8 @@ class LoadPath:
         self.problem, self.model, self.control, self.solver = problem, model, control, solver
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self.history: list[State] = []
+        self._borrowed = False
+        """Whether states of the path began with those of another discretisation, or of an earlier run."""
         self.source, self.ahead = model.contact.penalised, 1.0
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
@@ -94,10 +96,12 @@ class LoadPath:
         Fractions may also decrease (unloading). A step starts from the predictor's state with its multipliers; if
         Newton's method fails, from their source without them; if there is none, or that fails too, earlier states of
         the path are extrapolated. A step from a near state ends with multipliers; others end in an approximate
-        equilibrium without them; `augment` adds them and makes it exact.
+        equilibrium without them; `augment` adds them and makes it exact. A path that began with a predictor's states
+        and ends early is taken again from the undeformed layer; its cost counts with the next record.
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
+            known, again = 0.0, list[StepRecord]()
             step = goal - self._last.fraction
             while not self.history or abs(self._last.fraction - goal) > BACK * abs(goal):
                 reached = self._last.fraction
@@ -115,7 +119,10 @@ class LoadPath:
                         predicted = _penalised(predicted, predicted.source)
                     else:
                         predicted, step = None, math.copysign(min(abs(step), self._longest), step)
-                    if abs(step) < self._shortest * abs(goal):
+                    if abs(step) < self._shortest * abs(goal) and self._borrowed:
+                        self._borrowed, self.history, predicted, cuts = False, [], None, 0
+                        known, step = abs(reached), math.copysign(min(self._longest, abs(goal)), goal)
+                    elif abs(step) < self._shortest * abs(goal):
                         self._restore()
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
@@ -126,10 +133,17 @@ class LoadPath:
                     continue
                 approaches = tuple(self.model.contact.approaches)
                 present = State(fraction, self.model.fields.copy(), approaches, energy=self.model.energy())
+                self._borrowed = self._borrowed or predicted is not None
                 if record.augmented:  # the next state is extrapolated without multipliers
                     present = _penalised(present, self.source)
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
+                if fraction != goal and abs(fraction) <= known:
+                    again.append(record)
+                    continue
+                record.newton_iterations += sum(earlier.newton_iterations for earlier in again)
+                record.tangents += sum(earlier.tangents for earlier in again)
+                again = []
                 yield record
 
     def check_volumes(self) -> None:
@@ -151,6 +165,7 @@ class LoadPath:
     def resume(self, history: Sequence[State]) -> None:
         """Resume from the last states of an earlier run."""
         self.history = [_penalised(s, s.source) if s.source else s for s in history][-2:]
+        self._borrowed = bool(self.history)
         self._restore()
 
     def augment(self, record: StepRecord) -> bool:

@@ -16,7 +16,7 @@ from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.equilibrium.load_path import DOUBLINGS, StepRecord
+from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER
 from finite_strain.planning.records import Record, save_records, saved_records
@@ -176,6 +176,33 @@ def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
     assert again.path.ahead == 1.0
     monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 1.0)
     assert again.run.enforce(record) == 0
+
+
+def test_a_path_that_began_with_another_meshs_states_and_ends_early_is_taken_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = quadratic_rig(pair(0.1, poisson=0.3), tmp_path, ONE_LOAD)
+    known.press([0.5])
+    good = replace(known.path.history[-1], source=known.path.source)
+    known.press([1.0])
+
+    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path, ONE_LOAD)
+    (record,) = rig.path.steps([0.5], lambda _: good)
+    assert record.augmented
+    solve, tried, rig.path._longest = rig.path._solve, list[float](), 0.2
+
+    def only_its_own(fraction: float, start: State | None, record: StepRecord) -> None:
+        tried.append(fraction)
+        if rig.path._borrowed:
+            raise NotConverged("Newton's method stopped")
+        solve(fraction, start, record)
+
+    monkeypatch.setattr(rig.path, "_solve", only_its_own)
+    *_, record = done = list(rig.path.steps([1.0]))
+    assert all(step.fraction > 0.5 for step in done)  # what was known is not said twice
+    assert record.fraction == 1.0
+    assert min(tried) < 0.5
+    assert rig.normal_forces() == relatively(known.normal_forces(), 1e-4)
 
 
 def test_a_finer_mesh_begins_full_load_with_the_penalties_of_the_coarser_one(tmp_path: Path) -> None:
