@@ -24,7 +24,7 @@ ROUNDOFF = 1e-9
 UNRESOLVED = "the state is not resolved"
 """Beginning of a note by `finite_strain`: elements at full load are nearly turned inside out."""
 FAINT = "T is too small to be resolved"
-"""Beginning of a note by `finite_strain`: at full load the error of T is above half of T, for every ball."""
+"""Beginning of a note by `finite_strain`: at full load the error of a ball's T is above half of the largest T."""
 
 
 @dataclass(frozen=True)

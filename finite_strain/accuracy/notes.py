@@ -41,10 +41,15 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
         )
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
-    if all(0.0 < HALF * size < ball.tangential_force_error for size, ball in bounds):
-        most, force = max((size + ball.tangential_force_error, ball.normal_force) for size, ball in bounds)
+    largest = max(size for size, _ in bounds)
+    faint = [number for number, (_, ball) in enumerate(bounds) if 0.0 < HALF * largest < ball.tangential_force_error]
+    if faint:
+        most, force = max(
+            (size + ball.tangential_force_error, ball.normal_force) for size, ball in (bounds[i] for i in faint)
+        )
+        where = "" if len(faint) == len(bounds) else f" on ball {', '.join(map(str, faint))}"
         notes.append(
-            f"{FAINT}: it is at most {most:.2g} N, {most / force:.2g} of the normal force; at small loads "
+            f"{FAINT}{where}: it is at most {most:.2g} N, {most / force:.2g} of the normal force; at small loads "
             "linear_bem resolves smaller ones"
         )
     if record.reached > plan.accuracy:
