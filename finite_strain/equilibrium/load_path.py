@@ -28,6 +28,9 @@ SPURIOUS = 0.3
 SURPLUS = 0.3
 """The increase of the potential is at most the work of the final forces, because forces grow with approaches; this
 fraction more is allowed. A crumpled surface, also an equilibrium, stores several times as much."""
+FRUITLESS = 3
+"""Cut-backs after which a path that began with another discretisation's states is taken again: each costs ten and more
+iterations, a step of its own two to four (thin pair, 55 thousand unknowns, from D = 0.8 R on)."""
 PARTS = 4
 """Equal parts in which multipliers are added gradually."""
 DOUBLINGS = 4
@@ -119,7 +122,7 @@ class LoadPath:
                         predicted = _penalised(predicted, predicted.source)
                     else:
                         predicted, step = None, math.copysign(min(abs(step), self._longest), step)
-                    if abs(step) < self._shortest * abs(goal) and self._borrowed:
+                    if self._borrowed and (cuts >= FRUITLESS or abs(step) < self._shortest * abs(goal)):
                         self._borrowed, self.history, predicted, cuts = False, [], None, 0
                         known, step = abs(reached), math.copysign(min(self._longest, abs(goal)), goal)
                     elif abs(step) < self._shortest * abs(goal):
