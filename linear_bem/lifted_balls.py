@@ -5,7 +5,9 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.layer.kernel import LayeredKernel
@@ -27,6 +29,9 @@ TOUCHING, OVERLOOKED = 1e-9, 1e-4
 """Least depth over the largest approach at which a ball without force touches: among few and among many balls.
 
 At 1e-4 of the others' depth it carries 1e-6 of their force."""
+CLEAR = 0.4
+"""Largest place where a ball among many may touch, over the distance of its axis from the next one: a polynomial
+follows the displacement up to there, not under the next contact."""
 
 
 class Touched(NotConverged):
@@ -64,6 +69,7 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
         return [rest(contacts, i) for i in balls]
     centres = contacts.problem.positions[list(balls)]
     reach = np.array([0.1 * contacts.problem.balls[i].radius for i in balls])
+    reach = np.minimum(reach, CLEAR * _nearest(contacts.problem)[list(balls)])
     moved = displacement_about(contacts.kernel, contacts.smooth.nodes, centres, reach, contacts.precision)
     profiles = [height(contacts.problem.balls[i]) for i in balls]
     at, size, value = np.zeros((len(balls), 2)), 1.0, np.full(len(balls), np.inf)
@@ -78,6 +84,15 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
         size *= 0.4
     places = centres + reach[:, None] * at
     return [(float(v), (float(x), float(y))) for v, (x, y) in zip(value, places, strict=True)]
+
+
+def _nearest(problem: Problem) -> Array:
+    """Return the distance [m] of the axis of every ball to the next one, or to its image."""
+    cell, places = None, problem.positions
+    if problem.periodic is not None:
+        cell = np.array(problem.periodic.lengths)
+        places = np.minimum(places - cell * np.floor(places / cell), np.nextafter(cell, 0.0))
+    return np.asarray(cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1])
 
 
 def rested(contacts: Same) -> Same:

@@ -19,7 +19,7 @@ from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.initial_guess import Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost
-from linear_bem.solution import Estimated
+from linear_bem.solution import Estimated, is_certified, require_certified
 
 ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
@@ -29,6 +29,8 @@ SWEPT, PAIRS = 0.07, 0.1
 """Last change of a sweep, and precision of a pair, over the requested accuracy of T."""
 UNSAMPLED = 2.0
 """Error on any ball over the largest one in the sample, both over the neighbours' forces."""
+FREE = {"approach": ("normal_force",), "force": ("approach",), "total_force": ("normal_force", "approach")}
+"""Of forces and approaches those that follow from a kind of load."""
 CHANGES = 40
 """Largest number of times that balls may lose or find contact."""
 BYTES = 200e3
@@ -56,10 +58,11 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
             break
         report(f"degree {degree}: {len(contacts.sample)} of {len(contacts.touching)} contacts are solved exactly")
         best = _judged(contacts, wanted)
-        if not best.notes:
+        if is_certified(contacts) and not best.notes:
             return best
         start = Start(list(contacts.touching), [n.zone for n in contacts.smooth.nodes], contacts.approaches)
     assert best is not None
+    require_certified(best.contacts)
     return best
 
 
@@ -109,9 +112,9 @@ def _judged(contacts: SmoothContacts, wanted: float) -> Estimated:
     share = UNSAMPLED * ratio + contacts.smooth.residual  # infinite where a ball alone finds no solution
     error = np.where(scale > 0.0, np.maximum(share * np.where(scale > 0.0, scale, 1.0), least_error(contacts)), 0.0)
     errors, known = errors_of_one(contacts), quantities(contacts)
-    # of forces and approaches the load gives one; the sample shows the other
-    free = "approach" if contacts.problem.load.kind == "force" else "normal_force"
-    errors[free] = np.maximum(errors[free], UNSAMPLED * sample.settled * np.abs(known[free]))
+    # the sample shows the errors of what the load leaves open
+    for free in FREE[contacts.problem.load.kind]:
+        errors[free] = np.maximum(errors[free], UNSAMPLED * sample.settled * np.abs(known[free]))
     reference = reference_force(contacts)
     reached = float(np.max(error)) / reference
     accuracy = {

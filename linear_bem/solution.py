@@ -10,7 +10,7 @@ import scipy
 from linear_bem.arrays import Array
 from linear_bem.counts import grouped
 from linear_bem.error_estimate import Errors
-from linear_bem.errors import InvalidProblem
+from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.lifted_balls import Contacts
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved
@@ -18,6 +18,21 @@ from linear_bem.smooth.contacts import SmoothContacts
 
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
+
+
+def is_certified(contacts: Contacts) -> bool:
+    """Return whether all recomputed residuals are at most `CERTIFIED`."""
+    return max(contacts.certificate.values()) <= CERTIFIED
+
+
+def require_certified(contacts: Contacts) -> None:
+    """Raise `NotConverged` where a recomputed residual exceeds `CERTIFIED`."""
+    if not is_certified(contacts):
+        name, worst = max(contacts.certificate.items(), key=lambda item: item[1])
+        raise NotConverged(
+            f"linear_bem: the recomputed residual {name} is {worst:.1e}, more than {CERTIFIED:g}; press the balls less "
+            "deep, or take a thicker layer"
+        )
 
 
 @dataclass(frozen=True)

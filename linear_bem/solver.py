@@ -33,7 +33,7 @@ from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
-from linear_bem.solution import CERTIFIED, Estimated, Solution
+from linear_bem.solution import CERTIFIED, Estimated, Solution, require_certified
 
 WORTH_KEEPING = 5.0
 """Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
@@ -113,9 +113,7 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
     strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in strained)
     notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *deep)
-    worst = max(contacts.certificate.values())
-    if worst > CERTIFIED:
-        raise NotConverged(f"linear_bem: recomputed residuals exceed {CERTIFIED:g}: {contacts.certificate}")
+    require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 

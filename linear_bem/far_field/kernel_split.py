@@ -58,10 +58,13 @@ class FarField:
     cutoff: float = np.inf
 
     @classmethod
-    def of(cls, kernel: LayeredKernel, centres: Array, margin: float, precision: float) -> FarField:
+    def of(
+        cls, kernel: LayeredKernel, centres: Array, margin: float, precision: float, least_cutoff: float = 0.0
+    ) -> FarField:
         """Return the cheapest split for loads within ``margin`` [m] of ``centres`` (balls, 2) [m].
 
-        ``precision`` bounds what is neglected of the force of one neighbour.
+        ``precision`` bounds what is neglected of the force of one neighbour. Outside a cell, pairs of centres within
+        ``least_cutoff`` [m] are summed one by one even where the mesh holds all of their kernel.
         """
         if kernel.cell is not None:
             of_cell, alpha, cutoff = cell_split(kernel, len(centres), margin, precision)
@@ -80,7 +83,7 @@ class FarField:
         spacing = min(apart, kernel.thickness / PER_LAYER)
         if rule is not None and least > NODE * (2 * ORDER) ** 2 + BALL * n and spacing > 0.0:
             for size in spacing / 2.0 ** (0.5 * np.arange(7)):
-                cutoff = rule[1] * size / rule[0]
+                cutoff = max(rule[1] * size / rule[0], least_cutoff)
                 near = 0.5 * (tree.count_neighbors(tree, min(cutoff + 2.0 * margin, reach)) - n)
                 cost = 2.0 * PAIR * near + NODE * float(np.prod(mesh_shape(low, high, size)[1], dtype=float)) + BALL * n
                 if cost < least:

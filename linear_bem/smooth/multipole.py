@@ -29,6 +29,8 @@ SAFETY = 0.01
 """Factor of that term, from measured errors at the contact's edge; errors of the force are 100 times smaller."""
 FULL = len(DEGREES)
 """Place in `DEGREES` that stands for the quadrature points themselves."""
+OF_MESH = 6
+"""Highest degree through the mesh, where all contacts and all near pairs take it."""
 
 
 @lru_cache(maxsize=8)
@@ -78,6 +80,12 @@ def lowest_degree(distance: Array, size: Array, precision: float) -> Indices:
     return level
 
 
+def least_distance(size: float, precision: float) -> float:
+    """Return the distance [m] between the centres of contacts of a size [m] from which `OF_MESH` suffices."""
+    rate = (SAFETY * precision) ** (-1.0 / (OF_MESH + 1.0))
+    return 1.001 * size * (1.0 + 0.5 * (rate + 1.0 / rate))
+
+
 class Interaction:
     """Displacement and in-plane force on each of many separate contacts due to the others.
 
@@ -90,7 +98,7 @@ class Interaction:
         self.count = len(zones)
         reach = 1.1 * zones.reach
         largest = float(np.max(reach))
-        self.far = FarField.of(kernel, zones.centre, 1.5 * largest, precision)
+        self.far = FarField.of(kernel, zones.centre, 1.5 * largest, precision, least_distance(largest, precision))
         first, second = self.far.first, self.far.second
         apart = np.hypot(*self.far.offsets(zones.centre).T)
         shift = np.broadcast_to(self.far.shift, (len(first), 2))

@@ -3,14 +3,16 @@
 import dataclasses
 import json
 import math
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from linear_bem import Ball, Layer, Load, Periodic, Problem, solve
+from linear_bem.result import Result
 from runs.commands import plan
-from runs.models import MODELS
+from runs.models import MODELS, Run
 from runs.scene.scene_file import read_scene
 
 COUNT = 14
@@ -79,3 +81,21 @@ def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
         result = dataclasses.replace(ahead, solved=dataclasses.replace(ahead.solved, unknowns=unknowns))
         details = plan._model_plan(MODELS["linear_bem"], None, many, result)  # type: ignore[arg-type]
         assert least < details["memory_bytes"] < most
+
+
+def test_the_time_planned_is_that_of_an_idle_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slowed(problem: Problem, run: Run) -> Result:
+        begun = time.perf_counter()
+        result = solve(problem, plan.ROUGH)
+        time.sleep(1.0)  # as if another program had the core
+        wall = time.perf_counter() - begun
+        return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=wall))
+
+    file = tmp_path / "row.toml"
+    file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="total_force = 0.7"), encoding="utf-8")
+    monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=slowed))
+    plan.plan_scene(read_scene(file), None, as_json=True)
+    planned = json.loads(capsys.readouterr().out)["models"][0]["seconds"]
+    assert 0.0 < planned < 1.0

@@ -1,0 +1,54 @@
+"""More than a hundred contacts far from the usual: deep, of very unlike sizes, on a stiff film, caps close by."""
+
+import numpy as np
+import pytest
+
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem.lifted_balls import rest, rests
+from tests.linear_bem.test_thousands import scattered
+
+
+def lattice(count, spacing, shake=0.0):
+    rng = np.random.default_rng(1)
+    columns = int(np.ceil(np.sqrt(count)))
+    x = spacing * np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
+    return (x + rng.uniform(-shake, shake, x.shape)).tolist()
+
+
+def test_the_degree_goes_up_until_the_residuals_are_small_too():
+    balls = tuple(Ball(place, 1.0) for place in lattice(102, 2.6, 0.2))
+    solution = solve_contact(Problem(Layer(1.0, 0.48, 8.0), balls, Load("approach", (0.5,) * 102)), 1e-2)
+    assert solution.contacts.smooth.nodes[0].zone.degree == 6
+    assert solution.accuracy["reached"] <= 1e-2
+
+
+def test_the_approach_under_a_total_force_is_as_well_known_as_stated():
+    balls = tuple(Ball(place, 1.0) for place in lattice(102, 2.8, 0.3))
+    problem = Problem(Layer(30.0, 0.3, 0.2), balls, Load("total_force", (0.5,)), Elastic(1.0, 0.5))
+    quick, sharp = (solve(problem, accuracy).balls[0] for accuracy in (1e-3, 1e-5))
+    assert abs(quick.approach - sharp.approach) <= quick.errors["approach"] + sharp.errors["approach"]
+    assert quick.errors["approach"] < 1e-4 * quick.approach
+
+
+def test_contacts_that_are_large_against_the_distances_of_others_are_near_ones():
+    x = [(0.0, 0.0), (6.0, 0.0), (0.0, 6.0), (6.0, 6.0)]
+    small = np.array(lattice(400, 0.2)) + 1.0
+    clear = np.all(np.hypot(*(small[:, None] - np.array(x)).transpose(2, 0, 1)) > 1.05, axis=1)
+    balls = tuple(Ball(place, 1.0) for place in x) + tuple(Ball(place, 0.03) for place in small[clear].tolist())
+    forces = (0.1,) * 4 + (2e-5,) * int(np.sum(clear))
+    result = solve(Problem(Layer(1.0, 0.45, np.inf), balls, Load("force", forces)), 1e-2)
+    assert result.balls[0].contact_area > np.pi * 0.3**2
+    assert result.solved.accuracy["reached"] <= 1e-2
+
+
+def test_caps_that_the_others_lift_rest_where_one_alone_would():
+    rng = np.random.default_rng(2)
+    places, _ = scattered(150, 18.0, low=0.6, high=0.6)
+    balls = tuple(Ball(place, 20.0, "paraboloid", asperity=True) for place in places.tolist())
+    depths = rng.uniform(0.0, 0.008, 150).tolist()
+    solution = solve_contact(Problem(Layer(1.0, 0.4, 6.0), balls, Load("approach", tuple(depths))), 1e-3)
+    lifted = np.flatnonzero(solution.contacts.normal_forces == 0.0).tolist()
+    assert len(lifted) > 3
+    together = [value for value, _ in rests(solution.contacts, lifted)]
+    alone = [rest(solution.contacts, ball)[0] for ball in lifted]
+    assert together == pytest.approx(alone, abs=1e-3 * max(depths))
