@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -87,10 +86,8 @@ def test_the_time_planned_is_that_of_an_idle_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def slowed(problem: Problem, run: Run) -> Result:
-        begun = time.perf_counter()
         result = solve(problem, plan.ROUGH)
-        time.sleep(1.0)  # as if another program had the core
-        wall = time.perf_counter() - begun
+        wall = result.solved.seconds + 30.0  # as if another program had the core
         return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=wall))
 
     file = tmp_path / "row.toml"
@@ -98,4 +95,4 @@ def test_the_time_planned_is_that_of_an_idle_machine(
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=slowed))
     plan.plan_scene(read_scene(file), None, as_json=True)
     planned = json.loads(capsys.readouterr().out)["models"][0]["seconds"]
-    assert 0.0 < planned < 1.0
+    assert 0.0 < planned < 30.0
