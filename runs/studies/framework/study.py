@@ -69,7 +69,7 @@ def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
     if not known:
         raise OutputUnusable(f"{folder}: holds files of no study ({others[0]}); name a new or empty --out")
     if mark is None:
-        write_text(folder / MARK, to_json({"identity": identity}))
+        write_text(folder / MARK, to_json({"identity": identity, "state": "running"}))
     elif mark.get("identity") != identity:
         raise OutputUnusable(
             f"{folder}: holds another run ({difference(mark.get('identity'), identity)}); name another --out"
