@@ -23,8 +23,10 @@ from scipy.spatial import cKDTree
 from scipy.special import erf, erfc
 
 from linear_bem.arrays import Array, Indices
+from linear_bem.counts import grouped
 from linear_bem.far_field.particle_mesh import ORDER, ParticleMesh, PeriodicMesh, mesh_shape, periodic_shape
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.memory import require
 
 MESHED = ((1e-5, 0.4, 3.7), (1e-7, 0.3, 4.5))
 """Least precision, alpha H, and alpha r of the last near pair.
@@ -39,6 +41,8 @@ PER_LAYER = 3.0
 """Least thickness of the layer over the spacing: s alone is then known to 2e-6/H."""
 PAIR, NODE, BALL = 5e-6, 4e-7, 1e-5
 """Processor time [s] of a near pair, a node of the doubled mesh, and a ball on the mesh; only the choice needs them."""
+NODE_BYTES = 34.0
+"""Memory per node of the doubled mesh: measured, 6.1 GB at 179 million nodes."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,12 @@ class FarField:
             return cls(kernel, first, second, NOWHERE)
         assert rule is not None
         size, cutoff = best
+        nodes = int(np.prod(mesh_shape(low, high, size)[1], dtype=float))
+        require(
+            NODE_BYTES * nodes,
+            f"linear_bem: a mesh of {grouped(nodes)} nodes over {n} balls",
+            "take balls that are less far apart, or a thicker layer",
+        )
         alpha = rule[0] / size
         near_pairs = tree.query_pairs(min(cutoff + 2.0 * margin, reach), output_type="ndarray")
         mesh = ParticleMesh(low, high, size, lambda r: _far(kernel, alpha, r))

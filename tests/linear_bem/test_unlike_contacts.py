@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+import linear_bem.memory
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve, solve_contact
+from linear_bem.errors import TooLarge
+from linear_bem.far_field.kernel_split import FarField
 from linear_bem.lifted_balls import rest, rests
 from tests.linear_bem.test_thousands import scattered
 
@@ -52,3 +55,13 @@ def test_caps_that_the_others_lift_rest_where_one_alone_would():
     together = [value for value, _ in rests(solution.contacts, lifted)]
     alone = [rest(solution.contacts, ball)[0] for ball in lifted]
     assert together == pytest.approx(alone, abs=1e-3 * max(depths))
+
+
+def test_a_mesh_between_groups_far_apart_is_refused_with_its_size(monkeypatch):
+    group = np.array(lattice(1500, 2.5))
+    places = np.concatenate([group, group + 1500.0])
+    kernel = LayeredKernel(Layer(1.0, 0.45, 4.0), Elastic(5.0, 0.3))
+    assert FarField.of(kernel, places, 0.5, 1e-4).mesh is not None
+    monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
+    with pytest.raises(TooLarge, match=r"a mesh of [\d ]+ nodes over 3000 balls needs about 0\.\d+ GB"):
+        FarField.of(kernel, places, 0.5, 1e-4)
