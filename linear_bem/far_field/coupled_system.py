@@ -8,7 +8,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.kernel_split import PointInfluence
+from linear_bem.far_field.pairs_and_mesh import PointInfluence
 
 
 class Influence(Protocol):

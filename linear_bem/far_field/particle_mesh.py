@@ -16,7 +16,7 @@ import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.sparse import csr_matrix
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Indices
 from linear_bem.errors import NotConverged
 
 ORDER = 8
@@ -42,52 +42,61 @@ class Points:
     dy: csr_matrix | None = None
 
 
-def mesh_shape(low: Array, high: Array, spacing: float) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the numbers of nodes that cover a rectangle, and those of the mesh of twice the size."""
-    nodes = tuple(int(np.ceil((high[k] - low[k]) / spacing)) + ORDER + 2 for k in (0, 1))
-    doubled = tuple(int(next_fast_len(2 * (n + ORDER), real=True)) for n in nodes)
-    return (nodes[0], nodes[1]), (doubled[0], doubled[1])
+def mesh_shape(low: Array, high: Array, spacing: float) -> tuple[Indices, Indices]:
+    """Return the numbers of nodes that cover rectangles (k, 2), and those of the meshes of twice the size."""
+    nodes = np.ceil((np.atleast_2d(high) - np.atleast_2d(low)) / spacing).astype(int) + ORDER + 2
+    lengths = {int(n): int(next_fast_len(2 * (int(n) + ORDER), real=True)) for n in np.unique(nodes)}
+    return nodes, np.array([[lengths[int(n)] for n in row] for row in nodes])
 
 
 class ParticleMesh:
-    """A mesh over the rectangle from ``low`` to ``high`` [m], and a ``radial`` kernel on it as a function of r [m]."""
+    """Meshes over rectangles from ``low`` to ``high`` [m], one (2,) or several (k, 2), apart from each other.
 
-    def __init__(self, low: Array, high: Array, spacing: float, radial: Callable[[Array], Array]) -> None:
+    ``radial`` is the kernel on each as a function of r [m]. Of several, ``owners`` (balls,) has each ball's; points are
+    then given ball after ball, as many for each.
+    """
+
+    def __init__(
+        self,
+        low: Array,
+        high: Array,
+        spacing: float,
+        radial: Callable[[Array], Array],
+        owners: Indices | None = None,
+    ) -> None:
         self.spacing = np.full(2, spacing)
         self.nodes, self.doubled = mesh_shape(low, high, spacing)
-        self.origin = np.asarray(low, dtype=float) - spacing * (ORDER // 2)
-        along = [np.minimum(np.arange(n), n - np.arange(n)) * spacing for n in self.doubled]
-        kernel = np.empty(self.doubled)
-        half = self.doubled[0] // 2 + 1
-        for rows in np.array_split(np.arange(half), max(1, half * self.doubled[1] // 500_000)):
-            kernel[rows] = radial(np.hypot(along[0][rows, None], along[1]))
-        kernel[half:] = kernel[self.doubled[0] - np.arange(half, self.doubled[0])]
-        transform = rfft2(kernel).real
-        first, second = np.fft.fftfreq(self.doubled[0], 1.0), np.fft.rfftfreq(self.doubled[1], 1.0)
-        self.transform = transform * _factor(first)[:, None] * _factor(second)
+        self.origin = np.atleast_2d(np.asarray(low, dtype=float)) - spacing * (ORDER // 2)
+        self.owners = np.zeros(1, dtype=np.intp) if owners is None else owners
+        shapes = {(int(rows), int(columns)) for rows, columns in self.doubled}
+        self.transforms = {shape: _transform(shape, spacing, radial) for shape in shapes}
 
-    def _columns(self, base: Array, axis: int) -> Array:
+    def _columns(self, base: Array, axis: int, owner: Indices) -> Array:
         """Return the nodes whose splines reach points that lie in cells ``base`` of an axis, shape (points, order)."""
-        if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[axis])):
+        if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[owner, axis])):
             raise NotConverged("far field: a contact grew or moved out of the mesh that its first guess had set")
         return np.asarray(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
 
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
         """Return the splines at points [m]; raises `NotConverged` for points out of the mesh."""
+        count = np.size(x)
+        owner = np.repeat(self.owners, count // len(self.owners)) if len(self.nodes) > 1 else np.zeros(1, dtype=np.intp)
         weights, derivatives, indices = [], [], []
         for axis, at in enumerate((x, y)):
-            scaled = (np.ravel(at) - self.origin[axis]) / self.spacing[axis]
+            scaled = (np.ravel(at) - self.origin[owner, axis]) / self.spacing[axis]
             base = np.floor(scaled)
             values = np.stack(_splines(scaled - base, ORDER), axis=1)
             weights.append(values)
-            indices.append(self._columns(base, axis))
+            indices.append(self._columns(base, axis, owner))
             if slopes:
                 lower = np.stack([*_splines(scaled - base, ORDER - 1), np.zeros_like(scaled)], axis=1)
                 derivatives.append((lower - np.roll(lower, 1, axis=1)) / self.spacing[axis])
-        count = np.size(x)
-        columns = (indices[0][:, :, None] * np.int32(self.nodes[1]) + indices[1][:, None, :]).ravel()
+        ends = np.cumsum(np.prod(self.nodes, axis=1))
+        first = (ends - np.prod(self.nodes, axis=1))[owner].astype(np.int32)
+        of_rows = first[:, None] + indices[0] * self.nodes[owner, 1].astype(np.int32)[:, None]
+        columns = (of_rows[:, :, None] + indices[1][:, None, :]).ravel()
         rows = np.arange(0, count * ORDER**2 + 1, ORDER**2, dtype=np.int32)
-        shape = (count, self.nodes[0] * self.nodes[1])
+        shape = (count, int(ends[-1]))
 
         def matrix(u: Array, v: Array) -> csr_matrix:
             return csr_matrix(((u[:, :, None] * v[:, None, :]).ravel(), columns, rows), shape=shape)
@@ -99,6 +108,10 @@ class ParticleMesh:
     def field(self, points: Points, loads: Array) -> Array:
         """Return the field at the mesh's nodes from loads at points; a `Points` matrix interpolates it."""
         return self._convolved(points.value.T @ loads.ravel())
+
+    def potential(self, points: Points, loads: Array) -> Array:
+        """Return the field at points from the loads at these points."""
+        return np.asarray(points.value @ self.field(points, loads))
 
     def slope(self, points: Points, loads: Array) -> Array:
         """Return the field's gradient (points, 2) at points with slopes from the loads at these points.
@@ -114,8 +127,45 @@ class ParticleMesh:
         return out
 
     def _convolved(self, spread: Array) -> Array:
-        wide = irfft2(rfft2(spread.reshape(self.nodes), self.doubled) * self.transform, self.doubled)
-        return np.ascontiguousarray(wide[: self.nodes[0], : self.nodes[1]]).ravel()
+        out, end = np.empty(spread.size), 0
+        for nodes, doubled in zip(self.nodes.tolist(), self.doubled.tolist(), strict=True):
+            begin, end = end, end + nodes[0] * nodes[1]
+            transform = self.transforms[doubled[0], doubled[1]]
+            wide = irfft2(rfft2(spread[begin:end].reshape(nodes), doubled) * transform, doubled)
+            out[begin:end] = wide[: nodes[0], : nodes[1]].ravel()
+        return out
+
+
+def _transform(shape: tuple[int, int], spacing: float, radial: Callable[[Array], Array]) -> Array:
+    """Return the transform of a radial kernel on a doubled mesh, divided by the splines' factor."""
+    along = [np.minimum(np.arange(n), n - np.arange(n)) * spacing for n in shape]
+    kernel = np.empty(shape)
+    half = shape[0] // 2 + 1
+    for rows in np.array_split(np.arange(half), max(1, half * shape[1] // 500_000)):
+        kernel[rows] = radial(np.hypot(along[0][rows, None], along[1]))
+    kernel[half:] = kernel[shape[0] - np.arange(half, shape[0])]
+    transform = rfft2(kernel).real
+    first, second = np.fft.fftfreq(shape[0], 1.0), np.fft.rfftfreq(shape[1], 1.0)
+    return np.asarray(transform * _factor(first)[:, None] * _factor(second))
+
+
+@dataclass(frozen=True)
+class NestedMesh:
+    """Meshes whose fields add up, coarse ones over more than fine ones; used like a `ParticleMesh`."""
+
+    meshes: tuple[ParticleMesh, ...]
+
+    def at(self, x: Array, y: Array, slopes: bool = False) -> tuple[Points, ...]:
+        """Return the splines of every mesh at points [m]."""
+        return tuple(mesh.at(x, y, slopes) for mesh in self.meshes)
+
+    def potential(self, points: tuple[Points, ...], loads: Array) -> Array:
+        """Return the field at points from the loads at these points."""
+        return np.sum([m.potential(p, loads) for m, p in zip(self.meshes, points, strict=True)], axis=0)
+
+    def slope(self, points: tuple[Points, ...], loads: Array) -> Array:
+        """Return the field's gradient (points, 2) as `ParticleMesh.slope` does."""
+        return np.sum([m.slope(p, loads) for m, p in zip(self.meshes, points, strict=True)], axis=0)
 
 
 class PeriodicMesh(ParticleMesh):
@@ -125,16 +175,20 @@ class PeriodicMesh(ParticleMesh):
     """
 
     def __init__(self, lengths: Array, spacing: float, transform: Callable[[Array], Array]) -> None:
-        self.nodes = self.doubled = periodic_shape(lengths, spacing)
-        self.spacing = lengths / self.nodes
-        self.origin = np.zeros(2)
-        waves = np.fft.fftfreq(self.nodes[0], 1.0), np.fft.rfftfreq(self.nodes[1], 1.0)
+        shape = periodic_shape(lengths, spacing)
+        self.nodes = self.doubled = np.array([shape])
+        self.spacing = lengths / shape
+        self.origin, self.owners = np.zeros((1, 2)), np.zeros(1, dtype=np.intp)
+        waves = np.fft.fftfreq(shape[0], 1.0), np.fft.rfftfreq(shape[1], 1.0)
         kx, ky = (2.0 * np.pi * w / s for w, s in zip(waves, self.spacing, strict=True))
         symbol = transform(np.hypot(kx[:, None], ky)) / float(np.prod(self.spacing))
-        self.transform = symbol * _factor(waves[0])[:, None] * _factor(waves[1])
+        self.transforms = {shape: symbol * _factor(waves[0])[:, None] * _factor(waves[1])}
 
-    def _columns(self, base: Array, axis: int) -> Array:
-        return np.asarray((base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER)) % self.nodes[axis], np.int32)
+    def _columns(self, base: Array, axis: int, owner: Indices) -> Array:
+        return np.asarray(
+            (base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER)) % self.nodes[owner, axis][:, None],
+            np.int32,
+        )
 
 
 def periodic_shape(lengths: Array, spacing: float) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.far_field.kernel_split import FarField, cell_split
+from linear_bem.far_field.pairs_and_mesh import cell_split
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.smooth.multipole import (
     DEGREES,
@@ -99,14 +99,15 @@ class LatticeRest:
         assert kernel.cell is not None
         zones = stacked([n.zone for n in nodes])
         margin = 1.5 * 1.1 * float(np.max(zones.reach))
-        self.mesh, alpha, reach = cell_split(kernel, len(nodes), margin, precision)
+        self.mesh, split, reach = cell_split(kernel, len(nodes), margin, precision)
         self.reach = reach + 2.0 * margin
         owners, shifts = kernel.cell.images(zones.centre, self.reach, places)
         self.nodes = [*nodes, *(nodes[i].moved(shift) for i, shift in zip(owners, shifts, strict=True))]
-        self.field = FarField(kernel, owners, owners, shifts, self.mesh, alpha, reach)  # only its `far` is used
         if self.mesh is not None:
             x, y, loads = (np.concatenate([getattr(n, name) for n in nodes]) for name in ("x", "y", "loads"))
             self._grid = self.mesh.field(self.mesh.at(x, y), loads)
+            assert split is not None
+            self.split = split
 
     def displacement(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
         """Return the displacement [m] at points by all contacts that are not among ``listed``."""
@@ -116,7 +117,7 @@ class LatticeRest:
         for start in range(0, len(x), AT_ONCE):
             part = slice(start, start + AT_ONCE)
             for n in listed:
-                total[part] -= self.field.far(np.hypot(x[part, None] - n.x, y[part, None] - n.y)) @ n.loads
+                total[part] -= self.split.far(np.hypot(x[part, None] - n.x, y[part, None] - n.y)) @ n.loads
         return total
 
     def slope(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
@@ -130,7 +131,7 @@ class LatticeRest:
         for n in listed:
             dx, dy = x[:, None] - n.x, y[:, None] - n.y
             r = np.maximum(np.hypot(dx, dy), 1e-300)
-            g = self.field.far_slope(r) / r
+            g = self.split.far_slope(r) / r
             total -= np.stack([(g * dx) @ n.loads, (g * dy) @ n.loads], axis=1)
         return total
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import PointState, couple, estimated_relations
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
@@ -53,7 +53,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
 
     A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`.
     """
-    field = FarField.of(kernel, problem.positions, 0.0, GUESSED)
+    field = FarField.of(kernel, problem.positions, np.zeros(problem.size), GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]

@@ -20,7 +20,7 @@ import numpy as np
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import solve_coupled
-from linear_bem.far_field.kernel_split import PointInfluence
+from linear_bem.far_field.pairs_and_mesh import PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height

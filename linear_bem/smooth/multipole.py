@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.smooth.newton import NodeStack
 from linear_bem.smooth.polynomials import basis
@@ -80,10 +80,10 @@ def lowest_degree(distance: Array, size: Array, precision: float) -> Indices:
     return level
 
 
-def least_distance(size: float, precision: float) -> float:
-    """Return the distance [m] between the centres of contacts of a size [m] from which `OF_MESH` suffices."""
+def least_ratio(precision: float) -> float:
+    """Return the distance between the centres of contacts, over the larger size, from which `OF_MESH` suffices."""
     rate = (SAFETY * precision) ** (-1.0 / (OF_MESH + 1.0))
-    return 1.001 * size * (1.0 + 0.5 * (rate + 1.0 / rate))
+    return 1.001 * (1.0 + 0.5 * (rate + 1.0 / rate))
 
 
 class Interaction:
@@ -98,7 +98,7 @@ class Interaction:
         self.count = len(zones)
         reach = 1.1 * zones.reach
         largest = float(np.max(reach))
-        self.far = FarField.of(kernel, zones.centre, 1.5 * largest, precision, least_distance(largest, precision))
+        self.far = FarField.of(kernel, zones.centre, reach, precision, least_ratio(precision))
         first, second = self.far.first, self.far.second
         apart = np.hypot(*self.far.offsets(zones.centre).T)
         shift = np.broadcast_to(self.far.shift, (len(first), 2))
@@ -107,7 +107,8 @@ class Interaction:
         self.pairs = [(k, *(v[level == k] for v in (first, second, shift))) for k in levels]
         self.gather = [tuple(_incidence(part, self.count) for part in (i, j)) for _, i, j, _ in self.pairs]
         self.mesh_level = -1
-        if self.far.mesh is not None:
+        if self.far.split is not None:
+            self.split = self.far.split
             self.mesh_level = int(lowest_degree(np.array(self.far.cutoff), np.array(largest), precision))
             assert self.mesh_level < FULL or kernel.cell is not None, "far contacts are far"
         self.influence = PointInfluence(self.far, zones.centre)
@@ -164,9 +165,8 @@ class Interaction:
         if self.far.mesh is not None:
             k = self.mesh_level
             x, y = self.places[k]
-            grid = self.far.mesh.field(self._points, self.loads[k])
-            sums[k] += (self._points.value @ grid).reshape(x.shape)
-            own = self.far.far(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
+            sums[k] += self.far.mesh.potential(self._points, self.loads[k]).reshape(x.shape)
+            own = self.split.far(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
             sums[k] -= np.einsum("nab,nb->na", own, self.loads[k])
         for k, values in sums.items():
             total += self._received(k, values)
@@ -182,13 +182,13 @@ class Interaction:
 
     def _value(self, r: Array, kernel: str) -> Array:
         if kernel == "near":
-            return self.far.near(r)
-        return self.kernel.scaled(r) if kernel == "whole" else -self.far.far(r)
+            return self.split.near(r)
+        return self.kernel.scaled(r) if kernel == "whole" else -self.split.far(r)
 
     def _slope(self, r: Array, kernel: str) -> Array:
         if kernel == "near":
-            return self.far.near_slope(r)
-        return self.kernel.scaled_slope(r) if kernel == "whole" else -self.far.far_slope(r)
+            return self.split.near_slope(r)
+        return self.kernel.scaled_slope(r) if kernel == "whole" else -self.split.far_slope(r)
 
     def force(self) -> Array:
         """Return T on every zone [N] by the mutual formula, shape (zones, 2)."""

@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
-from linear_bem.far_field import kernel_split
+from linear_bem.far_field import pairs_and_mesh
 from linear_bem.result import Result
 
 COVERED, LOW, HIGH = 0.4, 0.6, 1.0
@@ -91,11 +91,11 @@ def direct(count: int, load: str, base: str) -> dict[str, float | str]:
     problem = scene(count, load, base)
     quick = solve(problem, ACCURACY)
     began = time.process_time()
-    with_mesh, kernel_split.MESHED = kernel_split.MESHED, ()
+    with_mesh, pairs_and_mesh.RULES = pairs_and_mesh.RULES, ()
     try:
         sharp = solve(problem, SHARPER)
     finally:
-        kernel_split.MESHED = with_mesh
+        pairs_and_mesh.RULES = with_mesh
     spent = time.process_time() - began
     difference = np.hypot(*(forces_of(quick) - forces_of(sharp)).T)
     bars = np.array(

@@ -23,7 +23,7 @@ from linear_bem import (
     solve_point_load,
     stress,
 )
-from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.cell import Cell
 from linear_bem.layer.response import LayerResponse
 from linear_bem.lifted_balls import smooth_state
@@ -72,7 +72,7 @@ def test_the_mesh_and_near_images_add_up_to_the_sum_over_all_images():
             exact += np.where(r > 0.0, kernel.scaled(np.where(r > 0.0, r, 1.0)), 0.0) @ loads
     found = []
     for precision, error in ((1e-5, 4e-6), (1e-7, 3e-7), (1e-10, 1e-8)):
-        field = FarField.of(kernel, points, 0.0, precision)
+        field = FarField.of(kernel, points, np.array(0.0), precision)
         assert field.mesh is not None
         found.append(PointInfluence(field, points) @ loads)
         assert np.max(np.abs(found[-1] - exact)) < error * np.max(np.abs(exact))

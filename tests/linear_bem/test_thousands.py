@@ -30,7 +30,7 @@ from linear_bem import (
 from linear_bem.errors import NotConverged, TooLarge
 from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
-from linear_bem.far_field.kernel_split import FarField, PointInfluence
+from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.exact_sample import sample_error
@@ -80,7 +80,7 @@ def test_near_pairs_and_mesh_add_up_to_the_kernel(base):
     rng = np.random.default_rng(2)
     points, loads = rng.uniform(0.0, 100.0, (2500, 2)), rng.uniform(0.5, 1.0, 2500)
     for precision, error in ((1e-5, 3e-6), (1e-7, 3e-7)):
-        field = FarField.of(kernel, points, 0.0, precision)
+        field = FarField.of(kernel, points, np.array(0.0), precision)
         assert (field.mesh is not None) == (len(field.first) < 2500 * 2499 // 2) or base == "rigid base"
         chosen = np.arange(0, 2500, 50)
         r = np.hypot(*(points[chosen, None] - points).transpose(2, 0, 1))
@@ -88,7 +88,7 @@ def test_near_pairs_and_mesh_add_up_to_the_kernel(base):
         direct = kernel.scaled(r) @ loads
         found = PointInfluence(field, points) @ loads
         # the unit is the displacement of one load at one spacing of the mesh
-        spacing = field.mesh.spacing[0] if field.mesh is not None else 1.0
+        spacing = field.mesh.meshes[0].spacing[0] if field.mesh is not None else 1.0
         assert np.max(np.abs(found[chosen] - direct)) * spacing < 5.0 * error
 
 
@@ -122,7 +122,7 @@ def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     rng = np.random.default_rng(4)
     points = rng.uniform(0.0, 80.0, (1500, 2))
     kernel = LayeredKernel(Layer(1.0, 0.48, np.inf))
-    field = FarField.of(kernel, points, 0.0, 1e-7)
+    field = FarField.of(kernel, points, np.array(0.0), 1e-7)
     assert field.mesh is not None
     compliance, right = rng.uniform(5.0, 9.0, 1500), rng.uniform(0.5, 1.0, 1500)
     free = rng.uniform(size=1500) < 0.8
@@ -136,7 +136,7 @@ def test_the_coupled_system_is_solved_with_the_mesh_as_without():
 def test_balls_in_a_row_take_the_mesh_too():
     kernel = LayeredKernel(Layer(1.0, 0.48, 1.0), Elastic(100.0, 0.3))
     row = np.stack([3.0 * np.arange(2000), np.zeros(2000)], axis=1)
-    assert len(FarField.of(kernel, row, 0.0, 1e-5).first) < 50_000
+    assert len(FarField.of(kernel, row, np.array(0.0), 1e-5).first) < 50_000
 
 
 def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
@@ -149,7 +149,9 @@ def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
         patched.setattr(scipy.sparse.linalg, "cg", newer)
         module = importlib.reload(coupled_system)
         points = np.stack([np.arange(700.0), np.zeros(700)], axis=1)
-        influence = PointInfluence(FarField.of(LayeredKernel(Layer(1.0, 0.3, np.inf)), points, 0.0, 1e-5), points)
+        influence = PointInfluence(
+            FarField.of(LayeredKernel(Layer(1.0, 0.3, np.inf)), points, np.array(0.0), 1e-5), points
+        )
         module.solve_coupled(influence, np.ones(700), np.ones(700), np.ones(700, dtype=bool))
     importlib.reload(coupled_system)
     assert asked == [coupled_system.RESIDUAL]
@@ -194,7 +196,7 @@ def meshed():
     balls = tuple(b if isinstance(b.shape, str) else Ball(b.position, b.radius) for b in problem.balls)
     problem = replace(problem, balls=balls)
     solution = solve_contact(problem, 1e-3)
-    assert FarField.of(solution.contacts.kernel, problem.positions, 0.6, 1e-5).mesh is not None
+    assert FarField.of(solution.contacts.kernel, problem.positions, np.array(0.6), 1e-5).mesh is not None
     return problem, solution
 
 

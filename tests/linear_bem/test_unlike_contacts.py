@@ -6,7 +6,7 @@ import pytest
 import linear_bem.memory
 from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve, solve_contact
 from linear_bem.errors import TooLarge
-from linear_bem.far_field.kernel_split import FarField
+from linear_bem.far_field.pairs_and_mesh import FarField
 from linear_bem.lifted_balls import rest, rests
 from tests.linear_bem.test_thousands import scattered
 
@@ -61,7 +61,7 @@ def test_a_mesh_between_groups_far_apart_is_refused_with_its_size(monkeypatch):
     group = np.array(lattice(1500, 2.5))
     places = np.concatenate([group, group + 1500.0])
     kernel = LayeredKernel(Layer(1.0, 0.45, 4.0), Elastic(5.0, 0.3))
-    assert FarField.of(kernel, places, 0.5, 1e-4).mesh is not None
+    assert FarField.of(kernel, places, np.array(0.5), 1e-4).mesh is not None
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
     with pytest.raises(TooLarge, match=r"a mesh of [\d ]+ nodes over 3000 balls needs about 0\.\d+ GB"):
-        FarField.of(kernel, places, 0.5, 1e-4)
+        FarField.of(kernel, places, np.array(0.5), 1e-4)

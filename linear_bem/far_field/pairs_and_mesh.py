@@ -1,0 +1,233 @@
+r"""Near pairs and a mesh for the smooth far part of the layer's kernel: n loads interact in n log n operations.
+
+The near part of `linear_bem.far_field.kernel_split` is negligible beyond a few of its widths: it is summed over near
+pairs. The far part, with the tail 1/r of the half-space and of an elastic substrate, is a convolution on a mesh of
+spacing H = 0.4 widths (Hockney and Eastwood's P3M). On a rigid base K falls exponentially, and pairs beyond its range
+are left out. Where loads lie in groups far apart, every group has a mesh of its own for the difference of its far part
+and a still smoother one, which a coarse mesh over all holds. The cheapest of these is taken.
+
+In a cell that repeats, pairs include images, each with its shift, and the mesh holds the Fourier series of the far
+part, whose transform is 2 pi/k [erfc(k d/2) + G(k h) - 1]. At k = 0 it is what the whole kernel has there
+(`linear_bem.layer.cell`) without the near part's integral 2 pi^(1/2) d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.special import erfc
+
+from linear_bem.arrays import Array, Indices
+from linear_bem.counts import grouped
+from linear_bem.far_field.groups import Groups, UnlikePairs, groupings
+from linear_bem.far_field.kernel_split import PER_LAYER, RULES, Rule, Split, reach_of
+from linear_bem.far_field.particle_mesh import ORDER, NestedMesh, ParticleMesh, PeriodicMesh, mesh_shape, periodic_shape
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.memory import require
+
+IN_CELL = ((1e-5, 0.4, 3.7, 3.0), (1e-7, 0.3, 4.5, 4.0), (0.0, 0.2, 5.2, 5.0))
+"""In a cell, by the least precision: H/d, r/d of the last near pair, and the least thickness over H."""
+NOWHERE = np.zeros((1, 2))
+AROUND = 1.5
+"""Points of a contact that grows stay within so many of its first sizes from the centre."""
+PAIR, NODE, BALL, GROUP = 5e-6, 4e-7, 1e-5, 2e-3
+"""Processor time [s] of a near pair, a node of a doubled mesh, a ball on a mesh, a group; only the choice needs it."""
+NODE_BYTES = 34.0
+"""Memory per node of the doubled mesh: measured, 6.1 GB at 179 million nodes."""
+
+
+@dataclass(frozen=True)
+class FarField:
+    """Pairs (``first``, ``second``) that are summed one by one, and the mesh for the rest (None: there is no rest).
+
+    ``split`` is that of the kernel; nodes beyond ``cutoff`` [m] have no near part. ``shift`` (pairs, 2) [m] takes the
+    second to its image in a cell that repeats; without one it has the shape (1, 2).
+    """
+
+    kernel: LayeredKernel
+    first: Indices
+    second: Indices
+    shift: Array
+    mesh: NestedMesh | None = None
+    split: Split | None = None
+    cutoff: float = np.inf
+
+    @classmethod
+    def of(
+        cls, kernel: LayeredKernel, centres: Array, sizes: Array, precision: float, least_ratio: float = 0.0
+    ) -> FarField:
+        """Return the cheapest split for loads within `AROUND` ``sizes`` (balls,) [m] of ``centres`` (balls, 2) [m].
+
+        ``precision`` bounds what is neglected of the force of one neighbour. Outside a cell, pairs of centres within
+        ``least_ratio`` sizes of the larger load are summed one by one even where the mesh holds all of their kernel.
+        """
+        n = len(centres)
+        largest = float(np.max(sizes))
+        if kernel.cell is not None:
+            margin = AROUND * largest
+            of_cell, split, cutoff = cell_split(kernel, n, margin, precision)
+            first, second, shift = kernel.cell.pairs(centres, cutoff + 2.0 * margin)
+            return cls(kernel, first, second, shift, None if of_cell is None else NestedMesh((of_cell,)), split, cutoff)
+        choice = _Choice(kernel, centres, np.broadcast_to(sizes, n), precision, least_ratio)
+        best = choice.best()
+        if best is None:
+            first, second = choice.near(np.inf)
+            return cls(kernel, first, second, NOWHERE)
+        mesh, split, cutoff = best
+        return cls(kernel, *choice.near(cutoff), NOWHERE, mesh, split, max(cutoff, least_ratio * largest))
+
+    def offsets(self, points: Array) -> Array:
+        """Return the offsets [m] of the first from the second of all pairs of ``points`` (n, 2) [m]."""
+        return np.asarray(points[self.first] - points[self.second] - self.shift)
+
+
+class _Choice:
+    """The cheapest of pairs alone, a mesh, and a mesh per group with a coarse one over all."""
+
+    def __init__(
+        self, kernel: LayeredKernel, centres: Array, sizes: Array, precision: float, least_ratio: float
+    ) -> None:
+        self.kernel, self.centres, self.sizes, self.least_ratio = kernel, centres, sizes, least_ratio
+        self.pairs = UnlikePairs(centres, sizes)
+        self.range = reach_of(kernel, 0.1 * precision)
+        self.rule = next((rule for bound, rule in RULES if precision >= bound), None)
+        self.margin = AROUND * float(np.max(sizes))
+        self.extent = float(np.hypot(*np.ptp(centres, axis=0)))
+
+    def reach(self, cutoff: float, one: Array, other: Array) -> Array:
+        """Return the distance [m] of the last near pair of loads of two sizes [m]."""
+        around = AROUND * (one + other)
+        return np.minimum(np.maximum(cutoff + around, self.least_ratio * np.maximum(one, other)), self.range + around)
+
+    def _last(self, cutoff: float) -> float:
+        largest = np.array(self.margin / AROUND)
+        return float(self.reach(cutoff, largest, largest))
+
+    def near(self, cutoff: float) -> tuple[Indices, Indices]:
+        """Return the near pairs for a cut-off [m] of nodes."""
+        if self._last(cutoff) >= self.extent + 2.0 * self.margin and not np.isfinite(cutoff):
+            first, second = np.triu_indices(len(self.centres), 1)
+            return first, second
+        return self.pairs.within(lambda a, b: self.reach(cutoff, a, b))
+
+    def _count(self, cutoff: float) -> float:
+        n = len(self.centres)
+        if self._last(cutoff) >= self.extent:
+            return 0.5 * n * (n - 1)
+        return self.pairs.count(lambda a, b: float(self.reach(cutoff, np.array(a), np.array(b))))
+
+    def best(self) -> tuple[NestedMesh, Split, float] | None:
+        """Return mesh, split and cut-off [m] of nodes; None: pairs alone."""
+        n, rule = len(self.centres), self.rule
+        least, found = PAIR * self._count(np.inf), None
+        if rule is None or n < 2 or least <= NODE * (2 * ORDER) ** 2 + BALL * n:
+            return None
+        for groups in groupings(self.centres, AROUND * self.sizes):
+            sides = groups.sides
+            apart = max(np.sqrt(np.sum(np.prod(sides, axis=1)) / n), np.sum(np.max(sides, axis=1)) / n)  # also in a row
+            if apart <= 0.0:
+                continue
+            coarse = self._coarse(groups, rule)
+            fixed = BALL * n + GROUP * len(sides)
+            if coarse is not None:
+                fixed += BALL * n + NODE * self._nodes(groups.low.min(axis=0), groups.high.max(axis=0), coarse)
+            first = self.kernel.thickness / PER_LAYER
+            sizes = np.concatenate([s / 2.0 ** (0.5 * np.arange(7)) for s in {apart, min(apart, first)}])
+            for size in sizes:
+                split = Split.of(self.kernel, size, rule)
+                cutoff = split.step + rule.cut * split.width
+                if self._last(cutoff) >= groups.gap or (coarse is not None and size >= coarse):
+                    continue
+                cost = fixed + NODE * self._nodes(groups.low, groups.high, size)
+                if cost < least:
+                    cost += 2.0 * PAIR * self._count(cutoff)
+                if cost < least:
+                    least, found = cost, (groups, coarse, split, size, cutoff)
+        if found is None:
+            return None
+        groups, coarse, split, size, cutoff = found
+        nodes = self._nodes(groups.low, groups.high, size)
+        corners = groups.low.min(axis=0), groups.high.max(axis=0)
+        nodes += self._nodes(*corners, coarse) if coarse is not None else 0.0
+        require(
+            NODE_BYTES * nodes,
+            f"linear_bem: a mesh of {grouped(int(nodes))} nodes over {n} balls",
+            "take balls that are less far apart, or a thicker layer",
+        )
+        if coarse is None:
+            return NestedMesh((ParticleMesh(groups.low, groups.high, size, split.far, groups.owners),)), split, cutoff
+        wide = Split.of(self.kernel, coarse, rule)
+        own = ParticleMesh(groups.low, groups.high, size, lambda r: split.far(r) - wide.far(r), groups.owners)
+        return NestedMesh((ParticleMesh(*corners, coarse, wide.far), own)), split, cutoff
+
+    def _coarse(self, groups: Groups, rule: Rule) -> float | None:
+        """Return the spacing [m] of the mesh that holds the kernel between groups; None where nothing is to hold."""
+        if groups.gap >= self.range:
+            return None
+        simple = groups.gap * rule.share / rule.cut
+        if self.kernel.homogeneous:
+            return simple
+        return max(min(simple, self.kernel.thickness / PER_LAYER), simple * rule.cut / (rule.cut + rule.step))
+
+    @staticmethod
+    def _nodes(low: Array, high: Array, spacing: float) -> float:
+        return float(np.sum(np.prod(mesh_shape(low, high, spacing)[1].astype(float), axis=1)))
+
+
+def cell_split(
+    kernel: LayeredKernel, count: int, margin: float, precision: float
+) -> tuple[PeriodicMesh | None, Split | None, float]:
+    """Return the cheapest mesh for ``count`` contacts in the kernel's cell, the split, and the cut-off [m] of pairs.
+
+    Without a mesh the cut-off is the range of a kernel that decays. ``margin`` and ``precision`` as in `FarField.of`.
+    """
+    cell = kernel.cell
+    assert cell is not None
+
+    def pairs(reach: float) -> float:
+        return 0.5 * count**2 * np.pi * (reach + 2.0 * margin) ** 2 / cell.area
+
+    reach = reach_of(kernel, 0.1 * precision)
+    best, least = (0.0, 0.0, reach), PAIR * pairs(reach)
+    _, share, cut, per_layer = next(rule for rule in IN_CELL if precision >= rule[0])
+    for halvings in 0.5 * np.arange(9):
+        size = min(float(np.sqrt(cell.area / count)), kernel.thickness / per_layer) / 2.0**halvings
+        nodes = float(np.prod(periodic_shape(cell.lengths, size), dtype=float))
+        cost = 2.0 * PAIR * pairs(cut * size / share) + NODE * nodes + BALL * count
+        if cost < least:
+            best, least = (size, size / share, cut * size / share), cost
+    size, width, cutoff = best
+    if size == 0.0:
+        return None, None, cutoff
+    uniform = cell.uniform
+
+    def transform(k: Array) -> Array:
+        safe = np.where(k > 0.0, k, 1.0)
+        waves = 2.0 * np.pi / safe * (erfc(0.5 * width * safe) + kernel.response_at(safe) - 1.0)
+        return np.where(k > 0.0, waves, uniform - 2.0 * np.sqrt(np.pi) * width)
+
+    return PeriodicMesh(cell.lengths, size, transform), Split(kernel, width), cutoff
+
+
+class PointInfluence:
+    """K(L_ij) over ``singular`` times ``unit`` between many points as a symmetric operator, 0 on the diagonal."""
+
+    def __init__(self, field: FarField, points: Array, unit: float = 1.0) -> None:
+        n = len(points)
+        r = np.hypot(*field.offsets(points).T)
+        values = unit * (field.kernel.scaled(r) if field.split is None else field.split.near(r))
+        rows, columns = np.concatenate([field.first, field.second]), np.concatenate([field.second, field.first])
+        self.near = csr_matrix((np.concatenate([values, values]), (rows, columns)), shape=(n, n))
+        self.mesh, self.unit = field.mesh, unit
+        if field.mesh is not None and field.split is not None:
+            self._points = field.mesh.at(points[:, 0], points[:, 1])
+            self._own = unit * float(field.split.far(np.zeros(1))[0])
+
+    def __matmul__(self, loads: Array) -> Array:
+        """Return the displacement at every point from the loads at the others."""
+        out = self.near @ loads
+        if self.mesh is not None:
+            out = out + self.unit * self.mesh.potential(self._points, loads) - self._own * loads
+        return np.asarray(out)
