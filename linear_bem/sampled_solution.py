@@ -57,7 +57,7 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
                 raise
             break
         report(f"degree {degree}: {len(contacts.sample)} of {len(contacts.touching)} contacts are solved exactly")
-        best = _judged(contacts, wanted)
+        best = _judged(contacts, wanted, report)
         if is_certified(contacts) and not best.notes:
             return best
         start = Start(list(contacts.touching), [n.zone for n in contacts.smooth.nodes], contacts.approaches)
@@ -104,13 +104,14 @@ def _without(start: Start, lost: Lost) -> Start:
     return Start([start.touching[k] for k in lost.kept], lost.zones, start.approaches)
 
 
-def _judged(contacts: SmoothContacts, wanted: float) -> Estimated:
+def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimated:
     """Return the contacts with the error of T that the sample shows."""
-    sample, scale = sample_error(contacts), pulls(contacts)
+    sample, scale = sample_error(contacts, report), pulls(contacts)
     balls = [contacts.touching[k] for k in sample.places]
     ratio = float(np.max(sample.tangential_force / np.maximum(scale[balls], 1e-300)))
     share = UNSAMPLED * ratio + contacts.smooth.residual  # infinite where a ball alone finds no solution
     error = np.where(scale > 0.0, np.maximum(share * np.where(scale > 0.0, scale, 1.0), least_error(contacts)), 0.0)
+    report("residuals")
     errors, known = errors_of_one(contacts), quantities(contacts)
     # the sample shows the errors of what the load leaves open
     for free in FREE[contacts.problem.load.kind]:

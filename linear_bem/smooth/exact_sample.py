@@ -13,6 +13,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height, height
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.multipole import disc_nodes, interpolation
@@ -35,11 +36,13 @@ class SampleError:
     settled: float
 
 
-def sample_error(contacts: SmoothContacts) -> SampleError:
+def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleError:
     """Return the errors of T on the balls of the sample; infinite where a ball alone finds no solution."""
     direct = DirectSums(contacts.kernel, contacts.smooth.nodes, PRECISE)
     errors, settled = [], 0.0
-    for k in contacts.sample:
+    report_part = seldom(report)
+    for done, k in enumerate(contacts.sample):
+        report_part(f"{done} of {len(contacts.sample)} contacts solved exactly")
         ball, n = contacts.touching[k], contacts.smooth.nodes[k]
         spread = WIDER * n.zone.reach
         x, y = (c + spread * u for c, u in zip(n.zone.centre, disc_nodes(ROUND)[:2], strict=True))

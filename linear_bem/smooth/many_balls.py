@@ -24,7 +24,7 @@ from linear_bem.far_field.pairs_and_mesh import PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
-from linear_bem.report import Report, silent
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import NodeStack, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
@@ -83,7 +83,10 @@ def sweep_zones(
     for sweep in range(limit):
         interaction.update(nodes)
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
-        steps = equations.step(nodes, interaction.displacement(), profile, forces, sizes > RENEWED)
+        step = f"degree {stack.degree}, sweep {sweep + 1}: "
+        steps = equations.step(
+            nodes, interaction.displacement(), profile, forces, sizes > RENEWED, seldom(report, step)
+        )
         before, found = nodes.zones, steps.approaches
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(interaction.influence, steps.compliances, found, forces, wanted, fixed, shared)
@@ -98,7 +101,7 @@ def sweep_zones(
         if not np.isfinite(last):
             raise NotConverged("smooth contacts: the sweeps diverged")
         history.append(last)
-        report(f"degree {stack.degree}, sweep {sweep + 1}: change {last:.1e}, tolerance {tolerance:.1e}")
+        report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
             return SmoothSolution(NodeStack.of(stack, rule).single(), level, sweep + 1, last)
         shrinking = np.where(forces + more < LEAST_SHARE * forces, shrinking + 1, 0)

@@ -10,6 +10,7 @@ import numpy as np
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import DEGREES, FULL, SAFETY, disc_nodes
 from linear_bem.smooth.newton import NodeStack, Rule, solve_scaled
 from linear_bem.smooth.polynomials import basis
@@ -38,12 +39,15 @@ class OwnEquations:
         self.kernel, self.rule, self.precision = kernel, rule, precision
         self._matrices = np.empty((0, 0, 0))
 
-    def step(self, nodes: NodeStack, outside: Array, profile: Array, forces: Array, changed: Mask) -> Steps:
+    def step(
+        self, nodes: NodeStack, outside: Array, profile: Array, forces: Array, changed: Mask, report: Report = silent
+    ) -> Steps:
         """Return one Newton step; ``outside`` and ``profile`` [m] at the nodes, ``changed`` which matrices to renew."""
         count, terms = nodes.zones.coefficients.shape
         if len(self._matrices) != count:
             self._matrices, changed = np.empty((count, terms, terms)), np.ones(count, dtype=bool)
         found = np.empty((count, terms)), np.empty(count), np.empty(count), np.empty((count, terms))
+        done = 0
         for renew in (True, False):
             chosen = np.flatnonzero(changed == renew)
             for part in np.array_split(chosen, chosen.size * nodes.x.shape[1] * terms // 500_000 + 1):
@@ -52,6 +56,8 @@ class OwnEquations:
                     new, self._matrices[part] = self._some(nodes[part], *arguments, renew)
                     for all_of_them, some in zip(found, new, strict=True):
                         all_of_them[part] = some
+                    done += part.size
+                    report(f"{done} of {count} contacts alone")
         return Steps(*found)
 
     def _some(

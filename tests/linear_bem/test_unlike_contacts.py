@@ -57,7 +57,7 @@ def test_caps_that_the_others_lift_rest_where_one_alone_would():
     assert together == pytest.approx(alone, abs=1e-3 * max(depths))
 
 
-def test_a_mesh_between_groups_far_apart_is_refused_with_its_size(monkeypatch):
+def test_a_mesh_that_does_not_fit_is_refused_with_its_size(monkeypatch):
     group = np.array(lattice(1500, 2.5))
     places = np.concatenate([group, group + 1500.0])
     kernel = LayeredKernel(Layer(1.0, 0.45, 4.0), Elastic(5.0, 0.3))

@@ -1,0 +1,125 @@
+"""Near pairs and meshes against sums over all pairs: layouts of balls, thin layers, groups far apart."""
+
+import numpy as np
+import pytest
+
+from linear_bem import Layer
+from linear_bem.far_field.groups import UnlikePairs, groupings
+from linear_bem.far_field.kernel_split import RULES, Split
+from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.media import Elastic
+from linear_bem.report import seldom
+
+BASES = {
+    "half-space": (np.inf, None),
+    "rigid base": (6.0, None),
+    "elastic base": (1.16, Elastic(3.0, 0.3)),
+    "thin layer": (0.1, Elastic(3.0, 0.3)),
+    "soft base": (0.1, Elastic(0.05, 0.3)),
+}
+
+
+def kernel_of(base):
+    thickness, substrate = BASES[base]
+    return LayeredKernel(Layer(1.0, 0.48, thickness), substrate)
+
+
+def square(side=20, pitch=2.5):
+    return np.array([(pitch * i, pitch * j) for i in range(side) for j in range(side)])
+
+
+def ring(count, radius):
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def layouts():
+    rng = np.random.default_rng(3)
+    return {
+        "uniform": rng.uniform(0.0, 150.0, (3000, 2)),
+        "far groups": np.concatenate([square() + 1000.0 * np.array([k % 3, k // 3]) for k in range(6)]),
+        "near groups": np.concatenate([square() + 70.0 * np.array([k % 3, k // 3]) for k in range(6)]),
+        "row of groups": np.concatenate([square() + np.array([500.0 * k, 0.0]) for k in range(6)]),
+        "one stray": np.concatenate([rng.uniform(0.0, 150.0, (3000, 2)), [[1e6, 1e6]]]),
+        "far apart": rng.uniform(0.0, 1e5, (3000, 2)),
+        "group in a ring": np.concatenate([square() - 25.0, ring(2000, 400.0)]),
+    }
+
+
+@pytest.mark.parametrize("layout", layouts())
+@pytest.mark.parametrize("base", BASES)
+def test_pairs_and_meshes_add_up_to_the_sum_over_all_pairs(base, layout):
+    points, kernel = layouts()[layout], kernel_of(base)
+    loads = np.random.default_rng(4).uniform(0.5, 1.0, len(points))
+    chosen = np.arange(0, len(points), 40)
+    r = np.hypot(*(points[chosen, None] - points).transpose(2, 0, 1))
+    r[np.arange(len(chosen)), chosen] = np.inf
+    direct = kernel.scaled(r) @ loads
+    for precision, error in ((1e-5, 1e-5), (1e-7, 1e-6)):
+        field = FarField.of(kernel, points, np.full(len(points), 0.3), precision, 3.0)
+        assert field.mesh is not None or (base, layout) == ("rigid base", "far apart")
+        found = (PointInfluence(field, points) @ loads)[chosen]
+        # a load at the pitch of the balls is the unit: on a rigid base the sum of all nearly cancels
+        assert np.max(np.abs(found - direct)) < error * max(np.max(np.abs(direct)), 1.0 / 2.5)
+        if field.mesh is not None:
+            assert sum(float(np.sum(np.prod(m.doubled.astype(float), axis=1))) for m in field.mesh.meshes) < 3e6
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("spacing", [0.03, 2.0])
+def test_both_parts_and_slopes_of_a_split_belong_together(base, spacing):
+    kernel = kernel_of(base)
+    split = Split.of(kernel, spacing, RULES[0][1])
+    assert split.thin == (spacing > kernel.thickness / 3.0)
+    r = split.width * np.geomspace(0.02, 12.0, 60)
+    assert split.near(r) + split.far(r) == pytest.approx(kernel.scaled(r), rel=1e-12)
+    step = 1e-4 * r
+    for value, slope in ((split.near, split.near_slope), (split.far, split.far_slope)):
+        rise = (value(r - 2.0 * step) - 8.0 * value(r - step) + 8.0 * value(r + step) - value(r + 2.0 * step)) / (
+            12.0 * step
+        )
+        assert slope(r) == pytest.approx(rise, rel=1e-7, abs=1e-7 * np.max(np.abs(rise)))
+    end = split.step + RULES[0][1].cut * split.width
+    assert abs(split.near(np.array(end))) < 2e-7 * abs(kernel.scaled(np.array(end))) + 2e-7 / end
+
+
+def test_groups_are_apart_and_hold_all_balls():
+    points = layouts()["far groups"]
+    counts = []
+    for groups in groupings(points, np.full(len(points), 0.3)):
+        counts.append(len(groups.low))
+        low, high = groups.low[groups.owners], groups.high[groups.owners]
+        assert np.all(points - 0.3 >= low - 1e-9)
+        assert np.all(points + 0.3 <= high + 1e-9)
+        between = np.maximum(groups.low[:, None] - groups.high, groups.low - groups.high[:, None])
+        apart = np.hypot(*np.maximum(between, 0.0).transpose(2, 0, 1))
+        assert np.min(apart[~np.eye(counts[-1], dtype=bool)], initial=np.inf) == pytest.approx(groups.gap)
+    assert counts[0] == 1
+    assert 6 in counts
+
+
+def test_unlike_pairs_are_those_of_the_direct_search():
+    rng = np.random.default_rng(6)
+    points, sizes = rng.uniform(0.0, 40.0, (500, 2)), 10.0 ** rng.uniform(-3.0, 0.0, 500)
+    sizes[:3] = 0.0
+
+    def reach(one, other):
+        return 0.5 + 1.5 * (one + other)
+
+    i, j = np.triu_indices(500, 1)
+    kept = np.hypot(*(points[i] - points[j]).T) < reach(sizes[i], sizes[j])
+    pairs = UnlikePairs(points, sizes)
+    assert set(zip(*(v.tolist() for v in pairs.within(reach)), strict=True)) == set(
+        zip(i[kept].tolist(), j[kept].tolist(), strict=True)
+    )
+    assert np.sum(kept) <= pairs.count(reach) < 500 * 499 / 2
+
+
+def test_progress_of_parts_is_reported_seldom():
+    lines = []
+    often, rarely = seldom(lines.append, "sweep 1: ", 0.0), seldom(lines.append, "sweep 2: ", 60.0)
+    for k in range(3):
+        often(str(k))
+        rarely(str(k))
+    assert lines == ["sweep 1: 0", "sweep 1: 1", "sweep 1: 2"]
