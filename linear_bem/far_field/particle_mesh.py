@@ -151,21 +151,25 @@ def _transform(shape: tuple[int, int], spacing: float, radial: Callable[[Array],
 
 @dataclass(frozen=True)
 class NestedMesh:
-    """Meshes whose fields add up, coarse ones over more than fine ones; used like a `ParticleMesh`."""
+    """Meshes whose fields add up, coarse ones over more than fine ones."""
 
     meshes: tuple[ParticleMesh, ...]
 
-    def at(self, x: Array, y: Array, slopes: bool = False) -> tuple[Points, ...]:
+    def at(self, x: Array, y: Array) -> tuple[Points, ...]:
         """Return the splines of every mesh at points [m]."""
-        return tuple(mesh.at(x, y, slopes) for mesh in self.meshes)
+        return tuple(mesh.at(x, y) for mesh in self.meshes)
 
     def potential(self, points: tuple[Points, ...], loads: Array) -> Array:
         """Return the field at points from the loads at these points."""
         return np.sum([m.potential(p, loads) for m, p in zip(self.meshes, points, strict=True)], axis=0)
 
-    def slope(self, points: tuple[Points, ...], loads: Array) -> Array:
-        """Return the field's gradient (points, 2) as `ParticleMesh.slope` does."""
-        return np.sum([m.slope(p, loads) for m, p in zip(self.meshes, points, strict=True)], axis=0)
+    def potential_at(self, x: Array, y: Array, loads: Array) -> Array:
+        """Return the field at points [m] from the loads there, without keeping the splines."""
+        return np.sum([mesh.potential(mesh.at(x, y), loads) for mesh in self.meshes], axis=0)
+
+    def slope_at(self, x: Array, y: Array, loads: Array) -> Array:
+        """Return the field's gradient (points, 2) at points [m] as `ParticleMesh.slope` does."""
+        return np.sum([mesh.slope(mesh.at(x, y, slopes=True), loads) for mesh in self.meshes], axis=0)
 
 
 class PeriodicMesh(ParticleMesh):

@@ -121,8 +121,6 @@ class Interaction:
         for k in {self.mesh_level, *(k for k, *_ in self.pairs)} - {-1}:
             self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zones.points(*disc_nodes(DEGREES[k])[:2])
             self.loads[k] = nodes.loads if k == FULL else equivalent_loads(nodes, DEGREES[k])
-        if self.far.mesh is not None:
-            self._points = self.far.mesh.at(*self.places[self.mesh_level])
 
     def _received(self, level: int, values: Array) -> Array:
         """Return displacements at the quadrature points from those at the nodes of a degree."""
@@ -165,7 +163,7 @@ class Interaction:
         if self.far.mesh is not None:
             k = self.mesh_level
             x, y = self.places[k]
-            sums[k] += self.far.mesh.potential(self._points, self.loads[k]).reshape(x.shape)
+            sums[k] += self.far.mesh.potential_at(x, y, self.loads[k]).reshape(x.shape)
             own = self.split.far(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
             sums[k] -= np.einsum("nab,nb->na", own, self.loads[k])
         for k, values in sums.items():
@@ -205,8 +203,8 @@ class Interaction:
                 total += to_first @ pull - to_second @ pull
         if self.far.mesh is not None:
             q = self.loads[self.mesh_level]
-            points = self.far.mesh.at(*self.places[self.mesh_level], slopes=True)
-            total += np.sum(q[:, :, None] * self.far.mesh.slope(points, q).reshape(*q.shape, 2), axis=1)
+            slope = self.far.mesh.slope_at(*self.places[self.mesh_level], q)
+            total += np.sum(q[:, :, None] * slope.reshape(*q.shape, 2), axis=1)
         return total / self.kernel.singular
 
 
