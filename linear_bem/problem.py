@@ -174,6 +174,14 @@ class Problem:
         """Positions of all axes [m], shape (balls, 2)."""
         return np.array([ball.position for ball in self.balls], dtype=float)
 
+    def in_cell(self) -> tuple[Array, Array | None]:
+        """Return the positions of all axes [m] inside the periodic cell and its lengths, those of `cKDTree`."""
+        if self.periodic is None:
+            return self.positions, None
+        lengths = np.array(self.periodic.lengths, dtype=float)
+        inside = self.positions - lengths * np.floor(self.positions / lengths)
+        return np.minimum(inside, np.nextafter(lengths, 0.0)), lengths
+
     def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
         """Return the same bodies under another load."""
         return replace(self, load=Load(kind, tuple(values)))
@@ -239,10 +247,7 @@ class Problem:
         if whole.size == 0:
             return []
         widest = max(largest_half_width(self.balls[i].indenter, self.balls[i].radius) for i in whole)
-        cell, positions = None, self.positions
-        if self.periodic is not None:
-            cell = np.array(self.periodic.lengths)
-            positions = np.minimum(positions - cell * np.floor(positions / cell), np.nextafter(cell, 0.0))
+        positions, cell = self.in_cell()
         pairs = whole[cKDTree(positions[whole], boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")]
         faults = self._own_overlaps(whole.tolist()) if self.periodic is not None else []
         found: list[tuple[float, float, int, int]] = []
