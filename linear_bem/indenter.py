@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import inspect
 import math
-import numbers
 from dataclasses import dataclass, fields
 from typing import Any
 
 from linear_bem.errors import InvalidProblem
+from linear_bem.magnitudes import is_number, range_faults
 
 TINY = 1e-9
 """Relative length added under roots; its square is below roundoff."""
@@ -56,7 +56,7 @@ class Indenter:
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
         if _positive_and_finite(value):
-            return []
+            return range_faults({f"balls.{key}": value}, "m")
         return [f"balls.{key}: must be greater than 0 and finite, got {value} m"]
 
     @property
@@ -152,7 +152,7 @@ class Ellipsoid(Indenter):
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
         if isinstance(value, tuple) and len(value) == 3 and all(map(_positive_and_finite, value)):
-            return []
+            return [fault for v in (min(value), max(value)) for fault in range_faults({f"balls.{key}": v}, "m")]
         return [f"balls.{key}: must be three lengths along x, y and z, each greater than 0 and finite, got {value} m"]
 
     @property
@@ -193,7 +193,7 @@ class Cone(Indenter):
         if key != "slope":
             return super()._faults_of(key, value)
         if _positive_and_finite(value) and value < 0.5 * math.pi:
-            return []
+            return range_faults({f"balls.{key}": value}, "rad")
         return [
             f"balls.{key}: must lie between 0 and 90 deg, the angle between flank and surface, got {value} rad; "
             'write degrees as "20 deg" in a scene, math.radians(20) in Python'
@@ -259,4 +259,4 @@ class Punch(_OfRadius):
 
 
 def _positive_and_finite(value: Any) -> bool:
-    return isinstance(value, numbers.Real) and 0.0 < float(value) < math.inf
+    return is_number(value) and 0.0 < float(value) < math.inf
