@@ -1,7 +1,6 @@
 """A scene file: TOML tables of layer, balls, load and the effects to be simulated, checked as a whole."""
 
 import difflib
-import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
