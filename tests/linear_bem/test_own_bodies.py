@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from linear_bem import Ball, InvalidProblem, Layer, Load, Problem, solve
+from linear_bem import Ball, InvalidProblem, Layer, Load, Problem, solve, solve_contact, solve_height_field
 from linear_bem.dual import slope
+from linear_bem.grid.contacts import GridContacts
 from linear_bem.indenter import Indenter
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)
@@ -73,11 +74,74 @@ def test_a_height_of_numpy_functions_gives_the_answer_of_the_same_body():
     assert own.tangential_force[0] == pytest.approx(named.tangential_force[0], rel=1e-7)
 
 
-class Flattened(Indenter):
+class Kinked(Indenter):
+    """r^2 / 2 with a kink at a radius, beyond which it is ``outer`` r^2 more."""
+
+    apex_radius = 1.0
+
+    def __init__(self, kink, outer):
+        self.kink, self.outer = kink, outer
+
+    def height(self, x, y):
+        inner = 0.5 * (x**2 + y**2)
+        more = inner + self.outer * (x**2 + y**2 - self.kink**2)
+        return np.maximum(inner, more) if self.outer > 0.0 else np.minimum(inner, more)
+
+
+def single(body, approach, accuracy=1e-2):
+    return solve(Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, body),), Load("approach", (approach,))), accuracy).balls[0]
+
+
+@pytest.mark.parametrize("kink", [0.1, 0.2, 0.28, 0.31])
+@pytest.mark.parametrize("outer", [0.05, 0.5])
+def test_a_kink_that_sticks_out_meets_sneddons_integrals(kink, outer):
+    """f' = r, and (1 + 2 outer) r beyond the kink; r = a sin(t) [Sneddon 1965]."""
+    radius = 0.3
+    start = math.acos(min(kink / radius, 1.0)) if kink < radius else 0.0  # of the outer part, from the edge inwards
+    depth = radius**2 + 2.0 * outer * radius**2 * math.sin(start)
+    outside = radius**4 * (math.sin(start) - math.sin(start) ** 3 / 3.0)
+    force = 2.0 * HALF_SPACE.contact_modulus * (radius**3 * 2.0 / 3.0 + 2.0 * outer * outside / radius)
+    found = single(Kinked(kink, outer), depth)
+    assert found.normal_force == pytest.approx(force, rel=3e-4)
+    assert found.contact_area == pytest.approx(math.pi * radius**2, rel=0.02)
+
+
+@pytest.mark.parametrize("outer", [-0.1, -0.2, -0.3])
+def test_a_kink_that_goes_in_next_to_the_edge_is_not_overlooked(outer):
+    """The contact of the inner part alone ends at 0.2, the kink lies at 0.202: a hundredth of it further out."""
+    body, approach, n = Kinked(0.202, outer), 0.04, 256
+    x = (np.arange(n) - 0.5 * (n - 1)) / n
+    reference = solve_height_field(HALF_SPACE, None, body.height(x[:, None], x[None, :]), 1.0 / n, approach=approach)
+    assert single(body, approach).normal_force == pytest.approx(reference.normal_force, rel=6e-4)
+
+
+def test_the_pull_of_two_kinked_bodies_is_known_to_its_stated_error():
+    balls = tuple(Ball((x, 0.0), 1.0, Kinked(0.1, 0.05)) for x in (-1.0, 1.0))
+    problem = Problem(Layer(1.0, 0.45, 1.5), balls, Load("approach", (0.1, 0.1)))
+    known, quick = (solve(problem, accuracy).balls[0] for accuracy in (1e-4, 1e-2))
+    assert abs(quick.tangential_force[0] - known.tangential_force[0]) < quick.tangential_force_error
+    assert quick.tangential_force[0] == pytest.approx(known.tangential_force[0], rel=2e-3)
+
+
+def test_a_flattened_body_is_solved_on_grids():
+    class Flattened(Indenter):
+        apex_radius = 1.0
+
+        def height(self, x, y):
+            return np.maximum(0.5 * (x**2 + y**2) - 0.01, 0.0)
+
+    flat = solve_contact(Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=Flattened()),), Load("approach", (0.03,))), 1e-2)
+    assert isinstance(flat.contacts, GridContacts)
+    # between the whole paraboloid at the depths that it has below and above the cut
+    low, high = (single("paraboloid", depth).normal_force for depth in (0.03, 0.04))
+    assert low < flat.contacts.normal_forces[0] < high
+
+
+class Jumping(Indenter):
     apex_radius = 1.0
 
     def height(self, x, y):
-        return np.maximum(0.5 * (x**2 + y**2) - 0.01, 0.0)
+        return np.where(x > 0.1, 0.1, 0.0) + 0.5 * (x**2 + y**2)
 
 
 class PowerOfPower(Indenter):
@@ -104,7 +168,7 @@ class Raised(Indenter):
 @pytest.mark.parametrize(
     ("body", "says"),
     [
-        (Flattened(), r"Flattened\.height must be an expression of"),
+        (Jumping(), r"Jumping\.height must be an expression of .*np\.where may jump: write a kink by np\.maximum"),
         (PowerOfPower(), r"PowerOfPower\.height must be an expression of"),
         (NoExpression(), r"NoExpression\.height must be an expression of"),
         (Raised(), r"Raised\.height must be 0 at the axis.*got 0\.1 m"),
