@@ -89,7 +89,8 @@ def couple(
         difference = float(np.sum(state(common).forces)) - total
         return difference if abs(difference) > 10.0 * tolerance * total else 0.0
 
-    lower = upper = float(np.max(start + mutual @ equal))
+    first = start + mutual @ equal
+    lower = upper = float(np.max(first if np.max(first) > 0.0 else start))
     while excess(upper) < 0.0:
         upper *= 2.0
     while excess(lower) > 0.0:

@@ -14,8 +14,8 @@ from linear_bem.indenter import Indenter
 
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
-FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh"
-"""Functions of numpy in `SLOPES`."""
+FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
+"""Functions of numpy in `SLOPES`; np.where is none, because it may jump, which no error estimate would notice."""
 
 
 def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
@@ -43,8 +43,8 @@ def _faults_of(body: Indenter) -> list[str]:
     if not expression:
         return [
             f"{name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
-            "differentiate, got another function; the linear model takes any as a plain function f(x, y): "
-            "Ball(..., shape=f)"
+            "differentiate, got another function; np.where may jump: write a kink by np.maximum or np.minimum; the "
+            "linear model takes any as a plain function f(x, y): Ball(..., shape=f)"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])
     if abs(apex) <= APEX * body.apex_radius:
@@ -81,6 +81,8 @@ SLOPES: dict[np.ufunc, Callable[..., tuple[Any, ...]]] = {
     np.power: lambda a, power: (power * a ** (power - 1.0),),
     np.negative: lambda a: (-1.0,),
     np.absolute: lambda a: (np.sign(a),),
+    np.maximum: lambda a, b: (np.where(a > b, 1.0, 0.0), np.where(a > b, 0.0, 1.0)),
+    np.minimum: lambda a, b: (np.where(a < b, 1.0, 0.0), np.where(a < b, 0.0, 1.0)),
     np.sqrt: lambda a: (0.5 / np.sqrt(a),),
     np.exp: lambda a: (np.exp(a),),
     np.log: lambda a: (1.0 / a,),

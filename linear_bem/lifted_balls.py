@@ -20,6 +20,7 @@ from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.newton import SmoothSolution
 from linear_bem.smooth.zone import Zone
+from linear_bem.touching import in_cell
 
 Contacts = SmoothContacts | GridContacts
 Same = TypeVar("Same", SmoothContacts, GridContacts)
@@ -69,7 +70,7 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
         return [rest(contacts, i) for i in balls]
     centres = contacts.problem.positions[list(balls)]
     reach = np.array([0.1 * contacts.problem.balls[i].radius for i in balls])
-    reach = np.minimum(reach, CLEAR * _nearest(contacts.problem)[list(balls)])
+    reach = np.minimum(reach, CLEAR * nearest(contacts.problem)[list(balls)])
     moved = displacement_about(contacts.kernel, contacts.smooth.nodes, centres, reach, contacts.precision)
     profiles = [height(contacts.problem.balls[i]) for i in balls]
     at, size, value = np.zeros((len(balls), 2)), 1.0, np.full(len(balls), np.inf)
@@ -86,13 +87,12 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
     return [(float(v), (float(x), float(y))) for v, (x, y) in zip(value, places, strict=True)]
 
 
-def _nearest(problem: Problem) -> Array:
-    """Return the distance [m] of the axis of every ball to the next one, or to its image."""
-    cell, places = None, problem.positions
-    if problem.periodic is not None:
-        cell = np.array(problem.periodic.lengths)
-        places = np.minimum(places - cell * np.floor(places / cell), np.nextafter(cell, 0.0))
-    return np.asarray(cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1])
+def nearest(problem: Problem) -> Array:
+    """Return the distance [m] of the axis of every ball to the next one, to an image of it, or to one of its own."""
+    cell = problem.cell
+    places = in_cell(problem.positions, cell)
+    to_others = cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1]
+    return np.minimum(to_others, np.inf if cell is None else np.min(cell))
 
 
 def rested(contacts: Same) -> Same:

@@ -8,19 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from numbers import Real
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
 from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
+from linear_bem.magnitudes import is_number, range_faults
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
-from linear_bem.touching import largest_half_width, touching_distance
+from linear_bem.touching import overlap_faults
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
@@ -150,7 +149,13 @@ class Problem:
         faults = self._type_faults()
         if faults:
             raise InvalidProblem(*faults)
-        faults = [*material_faults(self.layer, self.substrate), *self._ball_faults(), *self._load_faults()]
+        materials, balls = material_faults(self.layer, self.substrate), self._ball_faults()
+        sizes = [] if balls else self._size_faults()
+        faults = [*materials, *balls, *sizes]
+        if not balls and not sizes:
+            faults += height_faults(ball.shape for ball in self.balls) or self._overlaps()
+        if not sizes:
+            faults += self._load_faults()
         if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
         if self.finite_strain is not None and isinstance(self.layer, SurfaceResponse):
@@ -173,6 +178,11 @@ class Problem:
     def positions(self) -> Array:
         """Positions of all axes [m], shape (balls, 2)."""
         return np.array([ball.position for ball in self.balls], dtype=float)
+
+    @property
+    def cell(self) -> Array | None:
+        """Lengths of the periodic cell [m]; None without one."""
+        return None if self.periodic is None else np.array(self.periodic.lengths, dtype=float)
 
     def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
         """Return the same bodies under another load."""
@@ -201,16 +211,16 @@ class Problem:
             if solid is not None:
                 numbers |= {f"{name}.young": solid.young, f"{name}.poisson": solid.poisson}
         numbers |= {f"balls.radius[{i}]": ball.radius for i, ball in enumerate(self.balls)}
-        faults = [f"{key}: must be a number, got {v!r}" for key, v in numbers.items() if not isinstance(v, Real)]
+        faults = [f"{key}: must be a number, got {v!r:.80}" for key, v in numbers.items() if not is_number(v)]
         for i, ball in enumerate(self.balls):
             if not _are_numbers(ball.position) or len(ball.position) != 2:
-                faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r}")
+                faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r:.80}")
         if self.periodic is not None:
             lengths = self.periodic.lengths
             if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
-                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r}")
+                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r:.80}")
         if not _are_numbers(self.load.values):
-            faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r}")
+            faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r:.80}")
         return faults
 
     def _ball_faults(self) -> list[str]:
@@ -231,54 +241,32 @@ class Problem:
                     f"balls.radius[{i}]: must be {ball.shape.apex_radius:g} m, which the shape states, got "
                     f"{ball.radius:g} m; leave it out"
                 )
-        return faults or height_faults(ball.shape for ball in self.balls) or self._overlaps()
+        return faults
 
     def _overlaps(self) -> list[str]:
-        # a pair of whole bodies can be too close only within twice the largest half width
-        whole = np.flatnonzero([not ball.asperity for ball in self.balls])
-        if whole.size == 0:
-            return []
-        widest = max(largest_half_width(self.balls[i].indenter, self.balls[i].radius) for i in whole)
-        cell, positions = None, self.positions
-        if self.periodic is not None:
-            cell = np.array(self.periodic.lengths)
-            positions = np.minimum(positions - cell * np.floor(positions / cell), np.nextafter(cell, 0.0))
-        pairs = whole[cKDTree(positions[whole], boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")]
-        faults = self._own_overlaps(whole.tolist()) if self.periodic is not None else []
-        found: list[tuple[float, float, int, int]] = []
-        for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
-            a, b = self.balls[i], self.balls[j]
-            if cell is not None:
-                away = np.array(b.position) - a.position
-                b = replace(b, position=tuple((a.position + away - cell * np.round(away / cell)).tolist()))
-            gap = math.dist(a.position, b.position)
-            touch = _touching_distance(a, b)
-            if gap < touch * (1.0 - 1e-9):
-                found.append((touch - gap, gap, i, j))
-        if found:
-            by, gap, i, j = max(found, key=lambda pair: pair[0])
-            others = f", the most of {len(found)} pairs that do" if len(found) > 1 else ""
-            faults.append(
-                f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{others}: their axes are {gap:.9g} m apart, "
-                f"radii {self.balls[i].radius:g} m and {self.balls[j].radius:g} m need at least {gap + by:.9g} m; caps "
-                "of a rough surface may stand closer: Ball(..., asperity=True)"
-            )
-        return faults
+        whole = {i: (ball.indenter, ball.radius) for i, ball in enumerate(self.balls) if not ball.asperity}
+        return overlap_faults(whole, self.positions, self.cell)
 
-    def _own_overlaps(self, whole: list[int]) -> list[str]:
-        """Return which bodies overlap their own images in the next cell."""
-        assert self.periodic is not None
-        faults = []
-        for i in whole:
-            (x, y), ball = self.balls[i].position, self.balls[i]
-            for axis, length in enumerate(self.periodic.lengths):
-                image = replace(ball, position=(x + length, y) if axis == 0 else (x, y + length))
-                if length < (touch := _touching_distance(ball, image)) * (1.0 - 1e-9):
-                    faults.append(
-                        f"periodic.lengths[{axis}]: ball {i} overlaps its own image: they need at least {touch:.9g} m, "
-                        f"got {length:.9g} m"
-                    )
-        return faults
+    def _size_faults(self) -> list[str]:
+        """Return which numbers are too large or too small, by themselves or beside the others."""
+        radii = {f"balls.radius[{i}]": ball.radius for i, ball in enumerate(self.balls)}
+        young, thickness, largest = self.layer.young, self.layer.thickness, max(radii.values())
+        faults = [*range_faults(radii, "m"), *range_faults({"layer.young": young}, "Pa")]
+        if faults:
+            return faults
+        # a coordinate may be 0
+        lengths = radii | {
+            f"balls.positions[{i}]": max(largest, *map(abs, ball.position)) for i, ball in enumerate(self.balls)
+        }
+        if 0.0 < thickness < math.inf:
+            lengths["layer.thickness"] = thickness
+        for axis, length in enumerate(() if self.periodic is None else self.periodic.lengths):
+            lengths[f"periodic.lengths[{axis}]"] = length
+        moduli = {} if self.substrate is None else {"substrate.young": self.substrate.young}
+        return [
+            *range_faults(lengths, "m", largest, "the largest ball's radius"),
+            *range_faults(moduli, "Pa", young, "the layer's"),
+        ]
 
     def _load_faults(self) -> list[str]:
         kind, values = self.load.kind, self.load.values
@@ -295,9 +283,9 @@ class Problem:
         elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
             faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")
         else:
-            radii = [ball.radius for ball in self.balls] if kind != "total_force" else [self.balls[0].radius]
-            for i, (value, radius) in enumerate(zip(values, radii, strict=False)):
-                unit = radius if kind == "approach" else self.layer.young * radius**2
+            # one total force is compared with the first ball
+            for i, (value, ball) in enumerate(zip(values, self.balls, strict=False)):
+                unit = ball.radius if kind == "approach" else self.layer.young * ball.radius * ball.radius
                 least, most = (limit * unit for limit in (APPROACHES if kind == "approach" else FORCES))
                 if unit > 0.0 and (0.0 < value < least or value > most):
                     rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
@@ -307,14 +295,6 @@ class Problem:
 
 def _are_numbers(values: object) -> bool:
     try:
-        return all(isinstance(value, Real) for value in values)  # type: ignore[attr-defined]
+        return all(is_number(value) for value in values)  # type: ignore[attr-defined]
     except TypeError:
         return False
-
-
-def _touching_distance(a: Ball, b: Ball) -> float:
-    """Return the distance [m] of the axes of two touching whole bodies; 0 if one is unbounded, or an asperity."""
-    if a.asperity or b.asperity:
-        return 0.0
-    (x, y), (u, v) = a.position, b.position
-    return touching_distance((a.indenter, b.indenter), (a.radius, b.radius), (u - x, v - y))

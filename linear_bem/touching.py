@@ -1,8 +1,23 @@
-"""How near two rigid bodies may stand that rest on one plane."""
+"""How near two rigid bodies may stand that rest on one plane, and which stand too near."""
 
 import math
+from collections.abc import Mapping
 
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linear_bem.arrays import Array
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
+
+Body = tuple[object, float]
+"""An indenter or a profile, and its radius [m]."""
+
+
+def in_cell(positions: Array, lengths: Array | None) -> Array:
+    """Return positions inside a periodic cell, as `cKDTree` takes them; unchanged without one."""
+    if lengths is None:
+        return positions
+    return np.minimum(positions - lengths * np.floor(positions / lengths), np.nextafter(lengths, 0.0))
 
 
 def largest_half_width(body: object, radius: float) -> float:
@@ -13,18 +28,53 @@ def largest_half_width(body: object, radius: float) -> float:
     return max(radius, reach, body.half_width(1.0, 0.0), body.half_width(0.0, 1.0))
 
 
-def touching_distance(bodies: tuple[object, object], radii: tuple[float, float], between: tuple[float, float]) -> float:
+def touching_distance(first: Body, second: Body, between: tuple[float, float]) -> float:
     """Return the distance [m] of the axes of two touching bodies that rest on one plane; 0 if one is unbounded.
 
     ``between`` is the vector from one axis to the other. Exact for balls, for punches and for equal ellipsoids. Cones
     are unbounded: they may merge above the layer.
     """
-    if not any(isinstance(body, Indenter) and not isinstance(body, Sphere | Paraboloid) for body in bodies):
-        return 2.0 * math.sqrt(radii[0] * radii[1])
+    if not any(isinstance(body, Indenter) and not isinstance(body, Sphere | Paraboloid) for body, _ in (first, second)):
+        return 2.0 * math.sqrt(first[1] * second[1])
     length = math.hypot(*between) or 1.0
     x, y = between[0] / length, between[1] / length
-    widths = [
-        body.half_width(x, y) if isinstance(body, Indenter) else radius
-        for body, radius in zip(bodies, radii, strict=True)
-    ]
+    widths = [body.half_width(x, y) if isinstance(body, Indenter) else radius for body, radius in (first, second)]
     return sum(widths) if min(widths) > 0.0 else 0.0
+
+
+def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | None) -> list[str]:
+    """Return which whole bodies, by the number of their ball, overlap others or their own images in the next cell."""
+    if not whole:
+        return []
+    numbers, faults = np.array(list(whole)), [] if cell is None else _own_overlaps(whole, cell)
+    # a pair can be too close only within twice the largest half width
+    widest = max(largest_half_width(*body) for body in whole.values())
+    near = cKDTree(in_cell(positions[numbers], cell), boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")
+    pairs = numbers[near]
+    found: list[tuple[float, float, int, int]] = []
+    for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
+        between = positions[j] - positions[i]
+        if cell is not None:
+            between -= cell * np.round(between / cell)
+        gap, touch = math.hypot(*between), touching_distance(whole[i], whole[j], (between[0], between[1]))
+        if gap < touch * (1.0 - 1e-9):
+            found.append((touch - gap, gap, i, j))
+    if found:
+        by, gap, i, j = max(found, key=lambda pair: pair[0])
+        others = f", the most of {len(found)} pairs that do" if len(found) > 1 else ""
+        faults.append(
+            f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{others}: their axes are {gap:.9g} m apart, "
+            f"radii {whole[i][1]:g} m and {whole[j][1]:g} m need at least {gap + by:.9g} m; caps of a rough surface "
+            "may stand closer: Ball(..., asperity=True)"
+        )
+    return faults
+
+
+def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:
+    return [
+        f"periodic.lengths[{axis}]: ball {i} overlaps its own image: they need at least {touch:.9g} m, "
+        f"got {length:.9g} m"
+        for i, body in whole.items()
+        for axis, length in enumerate(cell)
+        if length < (touch := touching_distance(body, body, (1.0 - axis, float(axis)))) * (1.0 - 1e-9)
+    ]

@@ -15,6 +15,8 @@ FUNCTIONS = {
     np.power: operator.pow,
     np.negative: operator.neg,
     np.absolute: abs,
+    np.maximum: ufl.max_value,
+    np.minimum: ufl.min_value,
     np.sqrt: ufl.sqrt,
     np.exp: ufl.exp,
     np.log: ufl.ln,

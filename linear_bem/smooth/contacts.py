@@ -30,8 +30,8 @@ CHECKED, SAMPLED = 100, 16
 """Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
 FRAME = 1.31
 """Largest distance of a contact from its frame's centre, over the frame's reach; see `Zone.pressure`."""
-RINGS = (1.12, 2.0)
-"""Where penetration outside a contact is checked, over its outline's distance; nearer needs finer quadrature."""
+RINGS = (1.03, 1.12, 2.0)
+"""Where penetration outside a contact is checked, over its outline's distance; next to it a body may have a kink."""
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,24 @@ from typing import Any
 from runs.display.rows import LEGEND
 from runs.process import ranks
 from runs.process.files import write_text
+from runs.process.locks import RUNNING, STOPPED
 from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import render
 from runs.reporting.pictures import figure, pictures_of
+from runs.session.output_folder import FAILED, INTERRUPTED
 from runs.session.terminal import print_status
 
 NAME = "report.html"
 STYLE = Path(__file__).with_name("report.css")
 """One column that fits a phone, light and dark; wide tables scroll in their own box."""
+UNFINISHED = {
+    RUNNING: "still running, as far as can be seen from here",
+    STOPPED: "killed, or its machine went down; the same command continues it",
+    INTERRUPTED: "interrupted; the same command continues it",
+    FAILED: "failed; the same command tries again",
+}
+"""What the page says of a run that is not complete, by its state."""
 KINDS = {
     "solve": "One scene, one model",
     "compare": "Finite against small strain",
@@ -39,6 +48,8 @@ def report_folder(path: Path, out: Path | None = None) -> None:
 def page_of(folder: Folder) -> str:
     """Return the whole page: nothing in it refers to another file or to the network."""
     is_study = folder.command == "study"
+    # the mark of a study that an older version made always says running
+    unfinished = "" if is_study and folder.state == RUNNING else UNFINISHED.get(folder.state, "")
     pictures = pictures_of(folder.path)
     study, run, shown = dict[str, Any](), dict[str, Any](), list[Path]()
     if is_study:
@@ -51,7 +62,7 @@ def page_of(folder: Folder) -> str:
     else:
         title, run = _title(folder), run_page.content(folder)
     return render(
-        title=title, kind=KINDS.get(folder.command, folder.command), unfinished=not (folder.finished or is_study),
+        title=title, kind=KINDS.get(folder.command, folder.command), unfinished=unfinished,
         study=study, run=run, pictures=[figure(path, n) for n, path in enumerate(pictures, start=len(shown) + 1)],
         signs=LEGEND, repeat=folder.repeat(), scene=folder.scene_text, log=folder.log,
         style=STYLE.read_text(encoding="utf-8"), version=importlib.metadata.version("thirdbody"),

@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import OutputUnusable
-from runs.session.output_folder import FINISHED, MARK
+from runs.process.locks import seen
+from runs.session.output_folder import LOCK, MARK
 
 
 @dataclass(frozen=True)
 class Folder:
-    """A run's or a study's folder: its identity, whether it is complete, its document and texts."""
+    """A run's or a study's folder: its identity, its state, its document and texts."""
 
     path: Path
     identity: Mapping[str, Any]
-    finished: bool
+    state: str
     document: Mapping[str, Any]
     scene_text: str
     log: str
@@ -34,7 +35,11 @@ class Folder:
 
     def cases(self) -> list[dict[str, Any]]:
         """Return the records of a study's cases, in the order of their names."""
-        return [json.loads(path.read_text(encoding="utf-8")) for path in sorted((self.path / "cases").glob("*.json"))]
+        found = {path: json.loads(path.read_text(encoding="utf-8")) for path in (self.path / "cases").glob("*.json")}
+        return [
+            {**record, "state": seen(record["state"], path.with_name(f".{path.stem}.lock"))}
+            for path, record in sorted(found.items())
+        ]
 
     def repeat(self) -> str:
         """Return the command line that reproduces it."""
@@ -78,7 +83,9 @@ def read_folder(path: Path) -> Folder:
         document = {}
     except ValueError as error:
         raise OutputUnusable(f"{path / 'result.json'}: is not JSON ({error}); run the same command again") from None
-    return Folder(path, identity, state == FINISHED, document, _text(path / "scene.toml"), _text(path / "run.log"))
+    return Folder(
+        path, identity, seen(state, path / LOCK), document, _text(path / "scene.toml"), _text(path / "run.log")
+    )
 
 
 def _text(path: Path) -> str:

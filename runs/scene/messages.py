@@ -75,14 +75,15 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
         return text
     table, key = match["table"], match["key"]
     written = data.get(table, {}).get(key)
-    ball = f" of ball {match['index'][1:-1]}" if match["index"] and isinstance(written, list) else ""
+    index = match["index"] if isinstance(written, list) else None
+    which = "" if index is None else f" of ball {index[1:-1]}" if table in ("balls", "load") else index
     quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
     as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
     if "overlap" in rule:
         rule, remedy = in_unit(rule, (Units.written(data) or Units()).length), "move them apart or make them smaller"
     remedy = remedy or _example(table, key)
-    return f"[{table}] {key}{ball}: {rule}{as_given}; {remedy}"
+    return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}"
 
 
 def concerns(text: str, doubtful: set[str]) -> bool:

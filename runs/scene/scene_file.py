@@ -1,7 +1,6 @@
 """A scene file: TOML tables of layer, balls, load and the effects to be simulated, checked as a whole."""
 
 import difflib
-import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Literal
 from pydantic import ValidationError, create_model
 
 from linear_bem.errors import InvalidProblem
+from linear_bem.magnitudes import SIZES
 from linear_bem.problem import Ball, Elements, Layer, Load, Problem
 from runs.scene import messages
 from runs.scene.balls import BallsTable, per_ball
@@ -110,11 +110,11 @@ class PlainTables(Table):
 
     def _small_balls(self) -> tuple[Ball, ...]:
         """Return stand-ins for faulty balls: too small to overlap, large enough for every load that a ball may have."""
-        lengths = [abs(float(c)) for place in self.balls.positions for c in place]
+        lengths = [self.layer.thickness, *(abs(float(c)) for place in self.balls.positions for c in place)]
         kind, values = self.load.given
         if kind == "approach":
             lengths += map(abs, values if isinstance(values, tuple) else (values,))
-        radius = 1e-6 * max((length for length in lengths if math.isfinite(length)), default=0.0) or 1.0
+        radius = 1e-7 * max((length for length in lengths if 0.0 < length <= SIZES[1]), default=0.0) or 1.0
         return tuple(Ball(place, radius) for place in self.balls.positions)
 
     def problem(self) -> Problem:
@@ -205,7 +205,7 @@ def read_scene(path: Path) -> Scene:
     text = _read_text(path)
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InvalidScene(path, f"is not TOML: {error}; see https://toml.io for the format") from None
     tables, texts, doubtful = _validate(data)
     problem = None

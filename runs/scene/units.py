@@ -12,6 +12,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from linear_bem.magnitudes import is_number
+
 NUMBER_AND_UNIT = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(?P<unit>[^\d\s+\-.,][^+,]*)?\s*", re.DOTALL
 )
@@ -41,6 +43,8 @@ def number(value: object) -> float:
     """Return a dimensionless number as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise fault("must be a plain number")
+    if not is_number(value):
+        raise fault("must be a number below 1.8e308")
     if math.isnan(value):
         raise fault("must be a number, not nan")
     return float(value)
@@ -87,7 +91,10 @@ def quantity(value: object, unit: str) -> float:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit') from error
     if not matches:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
-    return float((plain * given).to(unit).magnitude)
+    converted = float((plain * given).to(unit).magnitude)
+    if math.isinf(converted) and "inf" not in match["number"]:
+        raise fault(f"must be {kind} below 1.8e308 {unit}")
+    return converted
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
 
 import contextlib
-import fcntl
 import shutil
 import time
 from collections.abc import Iterable, Mapping
@@ -9,14 +8,17 @@ from pathlib import Path
 from typing import IO, Any
 
 from linear_bem.errors import OutputUnusable
+from runs.process import signals
 from runs.process.files import DRAFT, read_json, write_csv, write_text
 from runs.process.json_values import plain, to_json
+from runs.process.locks import RUNNING, take
 
 MARK = "run.json"
-FIRST = (MARK, "scene.toml", ".lock")
+LOCK = ".lock"
+FIRST = (MARK, "scene.toml", LOCK)
 """Files that a run writes before it computes."""
-RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
-"""States of a run in its `MARK`."""
+FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
+"""States of a run in its `MARK`, beside `RUNNING`."""
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
@@ -24,7 +26,7 @@ OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
     "distances.svg", "structure.csv", "structure_factor.csv", "structure.png", "structure.svg", "evolution.gif",
-    "ensemble.png", "ensemble.svg", "report.html", ".lock",
+    "ensemble.png", "ensemble.svg", "report.html", LOCK,
 )  # fmt: skip
 
 
@@ -32,13 +34,14 @@ class OutputFolder:
     """The folder of one run, for use on rank 0 only.
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
-    another run, holds other files, or cannot be written.
+    another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
         self.path = path
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
+        self.stopped = False
         try:
             self._open(scene_text, fresh)
         except OutputUnusable:
@@ -57,7 +60,7 @@ class OutputFolder:
         if self.path.exists() and not self.path.is_dir():
             raise OutputUnusable(f"{self.path}: is a file, not a folder; name another --out")
         self.path.mkdir(parents=True, exist_ok=True)
-        self._take_lock()
+        known = self._take_lock()
         mark = read_json(self.path / MARK)
         # a run on a full disk may have left only its first files, complete or not
         others = [p.name for p in self.path.iterdir() if p.name not in FIRST and not p.name.startswith(DRAFT)]
@@ -78,26 +81,25 @@ class OutputFolder:
                 f"{self.path}: holds another run ({difference(mark.get('identity'), self.identity)}); "
                 "name another --out, or replace that run with --fresh"
             )
-        if self._state() != FINISHED:
+        state = self._state()
+        self.stopped = known and state == RUNNING
+        if state != FINISHED:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
 
-    def _take_lock(self) -> None:
-        self._lock = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputUnusable(
-                f"{self.path}: another run is writing there now; wait for it or name another --out"
-            ) from None
-        except OSError:
-            pass  # a file system without locks
+    def _take_lock(self) -> bool:
+        """Return whether this run has the lock: not where the file system has none."""
+        self._lock = open(self.path / LOCK, "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
+        taken = take(self._lock)
+        if taken is False:
+            raise OutputUnusable(f"{self.path}: another run is writing there now; wait for it or name another --out")
+        return bool(taken)
 
     def _clear(self) -> None:
         for folder in (self.fields, self.path / PICTURES, self.path / PATH):
             shutil.rmtree(folder, ignore_errors=True)
         for name in OURS:
-            if name != ".lock":
+            if name != LOCK:
                 (self.path / name).unlink(missing_ok=True)
 
     def _write_mark(self, state: str) -> None:
@@ -124,11 +126,11 @@ class OutputFolder:
         """Mark the run as complete; from then on its command prints the saved document."""
         self._write_mark(FINISHED)
 
-    def stop(self, state: str) -> None:
-        """Mark a run that is not complete as ``state``, `INTERRUPTED` or `FAILED`; the same command continues it."""
+    def stop(self, error: type[BaseException]) -> None:
+        """Mark a run that is not complete by the error that ends it; the same command continues it."""
         with contextlib.suppress(OutputUnusable):  # the error that ends the run is the one to report
             if self._state() != FINISHED:
-                self._write_mark(state)
+                self._write_mark(ended(error))
 
     def log(self, text: str) -> None:
         """Append lines to run.log, each with the time."""
@@ -144,6 +146,11 @@ class OutputFolder:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
+
+
+def ended(error: type[BaseException]) -> str:
+    """Return `INTERRUPTED` or `FAILED` by the error that ends a run."""
+    return INTERRUPTED if signals.received() or error is KeyboardInterrupt else FAILED
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

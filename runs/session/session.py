@@ -25,7 +25,7 @@ from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
-from runs.session.output_folder import FAILED, INTERRUPTED, OutputFolder
+from runs.session.output_folder import OutputFolder
 from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
@@ -72,6 +72,10 @@ class Session:
             self.folder = self._open_folder(version)
             finished = self.folder.finished()
             self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
+            if self.folder.stopped:
+                text = "this run was stopped before: killed, or its machine went down; it goes on from what is saved"
+                self.folder.log(text)
+                print_status(text)
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         try:
@@ -89,7 +93,7 @@ class Session:
     ) -> None:
         if self.folder is not None:
             if kind is not None:
-                self.folder.stop(INTERRUPTED if signals.received() or kind is KeyboardInterrupt else FAILED)
+                self.folder.stop(kind)
             self.folder.close()
 
     @property

@@ -12,10 +12,12 @@ pytest.importorskip("dolfinx")
 
 import ufl
 
+import finite_strain
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
+from linear_bem import solve
 from linear_bem.dual import SLOPES, Dual
 from linear_bem.indenter import Indenter
-from tests.finite_strain.scenes import coarse_plan, coarse_rig, pair
+from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair
 
 
 class Bowl(Indenter):
@@ -35,6 +37,22 @@ class WrittenOtherwise(Bowl):
         return np.sqrt(1.0 + r2 + 0.25 * r2**2) - np.cos(x) ** 2 - np.sin(x) ** 2
 
 
+class Kinked(Bowl):
+    """A paraboloid that is steeper from r = 0.2 on, which a contact of 0.1 reaches beyond."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        inner = super().height(x, y)
+        return np.maximum(inner, 2.0 * inner - 0.02)
+
+
+class KinkedOtherwise(Bowl):
+    """The same without functions of numpy."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        inner = super().height(x, y)
+        return inner + 0.5 * (inner - 0.02 + abs(inner - 0.02))
+
+
 @pytest.mark.parametrize("function", SLOPES, ids=lambda function: function.__name__)
 def test_every_function_has_the_value_and_slope_of_the_form_language(function: np.ufunc) -> None:
     place = 0.7, 0.4
@@ -52,9 +70,12 @@ def test_every_function_has_the_value_and_slope_of_the_form_language(function: n
     assert set(FUNCTIONS) == set(SLOPES)
 
 
-def test_a_height_of_numpy_functions_presses_like_the_same_body(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "bodies", [(WrittenOtherwise(), Bowl()), (Kinked(), KinkedOtherwise())], ids=["smooth", "kink"]
+)
+def test_a_height_of_numpy_functions_presses_like_the_same_body(bodies: tuple[Bowl, Bowl], tmp_path: Path) -> None:
     forces = []
-    for shape in (WrittenOtherwise(), Bowl()):
+    for shape in bodies:
         (folder := tmp_path / type(shape).__name__).mkdir()
         model = coarse_rig(coarse_plan(pair(0.1, shape=shape, poisson=0.3)), folder).model
         model.contact.set_approaches(np.array([0.1]))
@@ -62,3 +83,12 @@ def test_a_height_of_numpy_functions_presses_like_the_same_body(tmp_path: Path) 
         forces.append(model.forces())
     assert abs(forces[1][0, 2]) > 0.01
     assert forces[0] == pytest.approx(forces[1], rel=1e-9, abs=1e-12)
+
+
+def test_the_pull_of_kinked_bodies_at_small_strain_is_that_of_the_linear_model_within_its_error() -> None:
+    problem = at_small_strain(pair(0.1, shape=Kinked(), poisson=0.3))
+    found = finite_strain.solve(problem, tangential_force=0.3, numerics=COARSER, model="small_strain").balls[0]
+    known = solve(problem, 1e-4).balls[0]
+    assert abs(found.tangential_force[0] - known.tangential_force[0]) < found.tangential_force_error
+    assert found.tangential_force_error < 0.05 * abs(known.tangential_force[0])
+    assert found.normal_force == pytest.approx(known.normal_force, rel=0.02)

@@ -26,7 +26,7 @@ from linear_bem import (
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.cell import Cell
 from linear_bem.layer.response import LayerResponse
-from linear_bem.lifted_balls import smooth_state
+from linear_bem.lifted_balls import nearest, smooth_state
 from linear_bem.smooth.displacement import AT_ONCE, LatticeRest
 from linear_bem.smooth.initial_guess import first_guess
 
@@ -251,6 +251,22 @@ def test_many_balls_in_a_cell_are_known_by_a_sample():
     np.testing.assert_allclose(numbers(large)[0], np.tile(force, (36, 1)), atol=1e-3 * largest)
     # the stated error holds
     assert np.max(np.abs(numbers(large)[0] - np.tile(force, (36, 1)))) <= np.max(large.tangential_force_error)
+
+
+@pytest.mark.parametrize(
+    ("places", "lengths", "expected"),
+    [
+        (((0.0, 0.0),), (5.0, 3.0), [3.0]),
+        (((0.0, 0.0), (4.0, 0.0)), (9.0, 2.5), [2.5, 2.5]),
+        (((0.5, 0.0), (9.5, 20.0)), (10.0, 10.0), [1.0, 1.0]),
+    ],
+    ids=["own image", "own image before the next ball", "image of the next ball"],
+)
+def test_the_next_axis_may_be_that_of_an_image(places, lengths, expected):
+    balls = tuple(Ball(place, 1.0, asperity=True) for place in places)
+    problem = Problem(LAYER, balls, Load("force", (0.01,) * len(balls)), periodic=Periodic(lengths))
+    assert nearest(problem) == pytest.approx(expected)
+    assert nearest(replace(problem, periodic=None, balls=balls[:1], load=Load("force", (0.01,)))) == [np.inf]
 
 
 def test_what_has_no_cell_refuses_it(under_forces):

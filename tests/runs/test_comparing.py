@@ -128,8 +128,11 @@ def test_a_killed_run_keeps_its_steps_and_the_same_command_continues_to_what_one
     assert len(half["finite"]["steps"]) == 2
     assert half["finite"]["solved"]["converged"] is False
     assert len(table(out)) == 4
+    assert "unfinished: killed, or its machine went down; the same command continues it" in page_of(read_folder(out))
     done = run(ranks, "compare", out, "--json")
     assert done.returncode == 0, done.stderr
+    assert done.stderr.count("this run was stopped before: killed") == 1
+    assert "this run was stopped before: killed" in (out / "run.log").read_text(encoding="utf-8")
     assert "step 2 " not in done.stderr
     assert done.stderr.count("step 3 ") == 1
     whole = strict(done.stdout)

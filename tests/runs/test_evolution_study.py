@@ -152,6 +152,19 @@ def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypat
     assert given.forces(far).tangential[0, 0] == pytest.approx(1.25 * weak, rel=0.03)
 
 
+def test_thousands_of_cycles_are_written_in_full() -> None:
+    members = [{"cycles_one_group": 2061.0, "positions": [[0.0, 0.0]] * 7, "contacts": 11}]
+    document = {"ensemble": members, "path": [{"positions": [[0.0, 0.0], [0.06, 0.0]]}]}
+    (row,) = side_by_side.outcomes({"seven": document}, {"seven": document})
+    assert row["cycles to one group (median)"] == "2060 / 2060"
+    bent = [
+        {"cycle": cycle, "positions": [[0.0, 0.0], [0.02, 0.01], [0.04, y], [0.06, 0.0]], "contacts": touch}
+        for cycle, y, touch in ((0.0, 0.03, []), (1004.0, 0.02, [(1, 2)]))
+    ]
+    (bends,) = (point for point in points.POINTS if point.title.startswith("the line bends"))
+    assert bends.judge({points.SEVENS[0]: {"path": bent}}).numbers.endswith("in 1000 cycles")
+
+
 def spread(problem: Any, x: Any) -> float:
     linear = dataclasses.replace(at(problem, x), finite_strain=None)
     return solve(linear, accuracy=1e-3).balls[0].tangential_force[0]

@@ -15,7 +15,10 @@ import pytest
 
 import linear_bem.solver
 from linear_bem.errors import InvalidProblem, OutputUnusable
-from runs.studies import read_shard
+from runs.reporting import page_of
+from runs.reporting.folder import read_folder
+from runs.studies import Options, read_shard
+from runs.studies.framework import study as studies
 from runs.studies.framework.case import varied
 from runs.studies.framework.publishing import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases
@@ -57,10 +60,14 @@ def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(tmp_path: Path)
     assert killed.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL)
     (only,) = records(tmp_path / "out").values()
     assert (only["state"], len(only["steps"])) == ("running", 2)
+    assert read_folder(tmp_path / "out").state == "stopped"
+    assert "killed, or its machine went down" in page_of(read_folder(tmp_path / "out"))
     shown = study(tmp_path / "out", "--tables")
-    assert f"- {NAMES[0]}: running after 2 load step(s)" in shown.stdout
+    assert f"- {NAMES[0]}: stopped after 2 load step(s)" in shown.stdout
+    assert f"0 of {len(NAMES)} cases" in shown.stdout
     again = study(tmp_path / "out")
     assert again.returncode == 0, again.stderr
+    assert read_folder(tmp_path / "out").state == "finished"
     assert again.stderr.count("step 1 ") == len(NAMES) - 1
     assert all(len(record["steps"]) == 3 for record in records(tmp_path / "out").values())
     assert not any(path.is_dir() for path in (tmp_path / "out/cases").iterdir())
@@ -76,6 +83,29 @@ def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(n: int,
     with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert sum(row["case"] == NAMES[0] for row in rows) == 2
+
+
+def test_the_mark_of_a_study_says_how_its_last_run_ended(tmp_path: Path) -> None:
+    out, seen = tmp_path / "out", list[str]()
+
+    def compute(folder: Path, options: Options) -> None:
+        seen.append(read_folder(folder).state)
+        if options.fresh:
+            raise OSError("disk")
+        with pytest.raises(OSError, match="disk"):
+            studies.run(one, Options(out=folder, fresh=True))
+        seen.append(read_folder(folder).state)
+        raise KeyboardInterrupt
+
+    one = studies.Study("one", compute, lambda folder, quick: "text")
+    with pytest.raises(KeyboardInterrupt):
+        studies.run(one, Options(out=out))
+    # a run that failed shared the folder with one that went on
+    assert (seen, read_folder(out).state) == (["running"] * 3, "interrupted")
+    with pytest.raises(OSError, match="disk"):
+        studies.run(one, Options(out=out, fresh=True))
+    studies.run(one, Options(out=out, tables=True))
+    assert read_folder(out).state == "failed"
 
 
 def test_a_folder_of_another_study_is_refused(tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ import pytest
 from linear_bem.errors import OutputUnusable
 from runs.process.files import replacing, write_text
 from runs.process.json_values import plain, to_json
+from runs.reporting import read_folder
 from runs.session.output_folder import OutputFolder
+from tests.launch import python
 
 IDENTITY = {"command": "solve", "problem": {"layer": {"thickness": 1.0, "young": 2.0}}}
 
@@ -77,6 +79,31 @@ def test_two_runs_cannot_share_a_folder(tmp_path: Path) -> None:
         OutputFolder(tmp_path, IDENTITY, "scene")
     first.close()
     OutputFolder(tmp_path, IDENTITY, "scene").close()
+
+
+BEGUN_AND_KILLED = """
+import os, sys
+from tests.runs.test_store import IDENTITY, OutputFolder, Path
+OutputFolder(Path(sys.argv[1]), IDENTITY, "scene")
+os.kill(os.getpid(), 9)
+"""
+
+
+def test_a_run_whose_process_was_killed_is_seen_as_stopped(tmp_path: Path) -> None:
+    assert python("-c", BEGUN_AND_KILLED, tmp_path).returncode == -9
+    assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["state"] == "running"
+    assert read_folder(tmp_path).state == "stopped"
+    again = OutputFolder(tmp_path, IDENTITY, "scene")
+    assert again.stopped
+    assert read_folder(tmp_path).state == "running"
+    again.stop(KeyboardInterrupt)
+    again.close()
+    assert read_folder(tmp_path).state == "interrupted"
+    once_more = OutputFolder(tmp_path, IDENTITY, "scene")
+    assert not once_more.stopped
+    once_more.close()
+    (tmp_path / ".lock").unlink()  # as in a copy: nothing says whether it goes on
+    assert read_folder(tmp_path).state == "running"
 
 
 def test_two_writers_of_one_file_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

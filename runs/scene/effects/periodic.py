@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from linear_bem.magnitudes import range_faults
 from linear_bem.problem import Periodic
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Table, TwoLengths
@@ -26,7 +27,9 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
         return [f"periodic.lengths: must be two lengths greater than 0 and finite, got {given} m"]
     if scene.reciprocation is None:
         return []
-    texts = []
+    radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
+    # the problem has no cell here
+    texts = range_faults({"periodic.lengths": max(lengths)}, "m", max(radii), "the largest ball's radius")
     if scene.reciprocation.forces == "direct":
         texts.append(
             'reciprocation.forces: with [periodic] balls drift by pair forces alone; take forces = "pairs", for '
@@ -37,7 +40,6 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
             "[periodic]: the dents of infinitely many balls that drift add up without limit on an elastic half-space; "
             "drop [substrate] and give [layer] a finite thickness"
         )
-    radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
     if min(lengths) < 4.0 * max(radii):
         texts.append(
             f"periodic.lengths: must be at least two diameters, {4.0 * max(radii):g} m, so that no ball touches two "

@@ -3,6 +3,7 @@
 import math
 from typing import Any, Literal
 
+from linear_bem.magnitudes import range_faults
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Direction, Length, Number, Table, Whole
 
@@ -48,6 +49,8 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
         for key in ("amplitude", "cycles", "friction", "rest")
         if not 0.0 < (value := getattr(table, key)) < math.inf
     ]
+    texts += range_faults({f"reciprocation.{key}": getattr(table, key) for key in ("amplitude", "perturbation")}, "m")
+    texts += range_faults({f"reciprocation.{key}": getattr(table, key) for key in ("cycles", "friction", "rest")})
     if not 0.0 <= table.perturbation < math.inf:
         texts.append(f"reciprocation.perturbation: must not be negative, got {table.perturbation:g} m")
     if table.ensemble < 1:

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from linear_bem.magnitudes import range_faults
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Number, Table
 
@@ -15,7 +16,7 @@ class RollingResistanceTable(Table):
 
 
 def _faults(table: RollingResistanceTable, scene: Any) -> list[str]:
-    texts = []
+    texts = range_faults({"rolling_resistance.share": table.share})
     if not 0.0 <= table.share < math.inf:
         texts.append(f"rolling_resistance.share: must not be negative, and finite, got {table.share:g}")
     if scene.reciprocation is None:

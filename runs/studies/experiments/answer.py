@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
@@ -171,7 +172,7 @@ def _speeds(documents: Documents) -> list[str]:
         if name in documents:
             solved, members = documents[name]["solved"], len(documents[name]["ensemble"])
             texts.append(
-                f"{words} {solved['iterations']} steps of {members} member(s) in {solved['seconds']:.3g} s of "
+                f"{words} {solved['iterations']} steps of {members} member(s) in {number(solved['seconds'], 3)} s of "
                 "processor time with all final checks, "
                 f"{round(60.0 * solved['iterations'] / solved['seconds'], -2):.0f} a minute"
             )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from runs.display.numbers import number
 from runs.studies.experiments.cases import distances
 
 Documents = Mapping[str, Mapping[str, Any]]
@@ -119,7 +120,7 @@ def _line_bends(documents: Documents) -> Finding:
         good.append(bend > 0.0 and came > 0.0)
         cycle = path[touched]["cycle"]
         texts.append(
-            f"{name}: {1e3 * bend:.1f} mm towards it, and it {1e3 * came:.1f} mm closer, in {cycle:.3g} cycles"
+            f"{name}: {1e3 * bend:.1f} mm towards it, and it {1e3 * came:.1f} mm closer, in {number(cycle, 3)} cycles"
         )
     return Finding(YES if good and all(good) else NO, "; ".join(texts))
 
@@ -232,7 +233,8 @@ def _clock(documents: Documents) -> Finding:
     thick = fitted_friction(six, touches[1], 30.0)
     sigma = np.array([m["sigma"] for m in pair["path"]])
     thin = fitted_friction(pair, float(np.interp(0.05, distance, sigma)), 50.0)
-    text = f"f fitted to cycles: {thick:.3g} on foam (30 cycles to the edge pairs), {thin:.2g} on rubber (50 cycles)"
+    foam = f"{number(thick, 3)} on foam (30 cycles to the edge pairs)"
+    text = f"f fitted to cycles: {foam}, {thin:.2g} on rubber (50 cycles)"
     return Finding(OPEN if thick > 1.0 else YES, text)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
+from runs.display.numbers import number
 from runs.evolution import equilibria
 from runs.evolution.pair_table import PairTable
 from runs.studies.experiments import cases
@@ -155,7 +156,7 @@ def _grouped(document: Mapping[str, Any]) -> str:
     if len(document["ensemble"][0]["positions"]) == 2:
         return "in touch" if document["path"][-1]["contacts"] else "apart"
     middle = float(np.median([math.inf if c is None else c for c in cycles]))
-    return f"{middle:.3g}" if math.isfinite(middle) else "never"
+    return number(middle, 3) if math.isfinite(middle) else "never"
 
 
 def _contacts(document: Mapping[str, Any]) -> str:

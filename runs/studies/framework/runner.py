@@ -16,11 +16,12 @@ from linear_bem.result import Result, Step
 from runs.display.numbers import Scale
 from runs.models import Run
 from runs.process import ranks, signals
+from runs.process.locks import RUNNING, STOPPED
 from runs.session.progress import Progress, print_status
 from runs.session.session import path_so_far
 from runs.studies import Options
 from runs.studies.framework.case import Case, varied
-from runs.studies.framework.saved_cases import DONE, NOT_RUN, RUNNING, Found, StudyFolder
+from runs.studies.framework.saved_cases import DONE, NOT_RUN, Found, StudyFolder
 from runs.studies.framework.study import Study, command
 
 
@@ -63,7 +64,7 @@ def made_by(found: Found, by: str) -> str:
     """Return a sentence on how the numbers were produced."""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
     states = [found.state(case.name) for case in found.cases]
-    ended = sum(state not in (RUNNING, NOT_RUN) for state in states)
+    ended = sum(state not in (RUNNING, STOPPED, NOT_RUN) for state in states)
     answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
     return (
         f"Made by `{by}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,11 +12,12 @@ from typing import Any
 from runs.display.numbers import attraction
 from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
+from runs.process.locks import RUNNING, seen, take
 from runs.studies.framework.case import Case
 from runs.studies.framework.study import CASES
 
-DONE, RUNNING, NOT_RUN = "done", "running", "not run yet"
-"""States of a record; all others say how the case ended without an answer."""
+DONE, NOT_RUN = "done", "not run yet"
+"""States of a record, beside `RUNNING`; all others say how the case ended without an answer."""
 ENDED = (DONE, "refused", "not converged", "failed")
 """Final states."""
 
@@ -56,15 +56,8 @@ class StudyFolder:
     @contextmanager
     def claim(self, case: Case) -> Iterator[bool]:
         """Yield whether this run may compute the case; False if another run has locked it."""
-        with open(self.path / CASES / f".{case.name}.lock", "w", encoding="utf-8") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                yield False
-                return
-            except OSError:
-                pass  # a file system without locks
-            yield True
+        with open(lock_of(self.path, case.name), "w", encoding="utf-8") as lock:
+            yield take(lock) is not False  # where the file system has no locks, it may
 
 
 @dataclass(frozen=True)
@@ -78,14 +71,19 @@ class Found:
     def of(cls, folder: StudyFolder, cases: Sequence[Case]) -> Found:
         """Collect the records of ``cases``."""
         saved = {case.name: folder.record(case) for case in cases}
-        return cls(tuple(cases), {name: record for name, record in saved.items() if record is not None})
+        records = {
+            name: {**record, "state": seen(record["state"], lock_of(folder.path, name))}
+            for name, record in saved.items()
+            if record is not None
+        }
+        return cls(tuple(cases), records)
 
     def steps(self, name: str) -> list[dict[str, Any]]:
         """Return the load steps that a case has finished; empty if it has not run."""
         return list(self.records.get(name, {}).get("steps", []))
 
     def state(self, name: str) -> str:
-        """Return "done", "running", how the case ended without an answer, or "not run yet"."""
+        """Return "done", "running", "stopped", how the case ended without an answer, or "not run yet"."""
         return str(self.records.get(name, {}).get("state", NOT_RUN))
 
     def done(self, part: str) -> list[Case]:
@@ -121,6 +119,11 @@ class Found:
         for record in self.records.values():
             found |= record.get("solved", {}).get("versions", {})
         return found
+
+
+def lock_of(folder: Path, name: str) -> Path:
+    """Return the file that the run has locked which computes a case."""
+    return folder / CASES / f".{name}.lock"
 
 
 def pull(balls: Sequence[Mapping[str, Any]]) -> tuple[float, float]:

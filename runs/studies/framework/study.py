@@ -1,6 +1,7 @@
 """What every study does: compute answers into a folder, and make a page from those that exist."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from linear_bem.errors import OutputUnusable
 from runs.process import ranks
 from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
-from runs.session.output_folder import MARK, difference
+from runs.process.locks import RUNNING, take
+from runs.session.output_folder import FINISHED, LOCK, MARK, difference, ended
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.publishing import publish
@@ -38,10 +40,12 @@ class Study:
 def run(study: Study, options: Options) -> None:
     """Compute the missing answers, then make the page; raises `OutputUnusable`."""
     folder = options.out or Path("out") / f"study-{study.name}{'-quick' if options.quick else ''}"
+    identity = {"command": "study", "study": study.name, "quick": options.quick}
     if ranks.is_root():  # before MPI starts, so that an unusable folder ends the run at once
-        _open(folder, study, {"command": "study", "study": study.name, "quick": options.quick})
+        _open(folder, study, identity)
     if not options.tables:
-        study.compute(folder, options)
+        with _marked(folder, identity) if ranks.is_root() else nullcontext():
+            study.compute(folder, options)
     if not ranks.is_root():
         return
     text = study.page(folder, options.quick).rstrip("\n") + "\n"
@@ -57,6 +61,31 @@ def command(name: str, quick: bool) -> str:
     return f"thirdbody study {name}{' --quick' if quick else ''}"
 
 
+@contextmanager
+def _marked(folder: Path, identity: dict[str, Any]) -> Iterator[None]:
+    """Mark the folder as running, and at the end by how this run ended, unless another one still shares it."""
+    state = FINISHED
+    try:
+        lock = open(folder / LOCK, "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
+    except OSError as error:
+        raise OutputUnusable(f"{folder}: cannot write there: {error.strerror or error}; name another --out") from None
+    with lock:
+        take(lock, wait=True, shared=True)
+        _write_mark(folder, identity, RUNNING)
+        try:
+            yield
+        except BaseException as error:
+            state = ended(type(error))
+            raise
+        finally:
+            if take(lock) is not False:
+                _write_mark(folder, identity, state)
+
+
+def _write_mark(folder: Path, identity: dict[str, Any], state: str) -> None:
+    write_text(folder / MARK, to_json({"identity": identity, "state": state}))
+
+
 def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
     """Create the folder and mark it as the study's; several runs may share it."""
     try:
@@ -69,7 +98,7 @@ def _open(folder: Path, study: Study, identity: dict[str, Any]) -> None:
     if not known:
         raise OutputUnusable(f"{folder}: holds files of no study ({others[0]}); name a new or empty --out")
     if mark is None:
-        write_text(folder / MARK, to_json({"identity": identity, "state": "running"}))
+        _write_mark(folder, identity, FINISHED)
     elif mark.get("identity") != identity:
         raise OutputUnusable(
             f"{folder}: holds another run ({difference(mark.get('identity'), identity)}); name another --out"

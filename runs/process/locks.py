@@ -1,0 +1,30 @@
+"""Locks of files, which a process holds until it ends in any way: they tell whether a run goes on or was killed."""
+
+import fcntl
+from pathlib import Path
+from typing import IO
+
+RUNNING, STOPPED = "running", "stopped"
+"""State that a run writes of itself, and the one it is in if its process is gone: killed, or its machine went down."""
+
+
+def take(file: IO[str], *, wait: bool = False, shared: bool = False) -> bool | None:
+    """Return whether this process got the lock of an open file; None where the file system has no locks."""
+    try:
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def seen(state: str, path: Path) -> str:
+    """Return the state that a run with the lock ``path`` is in; as written where the lock says nothing."""
+    if state != RUNNING:
+        return state
+    try:
+        with open(path, encoding="utf-8") as file:
+            return STOPPED if take(file) else RUNNING
+    except OSError:
+        return RUNNING
