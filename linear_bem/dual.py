@@ -25,6 +25,12 @@ def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
     return change.dx, change.dy
 
 
+def has_kinks(indenter: Indenter) -> bool:
+    """Return whether an indenter's height uses a function of `KINKED`."""
+    at = Dual(np.array([0.01 * indenter.apex_radius]), np.ones(1), np.zeros(1))
+    return bool(indenter.height(at, at).kinked)
+
+
 def height_faults(shapes: Iterable[object]) -> list[str]:
     """Return what keeps the heights of indenters from being expressions that all models take, one text each."""
     bodies = {id(shape): shape for shape in shapes if isinstance(shape, Indenter)}
@@ -54,11 +60,12 @@ def _faults_of(body: Indenter) -> list[str]:
 
 @dataclass(frozen=True)
 class Dual(NDArrayOperatorsMixin):
-    """Values with their derivatives by x and y (forward-mode automatic differentiation)."""
+    """Values with their derivatives by x and y (forward-mode automatic differentiation); ``kinked``: these may jump."""
 
     value: Array
     dx: Array
     dy: Array
+    kinked: bool = False
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """Return a function of `SLOPES` with its derivatives; numpy raises TypeError for others."""
@@ -70,7 +77,8 @@ class Dual(NDArrayOperatorsMixin):
             return NotImplemented
         terms = [(slope, v) for slope, v in zip(slopes, inputs, strict=False) if isinstance(v, Dual)]
         dx, dy = sum(slope * v.dx for slope, v in terms), sum(slope * v.dy for slope, v in terms)
-        return Dual(ufunc(*values), dx, dy)
+        kinked = ufunc in KINKED or any(isinstance(v, Dual) and v.kinked for v in inputs)
+        return Dual(ufunc(*values), dx, dy, kinked)
 
 
 SLOPES: dict[np.ufunc, Callable[..., tuple[Any, ...]]] = {
@@ -94,3 +102,5 @@ SLOPES: dict[np.ufunc, Callable[..., tuple[Any, ...]]] = {
     np.tanh: lambda a: (1.0 - np.tanh(a) ** 2,),
 }
 """Functions that a height may use, with their derivatives by each operand; the exponent of a power is a number."""
+KINKED = {np.absolute, np.maximum, np.minimum}
+"""Those of `SLOPES` whose slope jumps."""

@@ -43,9 +43,9 @@ class Indenter:
     0 at the origin, which all models take. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
 
     A kink, such as ``np.maximum`` makes, costs accuracy where it lies in a contact: both models take more unknowns.
-    Forces converge, and the error of T is covered, but polynomials (`linear_bem`) may state errors of force and area
-    that are fifteen times too small. The peak pressure at a kink that sticks out (maximum) has no limit: finer grids
-    and meshes only raise it. At one that goes in (minimum) the surface may part from the body.
+    Forces converge; errors that polynomials (`linear_bem`) state under such a body are widened by what was measured,
+    those of a plain function f(x, y) are not. The peak pressure at a kink that sticks out (maximum) has no limit: finer
+    grids and meshes only raise it. At one that goes in (minimum) the surface may part from the body.
     """
 
     def __init_subclass__(cls) -> None:

@@ -104,6 +104,8 @@ def test_a_kink_that_sticks_out_meets_sneddons_integrals(kink, outer):
     found = single(Kinked(kink, outer), depth)
     assert found.normal_force == pytest.approx(force, rel=3e-4)
     assert found.contact_area == pytest.approx(math.pi * radius**2, rel=0.02)
+    assert abs(found.normal_force - force) <= found.errors["normal_force"]
+    assert abs(found.contact_area - math.pi * radius**2) <= found.errors["contact_area"]
 
 
 @pytest.mark.parametrize("outer", [-0.1, -0.2, -0.3])
