@@ -50,7 +50,7 @@ class OwnEquations:
         done = 0
         for renew in (True, False):
             chosen = np.flatnonzero(changed == renew)
-            for part in np.array_split(chosen, chosen.size * nodes.x.shape[1] * terms // 500_000 + 1):
+            for part in np.array_split(chosen, chosen.size * nodes.x.shape[1] * terms // 150_000 + 1):
                 if part.size:
                     arguments = outside[part] + profile[part], forces[part], self._matrices[part]
                     new, self._matrices[part] = self._some(nodes[part], *arguments, renew)

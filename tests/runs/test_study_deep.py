@@ -52,7 +52,16 @@ def test_the_page_says_from_where_on_the_surface_overhangs(tmp_path: Path) -> No
     steps = [step(1.0, 0.8), step(2.0, 0.8, smallest_seen_area=-0.1)]
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
     assert "From D = 2 R on the surface overhangs" in text
-    assert "the flanks of the cleft do not meet" in text
+    assert "beside a ball that is pressed in beyond its equator" in text
     steps[1] = step(2.0, 0.8, smallest_seen_area=-0.1, surface_crossing=0.02)
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
     assert "by 0.02 R: flanks meet there" in text
+
+
+def test_the_page_names_the_point_that_is_near_a_crease(tmp_path: Path) -> None:
+    case = next(case for case in cases(quick=False) if case.name == "one-ball-on-6-R")
+    steps = [step(1.0, 0.9), step(1.5, 0.7), step(2.0, 0.74)]
+    text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
+    assert "compressed to 0.70 at one point (r = 1.00 R), near the 0.65 of a crease, from D = 1.5 R on" in text
+    text = present(Found((case,), {case.name: {"state": "done", "steps": steps[:1]}}), tmp_path)
+    assert "nowhere compressed below 0.90: no crease" in text

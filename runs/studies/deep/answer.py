@@ -17,9 +17,10 @@ from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.framework.template import render
 from runs.studies.stability.judging import work
 
-CREASE = 0.65
-"""Surface stretch below which a free surface creases; see `finite_strain.force.distortion`."""
-COLORS = (GREY, GREEN, PURPLE, BLUE, ORANGE)
+CREASE, NEAR = 0.65, 0.1
+"""Surface stretch below which a free surface creases (`finite_strain.force.distortion`), and what is near to it."""
+COLORS = (GREY, GREEN, PURPLE, "#56b4e9", BLUE, ORANGE)
+"""As many as the thin pair has discretisations."""
 SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
          "smallest area from above", "energy balance [%]", "iterations")  # fmt: skip
 PLACES = (("s", "inside the layer"), ("o", "surface, under a ball"), ("^", "surface, beside it"))
@@ -46,10 +47,14 @@ def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the rows of the finest discretisation, the ends of all, and where the surface creases and overhangs."""
     ends = list({row["level"]: row for row in path}.values())
     finest = [row for row in path if row["level"] == ends[-1]["level"]]
-    creased = [row["D / R"] for row in finest if row["smallest surface stretch"] < CREASE]
+    least = min(finest, key=lambda row: row["smallest surface stretch"])
+    creased, near = (
+        [row["D / R"] for row in finest if row["smallest surface stretch"] < s] for s in (CREASE, CREASE + NEAR)
+    )
     seen = [row["smallest area from above"] for row in finest]
     return {
-        "finest": finest, "ends": ends, "creased": creased, "least": min(row["D / R"] for row in ends),
+        "finest": finest, "ends": ends, "creased": creased, "near": near, "narrowest": least,
+        "reached": min(row["D / R"] for row in ends), "alone": ends[-1]["T"] is None,
         "seen": min(seen), "crossing": max(row["crossing"] for row in finest),
         "overhanging": [row["D / R"] for row, area in zip(finest, seen, strict=True) if area <= 0.0],
     }  # fmt: skip
@@ -121,7 +126,8 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     """Return the figure: one row of panels over D for the thin pair's discretisations, and S_Q of all pairs."""
     figure, axes = panels(4.2, 4.2, 4.2, height=4.0)
     first = next(iter(rows.values()), ())
-    for color, level in zip(COLORS, dict.fromkeys(row["level"] for row in first), strict=False):
+    levels = list(dict.fromkeys(row["level"] for row in first))
+    for color, level in zip(COLORS[: len(levels)], levels, strict=True):
         shown = [row for row in first if row["level"] == level]
         for axis, key in zip(axes, ("smallest J", "smallest surface stretch"), strict=False):
             axis.plot([r["D / R"] for r in shown], [r[key] for r in shown], color=color, label=level)
