@@ -15,11 +15,23 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Load, Problem
 from linear_bem.result import Result
+from linear_bem.smooth.contacts import CHECKED
 from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.models import MODELS, Model, Run, as_command, choose, load_path, planned_runs, standing, without
+from runs.models import (
+    COMMAND_BYTES,
+    MODELS,
+    Model,
+    Run,
+    as_command,
+    choose,
+    load_path,
+    planned_runs,
+    standing,
+    without,
+)
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -44,15 +56,15 @@ NAMES = {
 }
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
-CLOSE = 9
+CLOSE = 7
 """Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones."""
-MOST = 1000
-"""Balls that a plan solves by the linear model; of more, those about the middle stand for all."""
-ROUGH = 1e-2
-"""Relative accuracy of the linear solution on which a plan is based."""
-MEMORY, PER_BALL, PER_UNKNOWN = 130e6, 125e3, 500.0
-"""Memory of the linear model [bytes]: of the process, more per ball, and more per unknown, which grids need. Measured,
-in MB: 114 for 9 balls, 169 for 100, 226 for 1000, 1340 for 10 000; 119 for 126 thousand cells."""
+LEAST, MOST = 150, 400
+"""Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
+ROUGH, QUICK = 1e-2, 1.0
+"""Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
+MEMORY, PER_BALL, PER_UNKNOWN = 130e6 - COMMAND_BYTES, 110e3, 500.0
+"""Memory of the linear model [bytes]: alone, more per ball, and more per unknown, which grids need. Measured, in MB,
+with the command: 172 for 50 balls, 212 for 800, 340 for 2000, 458 for 3000; 119 for 126 thousand cells."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -69,12 +81,12 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     seen = _in_the_middle(problem)
     part = _only(problem, seen)
     with waiting(f"the linear model on {part.size} ball(s), for this plan"):
-        ahead = _measured(MODELS["linear_bem"], without(part, ["finite_strain"]), ROUGH)
-    plans = [_model_plan(model, scene, problem, ahead)]
+        ahead, seconds = _ahead(problem, seen, None if model.plan else scene.tangential_force)
+    plans = [_model_plan(model, scene, problem, ahead, seconds)]
     if asked is None and model.plan is not None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
-        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, states))
+        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, seconds, states))
         if scene.steps is None and scene.reciprocation is None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
@@ -111,7 +123,22 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         _show(document, scale, scene)
 
 
-def _measured(model: Model, problem: Problem, accuracy: float) -> Result:
+def _ahead(problem: Problem, seen: Sequence[int], accuracy: float | None) -> tuple[Result, float]:
+    """Return the linear solution of the balls ``seen``, and the time [s] that all of them take."""
+    model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
+    part = _only(small, seen)
+    many = part.size > CHECKED
+    ahead = _measured(model, part, accuracy if many else ROUGH)
+    if not many and ahead.solved.seconds < QUICK:
+        ahead = _measured(model, part, accuracy)
+    if part is small:
+        return ahead, ahead.solved.seconds
+    fewer = _measured(model, _only(small, seen[:LEAST]), accuracy)
+    rise = (ahead.solved.seconds - fewer.solved.seconds) / (MOST - LEAST)
+    return ahead, max(ahead.solved.seconds, fewer.solved.seconds + rise * (problem.size - LEAST))
+
+
+def _measured(model: Model, problem: Problem, accuracy: float | None) -> Result:
     """Return a model's result with its time [s] on an idle machine: the processor time, where that is less."""
     begun = time.process_time()
     result = model.solve(problem, Run(accuracy))
@@ -158,19 +185,22 @@ def _only(problem: Problem, kept: Sequence[int]) -> Problem:
     return dataclasses.replace(problem, balls=balls, load=Load(load.kind, tuple(values)))
 
 
-def _model_plan(model: Model, scene: Scene, problem: Any, ahead: Result, states: int = 1) -> dict[str, Any]:
+def _model_plan(
+    model: Model, scene: Scene, problem: Any, ahead: Result, expected: float, states: int = 1
+) -> dict[str, Any]:
+    """Return the plan of a model; a linear one takes the time ``expected`` [s] per state, beside others or alone."""
     if model.plan is not None:
         details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
-        times = problem.size / len(ahead.balls)
-        unknowns = round(ahead.solved.unknowns * times)
+        unknowns = round(ahead.solved.unknowns * problem.size / len(ahead.balls))
         details = {
             "symmetries": [],
             "unknowns": unknowns,
             "memory_bytes": MEMORY + PER_BALL * problem.size + PER_UNKNOWN * unknowns,
-            "seconds": ahead.solved.seconds * times * states,
+            "seconds": expected * states,
             "states": states,
         }
+        details = details if states > 1 else as_command(details)
     return {"model": model.name, "summary": model.summary, **plain(details)}
 
 

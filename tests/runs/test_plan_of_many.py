@@ -11,7 +11,7 @@ import pytest
 from linear_bem import Ball, Layer, Load, Periodic, Problem, solve
 from linear_bem.result import Result
 from runs.commands import plan
-from runs.models import MODELS, Run
+from runs.models import MODELS, Model, Run
 from runs.scene.scene_file import read_scene
 
 COUNT = 14
@@ -60,6 +60,7 @@ positions = {places}
 def test_a_plan_solves_the_balls_about_the_middle_for_all(
     load: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(plan, "LEAST", 5)
     monkeypatch.setattr(plan, "MOST", 10)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load=load), encoding="utf-8")
@@ -73,13 +74,28 @@ def test_a_plan_solves_the_balls_about_the_middle_for_all(
 
 def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
     ahead = solve(ROW, plan.ROUGH)
-    # measured: 1340 MB with 10 000 balls, 119 MB with two punches on a grid
-    for size, unknowns, least, most in ((10_000, 15 * COUNT, 1.2e9, 1.7e9), (COUNT, 126_464, 1e8, 2.5e8)):
+    # measured: 1321 MB with 10 000 balls, 119 MB with two punches on a grid
+    for size, unknowns, least, most in ((10_000, 15 * COUNT, 1.1e9, 1.6e9), (COUNT, 126_464, 1e8, 2.5e8)):
         many = dataclasses.replace(ROW, balls=tuple(Ball((2.2 * k, 0.0), 1.0) for k in range(size)),
                                    load=Load("approach", (0.1,) * size))  # fmt: skip
         result = dataclasses.replace(ahead, solved=dataclasses.replace(ahead.solved, unknowns=unknowns))
-        details = plan._model_plan(MODELS["linear_bem"], None, many, result)  # type: ignore[arg-type]
+        details = plan._model_plan(MODELS["linear_bem"], None, many, result, 1.0)  # type: ignore[arg-type]
         assert least < details["memory_bytes"] < most
+
+
+def test_the_time_of_many_balls_lies_on_the_line_through_two_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, solved = solve(ROW, plan.ROUGH), []
+
+    def of_line(model: Model, problem: Problem, accuracy: float | None) -> Result:
+        solved.append((problem.size, accuracy))
+        return dataclasses.replace(found, solved=dataclasses.replace(found.solved, seconds=1.5 + 0.01 * problem.size))
+
+    monkeypatch.setattr(plan, "_measured", of_line)
+    balls = tuple(Ball((2.2 * (k % 50), 2.2 * (k // 50)), 1.0) for k in range(2000))
+    problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("total_force", (50.0,)))
+    _, seconds = plan._ahead(problem, plan._in_the_middle(problem), 1e-3)
+    assert solved == [(plan.MOST, 1e-3), (plan.LEAST, 1e-3)]
+    assert seconds == pytest.approx(1.5 + 0.01 * 2000)
 
 
 def test_the_time_planned_is_that_of_an_idle_machine(
