@@ -2,7 +2,8 @@
 
     python -m tests.linear_bem.random_balls time [COUNT ...]         one approach on a rigid base, and fitted powers
     python -m tests.linear_bem.random_balls loads COUNT [LOAD [BASE]]  other loads, rigid and elastic base
-    python -m tests.linear_bem.random_balls direct COUNT LOAD BASE         against all pairs summed one by one
+    python -m tests.linear_bem.random_balls layouts COUNT            far groups, thin layer, unlike radii; elastic base
+    python -m tests.linear_bem.random_balls direct COUNT LOAD BASE   against all pairs; BASE may be one of these layouts
 
 Every row is computed in a process of its own.
 """
@@ -25,15 +26,23 @@ COVERED, LOW, HIGH = 0.4, 0.6, 1.0
 """Share of the area that balls cover, and their radii [m]."""
 DEPTH, THICKNESS = 0.1, 8.0
 BASES = {"rigid": None, "elastic": Elastic(10.0, 0.3)}
+LAYOUTS = {"far groups": (DEPTH, 1.2), "thin layer": (0.03, 0.25), "unlike radii": (DEPTH, 1.2)}
+"""Depth over radius and thickness [m]."""
+GROUPS, APART = 10, 1000.0
+"""Number of far groups, and the distance [m] of their corners."""
 LOADS = ("approach", "force", "total_force")
 COUNTS = (300, 1000, 3000, 10_000)
 ACCURACY, SHARPER = 1e-3, 1e-4
 
 
-def scattered(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions (count, 2) and radii of balls at random that do not overlap (random sequential addition)."""
+def scattered(count: int, seed: int = 1, low: float = LOW) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions (count, 2) and radii of balls at random that do not overlap (random sequential addition).
+
+    Radii from ``low`` to `HIGH`; below `LOW` their logarithms are spread evenly.
+    """
     rng = np.random.default_rng(seed)
-    radii = np.sort(rng.uniform(LOW, HIGH, count))[::-1]
+    radii = rng.uniform(low, HIGH, count) if low >= LOW else low ** rng.uniform(0.0, 1.0, count)
+    radii = np.sort(radii)[::-1]
     side = float(np.sqrt(np.pi * np.sum(radii**2) / COVERED))
     boxes = int(side / (2.0 * HIGH))
     members: dict[tuple[int, int], list[int]] = {}
@@ -51,16 +60,26 @@ def scattered(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scene(count: int, load: str, base: str) -> Problem:
-    """Return spheres and paraboloids by turns at random places, their loads about those of Hertz at `DEPTH`."""
-    places, radii = scattered(count)
+    """Return spheres and paraboloids by turns at random places, their loads about those of Hertz at `DEPTH`.
+
+    A ``base`` of `LAYOUTS` stands for an elastic one with another layout.
+    """
+    depth, thickness = LAYOUTS.get(base, (DEPTH, THICKNESS))
+    places, radii = scattered(count, low=0.03 if base == "unlike radii" else LOW)
+    if base == "far groups":
+        groups = [scattered(count // GROUPS, seed) for seed in range(GROUPS)]
+        places = np.concatenate([p + APART * np.array([k % 4, k // 4]) for k, (p, _) in enumerate(groups)])
+        radii = np.concatenate([r for _, r in groups])
     shapes = ("sphere", "paraboloid")
     balls = tuple(
         Ball((float(x), float(y)), float(r), shapes[k % 2])
         for k, ((x, y), r) in enumerate(zip(places, radii, strict=True))
     )
-    forces = np.sqrt(radii * DEPTH**3) * np.random.default_rng(2).uniform(0.5, 1.5, count)
-    values = {"approach": [DEPTH] * count, "force": forces.tolist(), "total_force": [float(np.sum(forces))]}
-    return Problem(Layer(1.0, 0.48, THICKNESS), balls, Load(load, tuple(values[load])), BASES[base])
+    depths = depth * (radii if base in LAYOUTS else np.ones(len(radii)))
+    forces = np.sqrt(radii * depths**3) * np.random.default_rng(2).uniform(0.5, 1.5, len(radii))
+    values = {"approach": depths.tolist(), "force": forces.tolist(), "total_force": [float(np.sum(forces))]}
+    substrate = BASES["elastic" if base in LAYOUTS else base]
+    return Problem(Layer(1.0, 0.48, thickness), balls, Load(load, tuple(values[load])), substrate)
 
 
 def forces_of(result: Result) -> np.ndarray:
@@ -120,6 +139,8 @@ def main() -> None:
     kind = "direct" if what == "direct" else "row"
     if what == "time":
         wanted = [(count, "approach", "rigid") for count in map(int, rest or COUNTS)]
+    elif what == "layouts":
+        wanted = [(int(rest[0]), "force", layout) for layout in LAYOUTS]
     else:
         loads, bases = rest[1:2] or LOADS, rest[2:3] or BASES
         wanted = [(int(rest[0]), load, base) for load in loads for base in bases]
