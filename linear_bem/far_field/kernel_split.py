@@ -66,18 +66,18 @@ class Split:
     def far_slope(self, r: Array) -> Array:
         """Return its derivative [1/m^2]."""
         r = np.maximum(r, 1e-3 * self.width)
-        w, dw = self._rise(r), self._rise_slope(r)
+        w, dw = self._rise(r), self.rise_slope(r)
         if self.thin:
             return np.asarray(dw * self.kernel.scaled(r) + w * self.kernel.scaled_slope(r))
         return np.asarray((dw - w / r) / r + self.kernel.smooth_slope(r))
 
     def near(self, r: Array) -> Array:
         """Return the part of K that the mesh does not hold [1/m], r > 0."""
-        return np.asarray(self._fall(r) * (self.kernel.scaled(r) if self.thin else 1.0 / r))
+        return np.asarray(self.fall(r) * (self.kernel.scaled(r) if self.thin else 1.0 / r))
 
     def near_slope(self, r: Array) -> Array:
         """Return its derivative [1/m^2]."""
-        fall, dw = self._fall(r), self._rise_slope(r)
+        fall, dw = self.fall(r), self.rise_slope(r)
         if self.thin:
             return np.asarray(fall * self.kernel.scaled_slope(r) - dw * self.kernel.scaled(r))
         return np.asarray(-(dw + fall / r) / r)
@@ -86,11 +86,13 @@ class Split:
         d, s = self.width, self.step
         return np.asarray(0.5 * (erf((r - s) / d) + erf((r + s) / d)) if s else erf(r / d))
 
-    def _fall(self, r: Array) -> Array:
+    def fall(self, r: Array) -> Array:
+        """Return 1 - w."""
         d, s = self.width, self.step
         return np.asarray(0.5 * (erfc((r - s) / d) + erfc((r + s) / d)) if s else erfc(r / d))
 
-    def _rise_slope(self, r: Array) -> Array:
+    def rise_slope(self, r: Array) -> Array:
+        """Return dw/dr [1/m]."""
         d, s = self.width, self.step
         bells = np.exp(-(((r - s) / d) ** 2)) + np.exp(-(((r + s) / d) ** 2))
         return np.asarray(bells / (np.sqrt(np.pi) * d))

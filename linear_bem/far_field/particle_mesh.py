@@ -179,6 +179,7 @@ class PeriodicMesh(ParticleMesh):
     """
 
     def __init__(self, lengths: Array, spacing: float, transform: Callable[[Array], Array]) -> None:
+        self.lengths = lengths
         shape = periodic_shape(lengths, spacing)
         self.nodes = self.doubled = np.array([shape])
         self.spacing = lengths / shape

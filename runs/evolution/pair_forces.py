@@ -27,10 +27,11 @@ from scipy.interpolate import Akima1DInterpolator, CubicSpline
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
+from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
 from runs.evolution.forces import State
-from runs.evolution.pair_list import CORRECTED, CUT, CutLaw, PairList
+from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh, wrapped
 
 
 class SingleBall:
@@ -78,7 +79,7 @@ class PairLaw:
     """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law with or without corrections."""
 
     def __init__(self, problem: Problem, corrections: Corrections | None = None) -> None:
-        self._kernel = LayeredKernel.of(problem)
+        self.kernel = LayeredKernel.of(problem)
         self._thickness = problem.layer.thickness
         self._curves = None
         if corrections is not None:
@@ -90,11 +91,17 @@ class PairLaw:
 
     def linear(self, distance: Array) -> tuple[Array, Array, Array, Array]:
         """Return K, -K' and the envelopes of both at distances [m]."""
-        value, slope = self._kernel.displacement(distance), self._kernel.slope(distance)
+        value, slope = self.kernel.displacement(distance), self.kernel.slope(distance)
         step = 1e-3 * distance
-        bend = (self._kernel.slope(distance + step) - self._kernel.slope(distance - step)) / (2.0 * step)
+        bend = (self.kernel.slope(distance + step) - self.kernel.slope(distance - step)) / (2.0 * step)
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
+
+    def transform(self, wave: Array) -> Array:
+        """Return the two-dimensional Fourier transform [m^3/N] of K at wave numbers [1/m]; at 0 its integral."""
+        k = np.where(wave > 0.0, wave, 1.0)
+        of_waves = 2.0 * np.pi / k * self.kernel.response_at(k)
+        return np.asarray(self.kernel.singular * np.where(wave > 0.0, of_waves, self.kernel.uniform))
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return k and c at distances [m], any shape; 0 at infinite ones."""
@@ -102,7 +109,7 @@ class PairLaw:
         at = distance[near]
         influence, pull = np.zeros(distance.shape), np.zeros(distance.shape)
         if self._curves is None:
-            influence[near], pull[near] = self._kernel.displacement(at), -self._kernel.slope(at)
+            influence[near], pull[near] = self.kernel.displacement(at), -self.kernel.slope(at)
             return influence, pull
         k, c, k_size, c_size = self.linear(at)
         place = np.clip(np.log(at), *self._ends)
@@ -132,9 +139,9 @@ class PairForces:
         self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
         self._approaches = np.array(problem.load.values, dtype=float)
         self._cut = cut
-        touch, corrected = 2.0 * min(ball.radius for ball in problem.balls), 1.0 if cell is None else CORRECTED
-        self._table = CutLaw(law, touch, corrected * cut, cut)
+        self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), cut, on_mesh=cell is not None)
         self._list = PairList(self._table.reach, cell)
+        self._waves = None if cell is None else self._table.waves(cell)
 
     @property
     def reach(self) -> float:
@@ -147,14 +154,22 @@ class PairForces:
         between = pairs.between(positions)
         distance = np.sqrt(between[:, 0] ** 2 + between[:, 1] ** 2)
         influence, pull = self._table(distance)
-        around = 0.0 if self.cell is None else self._table.beyond / float(np.prod(self.cell))
-        mutual = pairs.matrix(influence, around)
+        matrix = pairs.matrix(influence)
+        mutual: Influence
+        if self._waves is not None:
+            x, y = wrapped(positions, self._waves.lengths).T
+            points = self._waves.at(x, y, slopes=True)
+            mutual = SparseAndMesh(matrix, self._waves, points)
+        else:
+            mutual = matrix.toarray() if len(positions) <= DENSE else matrix
         effective = effective_approaches(mutual, self._force_and_slope, self._approaches, self._approaches)
         normal = self._force_and_slope(effective)[0]
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")
         strength = pull * normal[pairs.first] * normal[pairs.second] / distance
         tangential = np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
+        if self._waves is not None:
+            tangential += normal[:, None] * self._waves.slope(points, normal)
         largest = float(np.max(np.hypot(*tangential.T)))
         return State(tangential, normal, np.full(len(normal), self.share * largest))
 

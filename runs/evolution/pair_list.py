@@ -3,9 +3,11 @@ r"""Which balls are within reach of each other, and what one does to another at 
 A pair law decays: exponentially on a layer with a rigid base, as 1/L (displacement) and 1/L^2 (T) on an elastic one.
 Beyond ``reach`` both are below a share (`CUT`) of their largest values and are left out; from `TAPER` of ``reach`` on a
 polynomial with two continuous derivatives takes them to zero, so that forces stay smooth when pairs come and go.
-`runs.evolution.pair_forces.PairForces.cut_error` measures what that changes. In a periodic cell the balls beyond reach
-count as spread evenly, as in the theory of liquids [Allen, Tildesley, Computer Simulation of Liquids, 2017, sec. 2.8]:
-they press all balls down by the same, and pull none.
+`runs.evolution.pair_forces.PairForces.cut_error` measures what that changes. In a periodic cell nothing of the
+point-load law is left out: its smooth far part (`linear_bem.far_field.kernel_split`) is on a mesh over the cell
+(`CutLaw.waves`), so that the reach can be short: slow waves in lattices grow at its rate to 1e-5. Of its corrections
+those beyond reach count as spread evenly, as in the theory of liquids [Allen, Tildesley, Computer Simulation of
+Liquids, 2017, sec. 2.8]: they press all balls down by the same, and pull none.
 
 Pairs come from a k-d tree of all positions and, in a periodic cell, of their images within reach [Verlet 1967,
 doi 10.1103/PhysRev.159.98]: a list with some more reach is kept until a ball has moved by half of it. Pairs beyond
@@ -14,25 +16,28 @@ reach add exact zeros, in a fixed order: the sums do not depend on when the list
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
+from scipy.special import j0
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.far_field.kernel_split import RULES, Split
+from linear_bem.far_field.particle_mesh import ORDER, PeriodicMesh, Points
 
-Law = Callable[[Array], tuple[Array, Array]]
-"""Distances [m] in; influence [m/N] and pull [1/N] out."""
+if TYPE_CHECKING:
+    from runs.evolution.pair_forces import PairLaw
 
-CUT, CORRECTED = 5e-5, 10.0
-"""Share of the largest pull, and of the largest influence, below which they are left out; the share of the influence is
-as many times larger in a periodic cell, where what is left out is corrected for. That leaves 0.03 to 0.06 % of T there
-(random starts, h = 0.8 R to 6 R)."""
+CUT, CORRECTED, ON_MESH = 5e-5, 10.0, 50.0
+"""Share of the largest influence and pull below which they are left out. In a periodic cell it is about the law's
+corrections, where the share of the influence is as many times larger as the second number says, because what is left
+out counts as spread evenly; below as many times the share as the third the point-load law is on a mesh alone."""
 FARTHEST = 1e5
 """Largest distance of a table over the smallest touching distance: 1/L is below `CUT` from there on."""
 STEP = 2e-3
@@ -44,35 +49,61 @@ SKIN = 0.1
 """Additional reach of a list over the reach."""
 DENSE = 100
 """Balls up to which elimination is quicker than conjugate gradients."""
+RULE = RULES[0][1]
+"""Of the mesh in a periodic cell: field to 5e-7 of a load at one spacing."""
+POINTS = 400
+"""Of the quadrature over the reach; the mesh's waves have up to five periods there."""
 MOST = 40_000_000
 """Pairs that a list may have: 5 GB at about 130 bytes each."""
 
 
 class CutLaw:
-    """A pair law as a table, zero from its ``reach`` [m] on; ``beyond`` [m^3/N] is the integral of what is left out.
+    """A pair law as a table, zero from its ``reach`` [m] on; ``cut`` is the share (`CUT`) below which it is left out.
 
-    ``influence`` and ``pull`` are the shares of their largest values below which both are left out.
+    With ``on_mesh`` the table lacks what `waves` holds.
     """
 
-    def __init__(self, law: Law, touch: float, influence: float, pull: float) -> None:
+    def __init__(self, law: PairLaw, touch: float, cut: float = CUT, *, on_mesh: bool = False) -> None:
         start, end = np.log(0.5 * touch), np.log(FARTHEST * touch)
         nodes = start + STEP * np.arange(int(np.ceil((end - start) / STEP)) + 1)
         at = np.exp(nodes)
         values = np.stack(law(at), axis=1)
-        outside = at >= touch
-        largest = np.max(np.abs(values[outside]), axis=0)
-        above = np.flatnonzero(np.any(np.abs(values) > np.array([influence, pull]) * largest, axis=1))
+        least = cut * np.max(np.abs(values[at >= touch]), axis=0)
+        linear = np.stack(law.linear(at)[:2], axis=1) if on_mesh else np.zeros_like(values)
+        corrected = np.array([CORRECTED, 1.0]) if on_mesh else 1.0
+        felt = (np.abs(values - linear) > corrected * least) | (np.abs(linear) > ON_MESH * least)
+        above = np.flatnonzero(np.any(felt, axis=1))
         # the reach is a node, so that no cell of the table holds the bend at its beginning
         last = min(int(above[-1]) + 1, len(nodes) - 1) if len(above) else 0
-        self.reach = float(at[last])
+        self.reach, self._law = float(at[last]), law
         part = np.clip((at / self.reach - TAPER) / (1.0 - TAPER), 0.0, 1.0)
         fall = 1.0 - part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
         # what one ball per area that is not in the sum would add to the influence [m^3/N]
-        left_out = np.concatenate([1.0 - fall[: last + 1], np.ones(len(at) - last - 1)])
-        self.beyond = float(np.sum(left_out * values[:, 0] * 2.0 * np.pi * at**2) * STEP)
-        spline = CubicSpline(nodes[: last + 1], (values * fall[:, None])[: last + 1])
+        self._beyond = float(np.sum((1.0 - fall) * (values - linear)[:, 0] * 2.0 * np.pi * at**2) * STEP)
+        width = self.reach / (RULE.step + RULE.cut)
+        self._split = Split(law.kernel, width, RULE.step * width, thin=True)
+        near = self._split.fall(at)
+        # the mesh's pull is the slope of its influence
+        kept = np.stack([linear[:, 0] * near, linear[:, 1] * near + linear[:, 0] * self._split.rise_slope(at)], axis=1)
+        spline = CubicSpline(nodes[: last + 1], ((values - linear) * fall[:, None] + kept)[: last + 1])
         self._start, self._last = float(nodes[0]), last - 1
         self._influence, self._pull = (np.ascontiguousarray(spline.c[:, :, k]) for k in range(2))
+
+    def waves(self, cell: Array) -> PeriodicMesh:
+        """Return the influence that the table lacks [m/N], on a mesh over a cell of lengths [m]."""
+        nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+        r = 0.5 * self.reach * (nodes + 1.0)
+        near = 0.5 * self.reach * weights * 2.0 * np.pi * r * self._law.linear(r)[0] * self._split.fall(r)
+
+        def transform(wave: Array) -> Array:
+            found, place = np.unique(np.round(wave * self.reach, 9), return_inverse=True)
+            q = found / self.reach
+            taken = np.array([near @ j0(one * r) for one in q])
+            values = self._law.transform(q) - taken + np.where(q > 0.0, 0.0, self._beyond)
+            return np.asarray(values[place]).reshape(wave.shape)
+
+        size = min(RULE.share * self._split.width, float(np.min(cell)) / ORDER)
+        return PeriodicMesh(cell, size, transform)
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return influence and pull at distances [m]."""
@@ -92,14 +123,15 @@ class CutLaw:
 
 
 @dataclass(frozen=True)
-class SparseAndUniform:
-    """A sparse matrix plus the same number on all entries, as an operator."""
+class SparseAndMesh:
+    """A sparse matrix and what a mesh adds at points, as an operator."""
 
     sparse: csr_matrix
-    uniform: float
+    mesh: PeriodicMesh
+    points: Points
 
     def __matmul__(self, values: Array) -> Array:
-        return np.asarray(self.sparse @ values + self.uniform * np.sum(values))
+        return np.asarray(self.sparse @ values + self.mesh.potential(self.points, values))
 
 
 @dataclass(frozen=True)
@@ -129,11 +161,9 @@ class Listed:
         """Return the vectors [m] from the first to the second balls."""
         return np.asarray(x[self.second] - x[self.first] + self.shift)
 
-    def matrix(self, values: Array, around: float) -> Array | SparseAndUniform:
-        """Return the symmetric matrix of one value per pair and ``around`` on all entries, shape (balls, balls)."""
-        shape = self.count, self.count
-        matrix = SparseAndUniform(csr_matrix((values[self._order], self._columns, self._ends), shape=shape), around)
-        return np.asarray(matrix.sparse.toarray() + around) if self.count <= DENSE else matrix
+    def matrix(self, values: Array) -> csr_matrix:
+        """Return the symmetric matrix of one value per pair, shape (balls, balls)."""
+        return csr_matrix((values[self._order], self._columns, self._ends), shape=(self.count, self.count))
 
     def summed(self, values: Array) -> Array:
         """Return for each ball the sum of the values of the pairs it is first in, less those it is second in."""

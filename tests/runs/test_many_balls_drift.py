@@ -15,7 +15,7 @@ from runs.commands.plan import plan_scene
 from runs.evolution import evolving, motion, outcome, showing
 from runs.evolution.evolving import evolve_scene
 from runs.evolution.pair_forces import PairLaw
-from runs.evolution.pair_list import CORRECTED, CUT, CutLaw, PairList
+from runs.evolution.pair_list import CutLaw, PairList
 from runs.models import choose
 from runs.process import signals
 from runs.scene.scene_file import InvalidScene, read_scene
@@ -129,7 +129,7 @@ def test_a_plan_of_many_balls_says_how_long_they_take(tmp_path: Path, capsys: py
     scene = read_scene(written(tmp_path))
     plan_scene(scene, None, as_json=True)
     found = json.loads(capsys.readouterr().out)
-    pairs = CutLaw(PairLaw(scene.problem), 2.0, CORRECTED * CUT, CUT)
+    pairs = CutLaw(PairLaw(scene.problem), 2.0, on_mesh=True)
     assert found["reach"] == pytest.approx(pairs.reach)
     listed = PairList(pairs.reach, np.array([28.6, 28.6]))(scene.problem.positions)
     close = np.hypot(*listed.between(scene.problem.positions).T) < pairs.reach

@@ -18,8 +18,8 @@ from runs.models import MODELS
 from tests.runs.lattices import Array, in_cell, lattice, triangular
 
 ROUNDOFF = 1e-9
-CLOSE = 1e-6
-"""Accuracy where the sums themselves are looked at, by a law of which half of that is left out."""
+CLOSE, MESH = 1e-6, 3e-6
+"""Accuracy of sums by a law of which half of that is left out, and of the mesh over the force of a neighbour."""
 
 
 def growth(pair: PairForces, r: Array, wave: Array) -> Array:
@@ -68,7 +68,8 @@ def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
     forces = in_cell(pair, len(x), cell)
     still = forces(x)
     push = still.normal[0] ** 2 * abs(float(pair.law(np.array([spacing]))[1][0]))
-    assert np.max(np.abs(still.tangential)) <= ROUNDOFF * push
+    assert np.max(np.abs(still.tangential)) <= MESH * push
+    assert np.max(np.abs(still.tangential.sum(axis=0))) <= ROUNDOFF * push
     balls = HardBalls(np.ones(len(x)), cell)
     for number in (1, 3):
         wave = 2.0 * np.pi * number / cell[0]
@@ -80,8 +81,8 @@ def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
             path = list(Drift(forces, balls, 1e-10, 1e-15).path(moved, 0.4 / abs(rate)))
             size = [float(shape @ (m.positions - x)[:, axis]) for m in (path[0], path[-1])]
             measured = np.log(size[1] / size[0]) / path[-1].sigma
-            # the law of the forces is cut, a wave of 1e-5 R is not quite linear
-            assert measured == pytest.approx(rate, rel=0.02)
+            # corrections of the law are cut, a wave of 1e-5 R is not quite linear
+            assert measured == pytest.approx(rate, rel=0.002)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,9 @@ def test_slow_waves_grow_as_the_law_without_a_cut_says(
             there, back = (state.tangential / state.normal[:, None] for state in states)
             measured[:, axis] = shape @ (there - back) / 2e-5 / (shape @ shape)
         expected = np.sort(np.linalg.eigvals(growth(pair, r, wave)).real)
-        assert np.sort(np.linalg.eigvals(measured).real) == pytest.approx(expected, rel=0.01)
+        assert np.sort(np.linalg.eigvals(measured).real) == pytest.approx(
+            expected, abs=1e-5 * np.max(np.abs(expected)), rel=1e-4
+        )
 
 
 def test_a_cell_stands_for_its_images_and_its_edge_for_nothing(thin: PairForces) -> None:
@@ -128,7 +131,7 @@ def test_a_cell_stands_for_its_images_and_its_edge_for_nothing(thin: PairForces)
     assert here.tangential == pytest.approx(wide.tangential[: len(x)], abs=10.0 * CLOSE * size)
     assert here.tangential.sum(axis=0) == pytest.approx(0.0, abs=ROUNDOFF * size)
     moved = forces(x + np.array([4.3, -7.7]) + side * np.array([[1.0, 0.0]] * 3 + [[0.0, -2.0]] * 4))
-    assert moved.tangential == pytest.approx(here.tangential, abs=ROUNDOFF * size)
+    assert moved.tangential == pytest.approx(here.tangential, abs=CLOSE * size)
     balls = HardBalls(np.ones(2), np.array([20.0, 20.0]))
     across = np.array([[0.5, 10.0], [19.0, 10.0]])
     assert balls.gaps(across) == pytest.approx([-0.5])
@@ -160,7 +163,7 @@ def test_loads_of_many_balls_are_those_of_elimination(monkeypatch: pytest.Monkey
     forces = PairForces(in_cell(thin, len(x), np.ones(2)).problem, [thin.singles[0]] * len(x), thin.law)
     by_elimination = forces(x)
     assert len(x) <= DENSE
-    monkeypatch.setattr("runs.evolution.pair_list.DENSE", 0)
+    monkeypatch.setattr("runs.evolution.pair_forces.DENSE", 0)
     assert forces(x).normal == pytest.approx(by_elimination.normal, rel=1e-11)
 
 
