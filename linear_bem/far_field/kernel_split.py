@@ -14,22 +14,23 @@ smooth on the scale of the distance. Its near pairs reach twice as far.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erf, erfc
+from scipy.special import erf, erfc, j0
 
 from linear_bem.arrays import Array
 from linear_bem.layer.kernel import LayeredKernel
 
-PER_LAYER = 3.0
-"""Least thickness of the layer over the spacing where ``thin`` is False: its rest is then known to 2e-6/H."""
+POINTS = 400
+"""Of the quadrature over the near part; the waves of a mesh have up to 25 periods there."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What a mesh of spacing H takes: H/d, and r/d of the last near pair beyond s, and s/d of the second split."""
+    """What a mesh of spacing H takes: H/d, r/d of the last near pair beyond s, s/d where ``thin``, h/H elsewhere."""
 
     share: float
     cut: float
     step: float
+    per_layer: float = 3.0
 
 
 RULES = ((1e-5, Rule(0.4, 3.7, 3.6)), (1e-7, Rule(0.3, 4.5, 4.0)))
@@ -37,6 +38,8 @@ RULES = ((1e-5, Rule(0.4, 3.7, 3.6)), (1e-7, Rule(0.3, 4.5, 4.0)))
 first split: field 1e-6/H and 6e-8/H, slope (`ParticleMesh.slope`) 1e-6/H^2 and 1.5e-7/H^2; second split, layers of
 0.02 to 1 H: 5e-7/H and 5e-8/H, 9e-7/H^2 and 5e-8/H^2, times ``far_ratio`` where that is above 1.
 """
+IN_CELL = ((1e-5, Rule(0.4, 3.7, 3.6)), (1e-7, Rule(0.3, 4.5, 4.0, 4.0)), (0.0, Rule(0.2, 5.2, 5.0, 5.0)))
+"""The same in a cell that repeats."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Split:
     def of(cls, kernel: LayeredKernel, spacing: float, rule: Rule) -> "Split":
         """Return the split for a mesh of a spacing [m]."""
         width = spacing / rule.share
-        if spacing <= 1.0001 * kernel.thickness / PER_LAYER:
+        if spacing <= 1.0001 * kernel.thickness / rule.per_layer:
             return cls(kernel, width)
         return cls(kernel, width, rule.step * width, thin=True)
 
@@ -81,6 +84,24 @@ class Split:
         if self.thin:
             return np.asarray(fall * self.kernel.scaled_slope(r) - dw * self.kernel.scaled(r))
         return np.asarray(-(dw + fall / r) / r)
+
+    def far_transform(self, waves: Array, cut: float, uniform: float) -> Array:
+        """Return the far part's two-dimensional Fourier transform [m] at wave numbers [1/m].
+
+        Beyond ``cut`` [m] there is no near part; ``uniform`` [m] is the transform of the whole kernel at 0.
+        """
+        k = np.where(waves > 0.0, waves, 1.0)
+        whole = np.where(waves > 0.0, 2.0 * np.pi / k * self.kernel.response_at(k), uniform)
+        if not self.thin:
+            near = np.where(waves > 0.0, 2.0 * np.pi / k * erf(0.5 * self.width * k), 2.0 * np.sqrt(np.pi) * self.width)
+            return np.asarray(whole - near)
+        nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+        t = 0.5 * (nodes + 1.0)
+        r = cut * t**2  # close together on the scale of a thin layer
+        rings = 2.0 * np.pi * r * self.near(r) * cut * t * weights
+        found, place = np.unique(np.round(waves * cut, 9), return_inverse=True)
+        taken = np.array([rings @ j0(one * t**2) for one in found])
+        return np.asarray(whole - taken[place].reshape(waves.shape))
 
     def _rise(self, r: Array) -> Array:
         d, s = self.width, self.step

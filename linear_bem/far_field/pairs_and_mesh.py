@@ -7,8 +7,7 @@ are left out. Where loads lie in groups far apart, every group has a mesh of its
 and a still smoother one, which a coarse mesh over all holds. The cheapest of these is taken.
 
 In a cell that repeats, pairs include images, each with its shift, and the mesh holds the Fourier series of the far
-part, whose transform is 2 pi/k [erfc(k d/2) + G(k h) - 1]. At k = 0 it is what the whole kernel has there
-(`linear_bem.layer.cell`) without the near part's integral 2 pi^(1/2) d.
+part: 2 pi/k G(k h) less the near part's transform. At k = 0 the whole kernel has what `linear_bem.layer.cell` says.
 """
 
 from __future__ import annotations
@@ -17,18 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.special import erfc
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.counts import grouped
 from linear_bem.far_field.groups import Groups, UnlikePairs, groupings
-from linear_bem.far_field.kernel_split import PER_LAYER, RULES, Rule, Split, reach_of
+from linear_bem.far_field.kernel_split import IN_CELL, RULES, Rule, Split, reach_of
 from linear_bem.far_field.particle_mesh import ORDER, NestedMesh, ParticleMesh, PeriodicMesh, mesh_shape, periodic_shape
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.memory import require
 
-IN_CELL = ((1e-5, 0.4, 3.7, 3.0), (1e-7, 0.3, 4.5, 4.0), (0.0, 0.2, 5.2, 5.0))
-"""In a cell, by the least precision: H/d, r/d of the last near pair, and the least thickness over H."""
 NOWHERE = np.zeros((1, 2))
 AROUND = 1.5
 """Points of a contact that grows stay within so many of its first sizes from the centre."""
@@ -94,7 +90,6 @@ class _Choice:
         self.range = reach_of(kernel, 0.1 * precision)
         self.rule = next((rule for bound, rule in RULES if precision >= bound), None)
         self.margin = AROUND * float(np.max(sizes))
-        self.extent = float(np.hypot(*np.ptp(centres, axis=0)))
 
     def reach(self, cutoff: float, one: Array, other: Array) -> Array:
         """Return the distance [m] of the last near pair of loads of two sizes [m]."""
@@ -107,14 +102,14 @@ class _Choice:
 
     def near(self, cutoff: float) -> tuple[Indices, Indices]:
         """Return the near pairs for a cut-off [m] of nodes."""
-        if self._last(cutoff) >= self.extent + 2.0 * self.margin and not np.isfinite(cutoff):
+        if not np.isfinite(self._last(cutoff)):
             first, second = np.triu_indices(len(self.centres), 1)
             return first, second
         return self.pairs.within(lambda a, b: self.reach(cutoff, a, b))
 
     def _count(self, cutoff: float) -> float:
         n = len(self.centres)
-        if self._last(cutoff) >= self.extent:
+        if not np.isfinite(self._last(cutoff)):
             return 0.5 * n * (n - 1)
         return self.pairs.count(lambda a, b: float(self.reach(cutoff, np.array(a), np.array(b))))
 
@@ -133,9 +128,7 @@ class _Choice:
             fixed = BALL * n + GROUP * len(sides)
             if coarse is not None:
                 fixed += BALL * n + NODE * self._nodes(groups.low.min(axis=0), groups.high.max(axis=0), coarse)
-            first = self.kernel.thickness / PER_LAYER
-            sizes = np.concatenate([s / 2.0 ** (0.5 * np.arange(7)) for s in {apart, min(apart, first)}])
-            for size in sizes:
+            for size in _sizes(apart, self.kernel.thickness / rule.per_layer, 7):
                 split = Split.of(self.kernel, size, rule)
                 cutoff = split.step + rule.cut * split.width
                 if self._last(cutoff) >= groups.gap or (coarse is not None and size >= coarse):
@@ -169,7 +162,7 @@ class _Choice:
         simple = groups.gap * rule.share / rule.cut
         if self.kernel.homogeneous:
             return simple
-        return max(min(simple, self.kernel.thickness / PER_LAYER), simple * rule.cut / (rule.cut + rule.step))
+        return max(min(simple, self.kernel.thickness / rule.per_layer), simple * rule.cut / (rule.cut + rule.step))
 
     @staticmethod
     def _nodes(low: Array, high: Array, spacing: float) -> float:
@@ -189,26 +182,26 @@ def cell_split(
     def pairs(reach: float) -> float:
         return 0.5 * count**2 * np.pi * (reach + 2.0 * margin) ** 2 / cell.area
 
-    reach = reach_of(kernel, 0.1 * precision)
-    best, least = (0.0, 0.0, reach), PAIR * pairs(reach)
-    _, share, cut, per_layer = next(rule for rule in IN_CELL if precision >= rule[0])
-    for halvings in 0.5 * np.arange(9):
-        size = min(float(np.sqrt(cell.area / count)), kernel.thickness / per_layer) / 2.0**halvings
+    best, least = None, PAIR * pairs(reach_of(kernel, 0.1 * precision))
+    rule = next(rule for bound, rule in IN_CELL if precision >= bound)
+    apart = float(np.sqrt(cell.area / count))
+    for size in _sizes(apart, kernel.thickness / rule.per_layer, 9):
+        split = Split.of(kernel, size, rule)
+        cutoff = split.step + rule.cut * split.width
         nodes = float(np.prod(periodic_shape(cell.lengths, size), dtype=float))
-        cost = 2.0 * PAIR * pairs(cut * size / share) + NODE * nodes + BALL * count
+        cost = 2.0 * PAIR * pairs(cutoff) + NODE * nodes + BALL * count
         if cost < least:
-            best, least = (size, size / share, cut * size / share), cost
-    size, width, cutoff = best
-    if size == 0.0:
-        return None, None, cutoff
-    uniform = cell.uniform
+            best, least = (size, split, cutoff), cost
+    if best is None:
+        return None, None, reach_of(kernel, 0.1 * precision)
+    size, split, cutoff = best
+    mesh = PeriodicMesh(cell.lengths, size, lambda waves: split.far_transform(waves, cutoff, cell.uniform))
+    return mesh, split, cutoff
 
-    def transform(k: Array) -> Array:
-        safe = np.where(k > 0.0, k, 1.0)
-        waves = 2.0 * np.pi / safe * (erfc(0.5 * width * safe) + kernel.response_at(safe) - 1.0)
-        return np.where(k > 0.0, waves, uniform - 2.0 * np.sqrt(np.pi) * width)
 
-    return PeriodicMesh(cell.lengths, size, transform), Split(kernel, width), cutoff
+def _sizes(apart: float, of_layer: float, count: int) -> list[float]:
+    """Return spacings [m] to try: from that of the loads, and from that which the layer allows if it is finer, down."""
+    return [s / 2.0 ** (0.5 * k) for s in {apart, min(apart, of_layer)} for k in range(count)]
 
 
 class PointInfluence:

@@ -97,12 +97,6 @@ class PairLaw:
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
 
-    def transform(self, wave: Array) -> Array:
-        """Return the two-dimensional Fourier transform [m^3/N] of K at wave numbers [1/m]; at 0 its integral."""
-        k = np.where(wave > 0.0, wave, 1.0)
-        of_waves = 2.0 * np.pi / k * self.kernel.response_at(k)
-        return np.asarray(self.kernel.singular * np.where(wave > 0.0, of_waves, self.kernel.uniform))
-
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return k and c at distances [m], any shape; 0 at infinite ones."""
         near = np.isfinite(distance)

@@ -24,7 +24,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
-from scipy.special import j0
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
@@ -51,8 +50,6 @@ DENSE = 100
 """Balls up to which elimination is quicker than conjugate gradients."""
 RULE = RULES[0][1]
 """Of the mesh in a periodic cell: field to 5e-7 of a load at one spacing."""
-POINTS = 400
-"""Of the quadrature over the reach; the mesh's waves have up to five periods there."""
 MOST = 40_000_000
 """Pairs that a list may have: 5 GB at about 130 bytes each."""
 
@@ -91,16 +88,10 @@ class CutLaw:
 
     def waves(self, cell: Array) -> PeriodicMesh:
         """Return the influence that the table lacks [m/N], on a mesh over a cell of lengths [m]."""
-        nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-        r = 0.5 * self.reach * (nodes + 1.0)
-        near = 0.5 * self.reach * weights * 2.0 * np.pi * r * self._law.linear(r)[0] * self._split.fall(r)
 
-        def transform(wave: Array) -> Array:
-            found, place = np.unique(np.round(wave * self.reach, 9), return_inverse=True)
-            q = found / self.reach
-            taken = np.array([near @ j0(one * r) for one in q])
-            values = self._law.transform(q) - taken + np.where(q > 0.0, 0.0, self._beyond)
-            return np.asarray(values[place]).reshape(wave.shape)
+        def transform(waves: Array) -> Array:
+            far = self._law.kernel.singular * self._split.far_transform(waves, self.reach, self._law.kernel.uniform)
+            return np.asarray(far + np.where(waves > 0.0, 0.0, self._beyond))
 
         size = min(RULE.share * self._split.width, float(np.min(cell)) / ORDER)
         return PeriodicMesh(cell, size, transform)

@@ -1,5 +1,6 @@
 """A cell that repeats: its images, the wave k = 0, and contacts in it against balls alone in the plane."""
 
+import itertools
 import tracemalloc
 from dataclasses import replace
 
@@ -23,7 +24,9 @@ from linear_bem import (
     solve_point_load,
     stress,
 )
+from linear_bem.far_field.kernel_split import RULES, Split
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
+from linear_bem.far_field.particle_mesh import NestedMesh, PeriodicMesh
 from linear_bem.layer.cell import Cell
 from linear_bem.layer.response import LayerResponse
 from linear_bem.lifted_balls import nearest, smooth_state
@@ -76,6 +79,36 @@ def test_the_mesh_and_near_images_add_up_to_the_sum_over_all_images():
         assert field.mesh is not None
         found.append(PointInfluence(field, points) @ loads)
         assert np.max(np.abs(found[-1] - exact)) < error * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("base", [None, Elastic(5.0, 0.3)])
+def test_meshes_coarser_than_a_thin_layer_add_up_to_the_kernel(base):
+    rng = np.random.default_rng(7)
+    lengths = (20.0, 21.0)
+    points, loads = rng.uniform(0.0, 20.0, (400, 2)), rng.uniform(0.5, 1.5, 400)
+    ball = Ball((0.0, 0.0), 1.0)
+    kernel = LayeredKernel.of(
+        Problem(Layer(1.0, 0.45, 0.1), (ball,), Load("force", (1.0,)), base, periodic=Periodic(lengths))
+    )
+    found = []
+    for spacing in (0.25, 0.5):
+        rule = RULES[0][1]
+        split = Split.of(kernel, spacing, rule)
+        assert split.thin
+        cut = split.step + rule.cut * split.width
+        mesh = PeriodicMesh(
+            np.array(lengths), spacing, lambda k, s=split, c=cut: s.far_transform(k, c, kernel.cell.uniform)
+        )
+        field = FarField(kernel, *kernel.cell.pairs(points, cut), NestedMesh((mesh,)), split, cut)
+        found.append(PointInfluence(field, points) @ loads)
+    if base is None:  # where the sum over images converges
+        exact = np.zeros(400)
+        for m, n in itertools.product((-1, 0, 1), repeat=2):
+            r = np.hypot(*np.moveaxis(points[:, None] - points - np.multiply((m, n), lengths), 2, 0))
+            exact += np.where(r > 0.0, kernel.scaled(np.where(r > 0.0, r, 1.0)), 0.0) @ loads
+        found.append(exact)
+    for other in found[1:]:
+        assert np.max(np.abs(found[0] - other)) < 2e-6 * np.max(np.abs(other))
 
 
 @pytest.mark.parametrize("reach", [1.0, 6.0, 14.0])

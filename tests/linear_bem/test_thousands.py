@@ -13,7 +13,7 @@ import scipy.sparse.linalg
 from scipy.spatial import cKDTree
 
 import linear_bem.memory
-import linear_bem.problem
+import linear_bem.touching
 from linear_bem import (
     Ball,
     Elastic,
@@ -264,8 +264,8 @@ def test_balls_that_the_others_lift_off_carry_nothing_and_do_not_touch():
 
 
 def test_a_sample_without_a_solution_leaves_the_error_unbounded_and_says_so(monkeypatch):
-    def lost(contacts):
-        sample = sample_error(contacts)
+    def lost(contacts, report):
+        sample = sample_error(contacts, report)
         return replace(sample, tangential_force=np.full(len(sample.places), np.inf))
 
     problem = scene("approach", "half-space", 110)
@@ -302,7 +302,7 @@ def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeyp
 
 
 def test_pairs_of_asperities_are_not_searched_for_overlaps(monkeypatch):
-    monkeypatch.setattr(linear_bem.problem, "_touching_distance", lambda a, b: pytest.fail("a pair was compared"))
+    monkeypatch.setattr(linear_bem.touching, "touching_distance", lambda a, b: pytest.fail("a pair was compared"))
     caps = tuple(Ball((x, y), 5.0, asperity=True) for x, y in np.random.default_rng(7).uniform(0.0, 1.0, (50, 2)))
     assert Problem(Layer(1.0, 0.3, 5.0), caps, Load("total_force", (1e-3,))).size == 50
 
