@@ -30,6 +30,8 @@ IN_CELL_TO, FINER = 1e-6, 1e-2
 _NEAR = 4.0
 _DEGREE = 6
 
+TOGETHER = 500_000
+"""Products of points and nodes that `zone_displacement` takes together: 4 MB a table."""
 AT_ONCE = 2000
 """Points that a sum over a contact's nodes takes together, to bound its memory: 5 MB at 60 nodes."""
 
@@ -260,11 +262,13 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
             away = np.log(max(low, 1.004))
             angular = max(angular, int(22.0 / away))
             radial = max(radial, int(4.0 + 9.0 / np.sqrt(2.0 * away)))
-        for part in np.array_split(chosen, chosen.size // 64 + 1) if chosen.size else ():
+        if not chosen.size:
+            continue
+        q_xi, q_eta, w, p = zone.quadrature(radial, angular)
+        qx, qy = zone.points(q_xi, q_eta)
+        for part in np.array_split(chosen, chosen.size // max(1, min(64, TOGETHER // qx.size)) + 1):
             if inside:
                 total[part] += zone.half_space(xi[part], eta[part], rule.directions + 8, rule.along + 4)[0]
-            q_xi, q_eta, w, p = zone.quadrature(radial, angular)
-            qx, qy = zone.points(q_xi, q_eta)
             r = np.hypot(x[part][:, None] - qx, y[part][:, None] - qy)
             total[part] += (kernel.smooth(r) if inside else kernel.scaled(r)) @ (w * p)
     return total

@@ -73,7 +73,11 @@ class ZoneStack:
 
     def squared_pressure(self, xi: Array, eta: Array) -> Array:
         """Return P = p^2 at frame points (negative outside the contact)."""
-        return np.asarray(np.einsum("nt,tnk->nk", self.coefficients, basis(xi, eta, self.degree)))
+        out = np.empty(xi.shape)
+        for part in np.array_split(np.arange(xi.shape[1]), xi.size * self.coefficients.shape[1] // CACHED + 1):
+            values = basis(xi[:, part], eta[:, part], self.degree)
+            out[:, part] = np.einsum("nt,tnk->nk", self.coefficients, values)
+        return out
 
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
         """Return the distance (frame units) from interior points along unit directions to the edge.

@@ -62,9 +62,9 @@ LEAST, MOST = 150, 400
 """Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
 ROUGH, QUICK = 1e-2, 1.0
 """Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
-MEMORY, PER_BALL, PER_UNKNOWN = 130e6 - COMMAND_BYTES, 110e3, 500.0
+MEMORY, PER_BALL, PER_UNKNOWN = 150e6 - COMMAND_BYTES, 110e3, 500.0
 """Memory of the linear model [bytes]: alone, more per ball, and more per unknown, which grids need. Measured, in MB,
-with the command: 172 for 50 balls, 212 for 800, 340 for 2000, 458 for 3000; 119 for 126 thousand cells."""
+with the command: 165 for 2, 172 for 50 balls, 212 for 800, 340 for 2000, 458 for 3000; 119 for 126 thousand cells."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -235,7 +235,7 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
         states = sum(each.size for each in missing) + sum(len(DEPTHS) for each in missing if each.size == 1)
         pair = next((each for each in missing if each.size == 2), missing[-1])
         result = _measured(model, pair, scene.tangential_force or PAIR_ACCURACY)
-        cost = as_command({"seconds": result.solved.seconds * states / pair.size}) | {"memory_bytes": MEMORY}
+        cost = as_command({"seconds": result.solved.seconds * states / pair.size, "memory_bytes": MEMORY})
     else:
         cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
     return {"runs": len(missing), **cost}

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -220,3 +222,15 @@ def test_stress_on_a_grid_meets_polynomials_from_one_cell_on_and_is_refused_abov
     with pytest.raises(InvalidProblem, match=r"one cell of the pressure, got 0\.001 m; go deeper"):
         vertical_stress(grid, 0.0, 0.0, 0.001)
     assert vertical_stress(grid, 0.01, 0.02, 0.0) == -grid.pressure(0.01, 0.02)
+
+
+def test_a_field_next_to_the_edge_of_a_contact_takes_little_memory():
+    contacts = solve_contact(
+        Problem(Layer(1.0, 0.48, 1.2), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)))
+    ).contacts
+    nodes = contacts.smooth.nodes[0]
+    x = nodes.zone.reach * np.linspace(1.001, 1.019, 100)
+    tracemalloc.start()
+    contacts.displacement(x, np.zeros(100))
+    assert tracemalloc.get_traced_memory()[1] < 6e7  # 2e8 with all nodes or many points together
+    tracemalloc.stop()
