@@ -29,17 +29,18 @@ WIDER, ROUND = 1.2, 10
 
 @dataclass(frozen=True)
 class SampleError:
-    """Places of the sample in ``touching``, errors of T [N], largest relative error of forces and approaches."""
+    """Places of the sample in ``touching``, errors of T and Q [N], largest relative error of forces and approaches."""
 
     places: tuple[int, ...]
     tangential_force: Array
+    normal_force: float
     settled: float
 
 
 def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleError:
     """Return the errors of T on the balls of the sample; infinite where a ball alone finds no solution."""
     direct = DirectSums(contacts.kernel, contacts.smooth.nodes, PRECISE)
-    errors, settled = [], 0.0
+    errors, normal_force, settled = [], 0.0, 0.0
     report_part = seldom(report)
     for done, k in enumerate(contacts.sample):
         report_part(f"{done} of {len(contacts.sample)} contacts solved exactly")
@@ -59,7 +60,8 @@ def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleErr
         errors.append(float(np.max(np.abs(direct.force(k, alone.nodes[0]) - contacts.mutual_force[ball]))))
         change = alone.approaches[0] / approach[0] if given else alone.nodes[0].force / force
         settled = max(settled, abs(float(change) - 1.0))
-    return SampleError(contacts.sample, np.array(errors), settled)
+        normal_force = max(normal_force, abs(alone.nodes[0].force - force) / contacts.kernel.singular)
+    return SampleError(contacts.sample, np.array(errors), normal_force, settled)
 
 
 def _risen(profile: Height, centre: Array, spread: float, values: Array) -> Height:

@@ -62,9 +62,10 @@ LEAST, MOST = 150, 400
 """Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
 ROUGH, QUICK = 1e-2, 1.0
 """Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
-MEMORY, PER_BALL, PER_UNKNOWN = 150e6 - COMMAND_BYTES, 110e3, 500.0
-"""Memory of the linear model [bytes]: alone, more per ball, and more per unknown, which grids need. Measured, in MB,
-with the command: 165 for 2, 172 for 50 balls, 212 for 800, 340 for 2000, 458 for 3000; 119 for 126 thousand cells."""
+MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 8e3, 110e3, 500.0
+"""Memory of the linear model [bytes]: alone, more per coefficient of balls judged by a sample, of others more per ball
+and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 172 for 50, 212 for 800, 340 for
+2000, 458 for 3000; 523 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -193,10 +194,12 @@ def _model_plan(
         details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
         unknowns = round(ahead.solved.unknowns * problem.size / len(ahead.balls))
+        sampled = "sample" in ahead.solved.accuracy
+        more = PER_COEFFICIENT * unknowns if sampled else PER_BALL * problem.size + PER_CELL * unknowns
         details = {
             "symmetries": [],
             "unknowns": unknowns,
-            "memory_bytes": MEMORY + PER_BALL * problem.size + PER_UNKNOWN * unknowns,
+            "memory_bytes": MEMORY + more,
             "seconds": expected * states,
             "states": states,
         }

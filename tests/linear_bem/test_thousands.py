@@ -32,6 +32,7 @@ from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
+from linear_bem.lifted_balls import smooth_state
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls
@@ -278,6 +279,51 @@ def test_a_sample_without_a_solution_leaves_the_error_unbounded_and_says_so(monk
     assert "is estimated to inf" in result.solved.notes[0]
 
 
+@pytest.mark.parametrize(("load", "adds"), [("approach", True), ("force", False)])
+def test_what_a_ball_alone_is_off_in_force_is_part_of_the_error_of_its_pull(monkeypatch, load, adds):
+    def off(contacts, report):
+        sample = sample_error(contacts, report)
+        return replace(sample, normal_force=sample.normal_force + 1e-6)
+
+    problem = scene(load, "half-space")
+    known = solve(problem, 1e-2)
+    monkeypatch.setattr(sampled_solution, "sample_error", off)
+    pull = [np.hypot(*b.tangential_force) / b.normal_force for b in known.balls]
+    more = errors(solve(problem, 1e-2)) - errors(known)
+    assert more == pytest.approx(2e-6 * np.array(pull) * adds, rel=0.1, abs=1e-12)
+
+
+def test_a_ball_far_from_all_others_has_its_pull_within_the_stated_error():
+    problem = scene("approach", "half-space", 240)
+    balls = tuple(b if isinstance(b.shape, str) else Ball(b.position, b.radius) for b in problem.balls)
+    far = replace(balls[100], position=(3e7, -2e6))
+    problem = replace(problem, balls=(*balls[:100], far, *balls[101:]))
+    # a smaller force than the others', so that it is not part of the sample
+    solution = solve_contact(problem.with_load("approach", [0.1] * 100 + [0.05] + [0.1] * 139), 1e-3)
+    contacts = solution.contacts
+    assert 100 not in contacts.sample
+    assert FarField.of(contacts.kernel, contacts.problem.positions, np.full(240, 0.6), 1e-5).mesh is not None
+    direct = DirectSums(contacts.kernel, contacts.smooth.nodes, 1e-9).force(100, contacts.smooth.nodes[100])
+    assert np.max(np.abs(direct - contacts.mutual_force[100])) <= solution.tangential_force_error[100]
+
+
+def test_pairs_are_sharper_at_the_second_degree(monkeypatch):
+    asked = []
+
+    def noted(problem, kernel, degree, start, precision, pairs, report):
+        asked.append((degree, pairs))
+        return smooth_state(problem, kernel, degree, start, precision, pairs, report)
+
+    def off(contacts, report):
+        sample = sample_error(contacts, report)
+        return replace(sample, tangential_force=sample.tangential_force + 1.0) if len(asked) == 1 else sample
+
+    monkeypatch.setattr(sampled_solution, "smooth_state", noted)
+    monkeypatch.setattr(sampled_solution, "sample_error", off)
+    solve(scene("force"), 1e-3)
+    assert asked == [(4, pytest.approx(1e-4)), (6, pytest.approx(5e-6))]
+
+
 def test_every_step_is_reported_and_a_report_may_end_the_solution():
     class Enough(Exception):
         pass
@@ -297,7 +343,7 @@ def test_every_step_is_reported_and_a_report_may_end_the_solution():
 
 def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeypatch):
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
-    with pytest.raises(TooLarge, match=r"105 balls needs about 0.021 GB of memory, and 0.01 GB are free"):
+    with pytest.raises(TooLarge, match=r"105 balls needs about 0.0262 GB of memory, and 0.01 GB are free"):
         solve(scene("force"), 1e-3)
 
 
