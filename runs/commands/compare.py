@@ -93,6 +93,7 @@ def _show(session: Session, document: Document) -> None:
     if found is not None:
         ball = balls[leading]
         known = ball["tangential_force_error"] / math.hypot(*ball["tangential_force"])
-        rows = sensitivity.rows(found, session.problem, session.scale, known)
-        tables.show_words(out, sensitivity.TITLE, rows)
-        tables.say(out, sensitivity.check(found))
+        ratio = sensitivity.ratio(found, rows, session.problem.load.kind)
+        inputs = sensitivity.rows(found, session.problem, session.scale, known if sensitivity.holds(ratio) else None)
+        tables.show_words(out, sensitivity.TITLE, inputs)
+        tables.say(out, sensitivity.check(found, ratio))

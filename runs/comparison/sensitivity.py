@@ -12,7 +12,7 @@ computed from these two sums: they check all exponents.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -30,6 +30,9 @@ PRECISION = 1e-3
 SOLUTIONS = 15
 """Solutions of the linear model that it takes at most."""
 TITLE = "what the inputs do to T"
+STEEP, UNLIKE = 20.0, 2.0
+"""Largest exponent of a T that does not nearly vanish; largest ratio of T at finite strain and T of the linear model,
+or its inverse, at which what is known of one is said of the other."""
 POISSON_STEP = 0.01
 """Change of Poisson's ratio that is tried: that of one rubber from the next."""
 WORDS = {
@@ -222,8 +225,33 @@ def _value(symbol: str, problem: Problem, scale: Scale) -> str:
     }[symbol]  # fmt: skip
 
 
-def check(found: Mapping[str, Any]) -> str:
-    """Return the sentence that says what the table is of, or why there is none."""
+def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kind: str) -> float | None:
+    """Return T at finite strain over that of the linear model under the same load, on the ball of ``found``.
+
+    ``comparison`` are the rows of `compare_steps`, ``kind`` is the load's.
+    """
+    key = "strengthening_at_approach" if kind == "approach" else "strengthening_at_force"
+    known = [row[key] for row in comparison if row["ball"] == found.get("ball")]
+    return known[-1] if known else None
+
+
+def holds(ratio: float | None) -> bool:
+    """Return whether T at finite strain, ``ratio`` times the linear model's, is close enough to change as that does."""
+    return ratio is None or 1.0 / UNLIKE <= ratio <= UNLIKE
+
+
+def check(found: Mapping[str, Any], ratio: float | None = None) -> str:
+    """Return the sentence that says what the table is of and whether it holds at finite strain, or why there is none.
+
+    ``ratio`` is that of `ratio`, where finite strain was computed.
+    """
     if "failure" in found:
         return f"what the inputs do to T could not be computed: {found['failure']}"
-    return f"by the linear model at full load, on ball {found['ball']}; + makes T larger"
+    text = f"by the linear model at full load, on ball {found['ball']}; + makes T larger"
+    if not holds(ratio):
+        return (
+            f"{text}; T at finite strain is {number(ratio)} times the linear model's, and does not change as that does"
+        )
+    if ratio is None and max(map(abs, found["exponents"].values())) > STEEP:
+        return f"{text}; T nearly vanishes in the linear model: at finite strain size and changes may differ"
+    return text

@@ -84,8 +84,12 @@ def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str,
     if found is None or size == 0.0:
         return {}
     problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
-    rows = sensitivity.rows(found, problem, scale, ball["tangential_force_error"] / size)
-    return {"inputs": rows, "inputs_checked": sensitivity.check(found)}
+    ratio = sensitivity.ratio(found, document["comparison"], problem.load.kind)
+    known = ball["tangential_force_error"] / size if sensitivity.holds(ratio) else None
+    return {
+        "inputs": sensitivity.rows(found, problem, scale, known),
+        "inputs_checked": sensitivity.check(found, ratio),
+    }
 
 
 def _tables(document: Mapping[str, Any]) -> list[tuple[str, list[Document], str]]:

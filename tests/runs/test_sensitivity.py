@@ -9,7 +9,7 @@ import pytest
 
 from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
 from runs.comparison import sensitivity
-from runs.comparison.sensitivity import check, record, rows
+from runs.comparison.sensitivity import check, holds, ratio, record, rows
 from runs.display.numbers import Scale
 
 SUBSTRATE = Elastic(50.0, 0.3)
@@ -98,3 +98,18 @@ def test_the_table_holds_what_the_record_holds() -> None:
     assert force["input change equal to T's error"] == "-"
     assert radius["input change equal to T's error"] == "more than 100 %"
     assert "add up" not in check(found)  # the sums are in the JSON
+
+
+def test_changes_of_a_linear_force_are_not_said_of_another_one() -> None:
+    found = {"ball": 1, "exponents": {"h": -52.0, "D": -21.0}}
+    steps = [
+        {"ball": ball, "strengthening_at_approach": factor, "strengthening_at_force": 1.1}
+        for ball, factor in ((0, 1.0), (1, 1.5), (0, 1.0), (1, 20.8))
+    ]
+    assert ratio(found, steps, "approach") == 20.8
+    assert "is 20.8 times the linear model's, and does not change as that does" in check(found, 20.8)
+    assert [holds(value) for value in (20.8, -1.0, 0.4, 1.1, None)] == [False, False, False, True, True]
+    assert ratio(found, steps, "force") == 1.1
+    assert check(found, 1.1).endswith("+ makes T larger")
+    assert "T nearly vanishes in the linear model" in check(found)
+    assert check({"ball": 1, "exponents": {"h": -2.9, "D": 3.0}}).endswith("+ makes T larger")
