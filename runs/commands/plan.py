@@ -3,35 +3,20 @@
 import dataclasses
 import math
 import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from linear_bem.arrays import Array
 from linear_bem.counts import grouped
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
-from linear_bem.problem import Load, Problem
+from linear_bem.problem import Problem
 from linear_bem.result import Result
-from linear_bem.smooth.contacts import CHECKED
 from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.models import (
-    COMMAND_BYTES,
-    MODELS,
-    Model,
-    Run,
-    as_command,
-    choose,
-    load_path,
-    planned_runs,
-    standing,
-    without,
-)
+from runs.look_ahead import CLOSE, MEMORY, ahead_of, closest, in_the_middle, measured, memory, only, unknowns_of
+from runs.models import MODELS, Model, as_command, choose, load_path, planned_runs, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -56,16 +41,6 @@ NAMES = {
 }
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
-CLOSE = 7
-"""Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones."""
-LEAST, MOST = 150, 400
-"""Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
-ROUGH, QUICK = 1e-2, 1.0
-"""Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
-MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 8e3, 110e3, 500.0
-"""Memory of the linear model [bytes]: alone, more per coefficient of balls judged by a sample, of others more per ball
-and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 172 for 50, 212 for 800, 340 for
-2000, 458 for 3000; 523 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -79,10 +54,10 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         expected = expectation(scene)
         sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
-    seen = _in_the_middle(problem)
-    part = _only(problem, seen)
+    seen = in_the_middle(problem)
+    part = only(problem, seen)
     with waiting(f"the linear model on {part.size} ball(s), for this plan"):
-        ahead, seconds = _ahead(problem, seen, None if model.plan else scene.tangential_force)
+        ahead, seconds = ahead_of(problem, seen, None if model.plan else scene.tangential_force)
     plans = [_model_plan(model, scene, problem, ahead, seconds)]
     if asked is None and model.plan is not None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
@@ -91,7 +66,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         if scene.steps is None and scene.reciprocation is None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
-    close, near = _closest(part, ahead)
+    close, near = closest(part, ahead)
     quick = near.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
     with waiting("the linear model with and without each effect, for this plan's advice"):
         advice = Adviser(close, near, scene.tangential_force, scene.effects).advise()
@@ -124,68 +99,6 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         _show(document, scale, scene)
 
 
-def _ahead(problem: Problem, seen: Sequence[int], accuracy: float | None) -> tuple[Result, float]:
-    """Return the linear solution of the balls ``seen``, and the time [s] that all of them take."""
-    model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
-    part = _only(small, seen)
-    many = part.size > CHECKED
-    ahead = _measured(model, part, accuracy if many else ROUGH)
-    if not many and ahead.solved.seconds < QUICK:
-        ahead = _measured(model, part, accuracy)
-    if part is small:
-        return ahead, ahead.solved.seconds
-    fewer = _measured(model, _only(small, seen[:LEAST]), accuracy)
-    rise = (ahead.solved.seconds - fewer.solved.seconds) / (MOST - LEAST)
-    return ahead, max(ahead.solved.seconds, fewer.solved.seconds + rise * (problem.size - LEAST))
-
-
-def _measured(model: Model, problem: Problem, accuracy: float | None) -> Result:
-    """Return a model's result with its time [s] on an idle machine: the processor time, where that is less."""
-    begun = time.process_time()
-    result = model.solve(problem, Run(accuracy))
-    seconds = min(result.solved.seconds, time.process_time() - begun)
-    return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=seconds))
-
-
-def _closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
-    """Return the ball with the largest T and the nearest others with their solution; few balls, and a cell, whole."""
-    if problem.size <= CLOSE or problem.periodic is not None:
-        return problem, ahead
-    place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
-    if problem.load.kind == "total_force":
-        problem = problem.with_load("force", [ball.normal_force for ball in ahead.balls])
-    part = _only(without(problem, ["finite_strain"]), _nearest(problem, place, CLOSE))
-    return part, MODELS["linear_bem"].solve(part, Run(ROUGH))
-
-
-def _in_the_middle(problem: Problem) -> Sequence[int]:
-    """Return the numbers of up to `MOST` balls about the loaded one nearest to the middle; all of a cell."""
-    if problem.size <= MOST or problem.periodic is not None:
-        return range(problem.size)
-    loaded = problem.positions[np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)]
-    middle = problem.positions.mean(axis=0)
-    return _nearest(problem, loaded[np.argmin(np.hypot(*(loaded - middle).T))], MOST)
-
-
-def _nearest(problem: Problem, place: Array, count: int) -> Sequence[int]:
-    """Return the numbers of the ``count`` balls nearest to a place (2,) [m], nearest first."""
-    chosen: list[int] = np.argsort(np.hypot(*(problem.positions - place).T), kind="stable")[:count].tolist()
-    return chosen
-
-
-def _only(problem: Problem, kept: Sequence[int]) -> Problem:
-    """Return the problem of some of its balls, with their share of a total force; the problem itself of all."""
-    if len(kept) == problem.size:
-        return problem
-    load = problem.load
-    if load.kind == "total_force":
-        values = [load.values[0] * len(kept) / problem.size]
-    else:
-        values = [load.values[i] for i in kept]
-    balls = tuple(problem.balls[i] for i in kept)
-    return dataclasses.replace(problem, balls=balls, load=Load(load.kind, tuple(values)))
-
-
 def _model_plan(
     model: Model, scene: Scene, problem: Any, ahead: Result, expected: float, states: int = 1
 ) -> dict[str, Any]:
@@ -193,13 +106,10 @@ def _model_plan(
     if model.plan is not None:
         details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
-        unknowns = round(ahead.solved.unknowns * problem.size / len(ahead.balls))
-        sampled = "sample" in ahead.solved.accuracy
-        more = PER_COEFFICIENT * unknowns if sampled else PER_BALL * problem.size + PER_CELL * unknowns
         details = {
             "symmetries": [],
-            "unknowns": unknowns,
-            "memory_bytes": MEMORY + more,
+            "unknowns": unknowns_of(problem, ahead),
+            "memory_bytes": memory(problem, ahead),
             "seconds": expected * states,
             "states": states,
         }
@@ -237,7 +147,7 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
     if planned is None and missing:  # a linear model: one run is made to see how long it takes
         states = sum(each.size for each in missing) + sum(len(DEPTHS) for each in missing if each.size == 1)
         pair = next((each for each in missing if each.size == 2), missing[-1])
-        result = _measured(model, pair, scene.tangential_force or PAIR_ACCURACY)
+        result = measured(model, pair, scene.tangential_force or PAIR_ACCURACY)
         cost = as_command({"seconds": result.solved.seconds * states / pair.size, "memory_bytes": MEMORY})
     else:
         cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)

@@ -10,6 +10,7 @@ import pytest
 
 from linear_bem import Ball, Layer, Load, Periodic, Problem, solve
 from linear_bem.result import Result
+from runs import look_ahead
 from runs.commands import plan
 from runs.models import MODELS, Model, Run
 from runs.scene.scene_file import read_scene
@@ -22,14 +23,14 @@ ROW = Problem(Layer(1.0, 0.48, 2.0), tuple(Ball(p, 1.0) for p in PLACES), Load("
 @pytest.mark.parametrize("kind", ["approach", "total_force"])
 def test_advice_is_about_the_leading_ball_and_its_nearest_ones(kind: str) -> None:
     problem = ROW if kind == "approach" else ROW.with_load(kind, (0.05 * COUNT,))
-    ahead = solve(problem, plan.ROUGH)
-    part, near = plan._closest(problem, ahead)
+    ahead = solve(problem, look_ahead.ROUGH)
+    part, near = look_ahead.closest(problem, ahead)
     sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
     leading = int(np.argmax(sizes))
-    assert part.size == len(near.balls) == plan.CLOSE
+    assert part.size == len(near.balls) == look_ahead.CLOSE
     assert part.balls[0] == problem.balls[leading]
     apart = sorted(math.dist(ball.position, PLACES[leading]) for ball in problem.balls)
-    assert math.dist(part.balls[-1].position, PLACES[leading]) == pytest.approx(apart[plan.CLOSE - 1])
+    assert math.dist(part.balls[-1].position, PLACES[leading]) == pytest.approx(apart[look_ahead.CLOSE - 1])
     # the same load on the same balls: what is farther changes T little
     assert math.hypot(*near.balls[0].tangential_force) == pytest.approx(sizes[leading], rel=0.15)
     assert near.balls[0].normal_force == pytest.approx(ahead.balls[leading].normal_force, rel=0.05)
@@ -37,10 +38,10 @@ def test_advice_is_about_the_leading_ball_and_its_nearest_ones(kind: str) -> Non
 
 def test_few_balls_and_cells_are_judged_whole() -> None:
     few = dataclasses.replace(ROW, balls=ROW.balls[:3], load=Load("approach", (0.1,) * 3))
-    ahead = solve(few, plan.ROUGH)
-    assert plan._closest(few, ahead) == (few, ahead)
+    ahead = solve(few, look_ahead.ROUGH)
+    assert look_ahead.closest(few, ahead) == (few, ahead)
     cell = dataclasses.replace(ROW, periodic=Periodic((40.0, 10.0)))
-    assert plan._closest(cell, ahead) == (cell, ahead)
+    assert look_ahead.closest(cell, ahead) == (cell, ahead)
 
 
 TEXT = """
@@ -60,8 +61,8 @@ positions = {places}
 def test_a_plan_solves_the_balls_about_the_middle_for_all(
     load: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(plan, "LEAST", 5)
-    monkeypatch.setattr(plan, "MOST", 10)
+    monkeypatch.setattr(look_ahead, "LEAST", 5)
+    monkeypatch.setattr(look_ahead, "MOST", 10)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load=load), encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
@@ -73,7 +74,7 @@ def test_a_plan_solves_the_balls_about_the_middle_for_all(
 
 
 def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
-    ahead = solve(ROW, plan.ROUGH)
+    ahead = solve(ROW, look_ahead.ROUGH)
     # measured: 1321 MB with 10 000 balls of degree 4, 2360 MB of degree 6, 119 MB with two punches on a grid
     sampled = {"sample": [0]}
     for size, unknowns, accuracy, least, most in (
@@ -90,17 +91,17 @@ def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
 
 
 def test_the_time_of_many_balls_lies_on_the_line_through_two_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, solved = solve(ROW, plan.ROUGH), []
+    found, solved = solve(ROW, look_ahead.ROUGH), []
 
     def of_line(model: Model, problem: Problem, accuracy: float | None) -> Result:
         solved.append((problem.size, accuracy))
         return dataclasses.replace(found, solved=dataclasses.replace(found.solved, seconds=1.5 + 0.01 * problem.size))
 
-    monkeypatch.setattr(plan, "_measured", of_line)
+    monkeypatch.setattr(look_ahead, "measured", of_line)
     balls = tuple(Ball((2.2 * (k % 50), 2.2 * (k // 50)), 1.0) for k in range(2000))
     problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("total_force", (50.0,)))
-    _, seconds = plan._ahead(problem, plan._in_the_middle(problem), 1e-3)
-    assert solved == [(plan.MOST, 1e-3), (plan.LEAST, 1e-3)]
+    _, seconds = look_ahead.ahead_of(problem, look_ahead.in_the_middle(problem), 1e-3)
+    assert solved == [(look_ahead.MOST, 1e-3), (look_ahead.LEAST, 1e-3)]
     assert seconds == pytest.approx(1.5 + 0.01 * 2000)
 
 
@@ -108,7 +109,7 @@ def test_the_time_planned_is_that_of_an_idle_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def slowed(problem: Problem, run: Run) -> Result:
-        result = solve(problem, plan.ROUGH)
+        result = solve(problem, look_ahead.ROUGH)
         wall = result.solved.seconds + 30.0  # as if another program had the core
         return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=wall))
 
