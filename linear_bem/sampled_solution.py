@@ -42,8 +42,8 @@ FREE = {"approach": ("normal_force",), "force": ("approach",), "total_force": ("
 """Of forces and approaches those that follow from a kind of load."""
 CHANGES = 40
 """Largest number of times that balls may lose or find contact."""
-BYTES = 250e3
-"""Memory per ball; measured: 125 kB at degree 4, 230 kB at degree 6, 360 kB at degree 8."""
+BYTES = 130e3
+"""Memory per ball; measured: 60 kB at degree 4, 120 kB at degree 6."""
 
 
 def require_memory(problem: Problem) -> None:

@@ -19,10 +19,10 @@ LEAST, MOST = 150, 400
 """Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
 ROUGH, QUICK = 1e-2, 1.0
 """Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
-MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 8e3, 110e3, 500.0
+MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 4.1e3, 110e3, 500.0
 """Memory of the linear model [bytes]: alone, more per coefficient of balls judged by a sample, of others more per ball
-and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 172 for 50, 212 for 800, 340 for
-2000, 458 for 3000; 523 for 1600 of degree 6; 119 for 126 thousand cells."""
+and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 172 for 50, 211 for 800, 274 for
+2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
 def ahead_of(problem: Problem, seen: Sequence[int], accuracy: float | None) -> tuple[Result, float]:

@@ -343,7 +343,7 @@ def test_every_step_is_reported_and_a_report_may_end_the_solution():
 
 def test_a_problem_that_does_not_fit_the_memory_is_refused_with_its_size(monkeypatch):
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
-    with pytest.raises(TooLarge, match=r"105 balls needs about 0.0262 GB of memory, and 0.01 GB are free"):
+    with pytest.raises(TooLarge, match=r"105 balls needs about 0.0137 GB of memory, and 0.01 GB are free"):
         solve(scene("force"), 1e-3)
 
 
