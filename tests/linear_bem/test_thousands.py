@@ -27,11 +27,10 @@ from linear_bem import (
     solve,
     solve_contact,
 )
-from linear_bem.errors import NotConverged, TooLarge
+from linear_bem.errors import TooLarge
 from linear_bem.far_field import coupled_system
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
-from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.lifted_balls import smooth_state
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.exact_sample import sample_error
@@ -93,32 +92,6 @@ def test_near_pairs_and_mesh_add_up_to_the_kernel(base):
         assert np.max(np.abs(found[chosen] - direct)) * spacing < 5.0 * error
 
 
-def test_the_meshs_slopes_are_those_of_its_kernel():
-    rng = np.random.default_rng(3)
-    points, loads = rng.uniform(0.0, 20.0, (200, 2)), rng.uniform(0.5, 1.0, 200)
-    mesh = ParticleMesh(points.min(axis=0), points.max(axis=0), 0.5, lambda r: np.exp(-0.5 * r * r))
-    at = mesh.at(points[:, 0], points[:, 1], slopes=True)
-    field = mesh.field(at, loads)
-    d = points[:, None] - points
-    value = np.exp(-0.5 * np.sum(d * d, axis=2))
-    # the bell has exp(-20) of its waves at pi/H; splines of order 8 leave 1e-6 of those at half of that
-    assert at.value @ field == pytest.approx(value @ loads, abs=2e-5)
-    exact = -np.einsum("ij,ijk,j->ik", value, d, loads)
-    for axis, matrix in enumerate((at.dx, at.dy)):
-        assert matrix @ field == pytest.approx(exact[:, axis], abs=6e-5)
-    slope = mesh.slope(at, loads)
-    assert slope == pytest.approx(exact, abs=3e-5)
-    assert np.max(np.abs(loads @ slope)) < 1e-12 * np.max(np.abs(loads @ np.abs(slope)))
-
-
-def test_points_out_of_the_mesh_are_refused():
-    mesh = ParticleMesh(np.zeros(2), np.full(2, 10.0), 1.0, lambda r: np.exp(-r * r))
-    mesh.at(np.array([0.0, 10.0]), np.array([10.0, 0.0]))
-    for x in (-5.0, 12.0, np.nan):
-        with pytest.raises(NotConverged, match="out of the mesh"):
-            mesh.at(np.array([5.0, x]), np.array([5.0, 5.0]))
-
-
 def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     rng = np.random.default_rng(4)
     points = rng.uniform(0.0, 80.0, (1500, 2))
@@ -132,12 +105,6 @@ def test_the_coupled_system_is_solved_with_the_mesh_as_without():
     assert np.all(loads[~free] == 0.0)
     residual = compliance * loads + influence @ loads - right
     assert np.max(np.abs(residual[free])) < 1e-8
-
-
-def test_balls_in_a_row_take_the_mesh_too():
-    kernel = LayeredKernel(Layer(1.0, 0.48, 1.0), Elastic(100.0, 0.3))
-    row = np.stack([3.0 * np.arange(2000), np.zeros(2000)], axis=1)
-    assert len(FarField.of(kernel, row, np.array(0.0), 1e-5).first) < 50_000
 
 
 def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
