@@ -19,6 +19,7 @@ from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence, solve_coupled
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
+from linear_bem.report import Report, silent
 
 Relation = Callable[[Array], Array]
 """Forces [N] of balls from effective approaches [m] (0 where those are not positive)."""
@@ -59,19 +60,25 @@ def estimated_relations(problem: Problem, radii: Array) -> tuple[Relation, Relat
 
 
 def couple(
-    problem: Problem, mutual: Influence, relation: Relation, inverse: Relation, tolerance: float = 1e-13
+    problem: Problem,
+    mutual: Influence,
+    relation: Relation,
+    inverse: Relation,
+    tolerance: float = 1e-13,
+    report: Report = silent,
 ) -> PointState:
     """Return the state of all balls for any kind of load.
 
     ``mutual`` holds K(L_ij) [m/N], 0 on the diagonal; ``inverse`` returns effective approaches from forces.
     ``tolerance`` bounds the residual over the largest approach, and ten times it the error of a total force over it.
+    ``report`` takes a line per Newton step.
     """
     values = np.array(problem.load.values, dtype=float)
     if problem.load.kind == "force":
         effective = inverse(values)
         return PointState(effective, effective + mutual @ values, values)
     if problem.load.kind == "approach":
-        effective = _effective(mutual, relation, values, values, tolerance)
+        effective = _effective(mutual, relation, values, values, tolerance, report)
         return PointState(effective, values, relation(effective))
     total = float(values[0])
     equal = np.full(problem.size, total / problem.size)
@@ -82,7 +89,7 @@ def couple(
     def state(common: float) -> PointState:
         nonlocal last
         approaches = np.full(problem.size, common)
-        last = _effective(mutual, relation, approaches, last, tolerance)
+        last = _effective(mutual, relation, approaches, last, tolerance, report)
         return PointState(last, approaches, relation(last))
 
     def excess(common: float) -> float:
@@ -98,11 +105,14 @@ def couple(
     return state(brentq(excess, lower, upper, xtol=1e-15 * upper, rtol=max(1e-14, tolerance)))
 
 
-def _effective(mutual: Influence, relation: Relation, approaches: Array, start: Array, tolerance: float) -> Array:
+def _effective(
+    mutual: Influence, relation: Relation, approaches: Array, start: Array, tolerance: float, report: Report
+) -> Array:
     """Return the effective approaches for a relation without its derivative: differences replace it."""
     scale = float(np.max(np.abs(approaches)))
 
     def with_slope(d: Array) -> tuple[Array, Array]:
+        report("coupled point loads")
         force, step = relation(d), np.maximum(1e-6 * np.abs(d), 1e-9 * scale)
         return force, (relation(d + step) - force) / step
 

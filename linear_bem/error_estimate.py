@@ -10,7 +10,7 @@ from linear_bem.grid.contacts import GridContacts
 from linear_bem.indenter import Indenter
 from linear_bem.lifted_balls import Contacts, overlapping
 from linear_bem.smooth.contacts import SmoothContacts
-from linear_bem.smooth.tangential_forces import half_space_pulls
+from linear_bem.smooth.tangential_forces import half_space_pulls, layer_pulls
 
 LEAST = 1e-9
 """Least relative error of all quantities, that of the kernel's table."""
@@ -21,12 +21,23 @@ small."""
 
 def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
     """Return `half_space_pulls` [N] on every ball; in a cell by the others and the images next to them."""
+    return half_space_pulls(contacts.kernel, *_with_images(contacts), softest, fading)[: contacts.problem.size]
+
+
+def felt(contacts: SmoothContacts) -> Array:
+    """Return `layer_pulls` [N] on every ball, of the same: how far a relative change of all pressures changes T."""
+    reach = max(n.zone.reach for n in contacts.smooth.nodes)
+    return layer_pulls(contacts.kernel, *_with_images(contacts), reach)[: contacts.problem.size]
+
+
+def _with_images(contacts: Contacts) -> tuple[Array, Array]:
+    """Return positions [m] and forces [N] of all balls; in a cell of the images next to them, too."""
     positions, forces = contacts.problem.positions, contacts.normal_forces
     if contacts.problem.periodic is not None:
         shifts = np.array([(0, 0), *((m, n) for m in (-1, 0, 1) for n in (-1, 0, 1) if m or n)])
         shifts = shifts * contacts.problem.periodic.lengths
         positions, forces = (positions + shifts[:, None, :]).reshape(-1, 2), np.tile(forces, len(shifts))
-    return half_space_pulls(contacts.kernel, positions, forces, softest, fading)[: contacts.problem.size]
+    return positions, forces
 
 
 def reference_force(contacts: Contacts) -> float:

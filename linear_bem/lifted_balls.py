@@ -141,7 +141,9 @@ def smooth_state(
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]
-    contacts = rested(SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, pair_precision or precision))
+    contacts = rested(
+        SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, pair_precision or precision, report)
+    )
     found = overlapping(contacts)
     if found:
         raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in found.items()}, contacts)

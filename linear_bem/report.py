@@ -11,14 +11,27 @@ def silent(text: str) -> None:
     """Drop the line."""
 
 
-def seldom(report: Report, before: str = "", seconds: float = 3.0) -> Report:
-    """Return a report with ``before`` in front that drops lines within so many seconds of its last, or of this call."""
-    last = time.monotonic()
+class Timed:
+    """Passes lines on and keeps the time of the last one."""
+
+    def __init__(self, report: Report) -> None:
+        self._report, self.last = report, time.monotonic()
+
+    def __call__(self, text: str) -> None:
+        """Pass a line on."""
+        self._report(text)
+        self.last = time.monotonic()
+
+
+def seldom(report: Report, before: str = "", seconds: float = 2.0) -> Report:
+    """Return a report with ``before`` in front that drops lines within so many seconds of the last one, or this call.
+
+    The last one is that of the whole solution where ``report`` is `Timed`.
+    """
+    timed = report if isinstance(report, Timed) else Timed(report)
 
     def passed_on(text: str) -> None:
-        nonlocal last
-        if time.monotonic() - last >= seconds:
-            report(before + text)
-            last = time.monotonic()
+        if time.monotonic() - timed.last >= seconds:
+            timed(before + text)
 
     return passed_on

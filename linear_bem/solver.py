@@ -28,7 +28,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.media import large_strain_note
 from linear_bem.problem import Problem
-from linear_bem.report import Report, silent
+from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
@@ -103,7 +103,7 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
-    begun = time.perf_counter()
+    begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require_memory(problem)
@@ -121,7 +121,7 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report) -> Estimated:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
-    guess = first_guess(problem, kernel)
+    guess = first_guess(problem, kernel, seldom(report, "first guess: "))
     if len(guess.touching) > CHECKED:
         try:
             found = solve_by_sample(problem, kernel, wanted, guess, report)

@@ -24,8 +24,11 @@ SHARE = 0.05
 """Accuracy of the computed changes, as a fraction of that accuracy."""
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
-PATIENCE = 60.0
-"""Time limit of the advice [s]: if the linear solution takes longer, only advice that needs no solution is given."""
+PATIENCE, SHORT, PART = 60.0, 5.0, 1.0 / 3.0
+"""Time limit of the advice [s], of few balls; of many balls a limit, and the part of their run's time if that is more.
+Beyond, only advice that needs no solution is given."""
+SOLUTIONS = 8
+"""Linear solutions that the advice takes at most."""
 FRICTION = 0.3
 """Coefficient of friction for which a drift is quoted."""
 
@@ -43,13 +46,19 @@ class Advice:
 
 
 class Adviser:
-    """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T."""
+    """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T.
 
-    def __init__(self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...]) -> None:
+    ``patience`` is the time [s] that its solutions may take together.
+    """
+
+    def __init__(
+        self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...],
+        patience: float = PATIENCE,
+    ) -> None:  # fmt: skip
         self.given = problem
         self.problem = without(problem, ["finite_strain"])
         self.ahead = ahead
-        self.effects = effects
+        self.effects, self.patience = effects, patience
         self.accuracy = accuracy or USUAL
         sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
         self.ball = sizes.index(max(sizes))
@@ -63,7 +72,7 @@ class Adviser:
         found = [self._finite_strain()]
         if "reciprocation" not in self.effects:
             found.append(self._reciprocation())
-        if self.ahead.solved.seconds * 8.0 < PATIENCE:
+        if self.ahead.solved.seconds * SOLUTIONS < self.patience:
             for part in (self._shape, self._substrate, self._volume, self._point_load):
                 try:
                     found += part()

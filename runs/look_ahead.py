@@ -13,8 +13,9 @@ from linear_bem.smooth.contacts import CHECKED
 from runs.display.numbers import leading_ball
 from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
 
-CLOSE = 7
-"""Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones."""
+CLOSE, ABOUT = 7, 5
+"""Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones: so
+many together."""
 LEAST, MOST = 150, 400
 """Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
 ROUGH, QUICK = 1e-2, 1.0
@@ -55,8 +56,8 @@ def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
     place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
     if problem.load.kind == "total_force":
         problem = problem.with_load("force", [ball.normal_force for ball in ahead.balls])
-    part = only(without(problem, ["finite_strain"]), _nearest(problem, place, CLOSE))
-    return part, MODELS["linear_bem"].solve(part, Run(ROUGH))
+    part = only(without(problem, ["finite_strain"]), _nearest(problem, place, ABOUT))
+    return part, measured(MODELS["linear_bem"], part, ROUGH)
 
 
 def in_the_middle(problem: Problem) -> Sequence[int]:

@@ -1,7 +1,7 @@
 """Solved smooth contacts: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import force_error
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.displacement import (
     FEW,
     DirectSums,
@@ -39,7 +40,7 @@ class SmoothContacts:
     """Separate smooth contacts; ``touching`` lists the loaded balls in the order of the zones.
 
     All numbers are SI. ``normal_forces``, ``approaches`` and the tangential forces have one entry per ball of
-    the problem, zero for balls that do not touch.
+    the problem, zero for balls that do not touch. ``report`` takes lines while they are computed.
     """
 
     problem: Problem
@@ -48,6 +49,7 @@ class SmoothContacts:
     smooth: SmoothSolution
     approaches: Array
     precision: float = 1e-11
+    report: Report = field(default=silent, repr=False, compare=False)
 
     @property
     def unknowns(self) -> int:
@@ -67,13 +69,13 @@ class SmoothContacts:
     @cached_property
     def mutual_force(self) -> Array:
         """T on every ball [N] by the mutual formula, shape (balls, 2)."""
-        return self._scatter(mutual_force(self.kernel, self.smooth.nodes, self.precision))
+        return self._scatter(mutual_force(self.kernel, self.smooth.nodes, self.precision, seldom(self.report, "T: ")))
 
     @cached_property
     def slope_force(self) -> Array:
         """T on every ball [N] by the paper's slope integral, shape (balls, 2)."""
         balls = [self.problem.balls[i] for i in self.touching]
-        return self._scatter(slope_force(self.kernel, balls, self.smooth.nodes))
+        return self._scatter(slope_force(self.kernel, balls, self.smooth.nodes, seldom(self.report, "T: ")))
 
     @cached_property
     def peak_pressures(self) -> Array:
@@ -166,6 +168,13 @@ class SmoothContacts:
         return tuple(sorted(chosen))
 
     @cached_property
+    def direct(self) -> DirectSums:
+        """Direct sums over all contacts; its nodes take memory."""
+        few = len(self.smooth.nodes) <= CHECKED
+        precision = EVALUATED if few else EVALUATED_OF_MANY
+        return DirectSums(self.kernel, self.smooth.nodes, precision, seldom(self.report, "direct sums: "))
+
+    @cached_property
     def certificate(self) -> dict[str, float]:
         """Residuals recomputed around every ball of the `sample`, at points and nodes that the solver does not use.
 
@@ -176,9 +185,9 @@ class SmoothContacts:
         """
         scale = float(np.max(np.abs(self.approaches)))
         xs, ys, depths, pressures, found = [], [], [], [], []
-        few = len(self.smooth.nodes) <= CHECKED
-        direct = DirectSums(self.kernel, self.smooth.nodes, EVALUATED if few else EVALUATED_OF_MANY)
-        for k in self.sample:
+        report = seldom(self.report, "residuals: ")
+        for done, k in enumerate(self.sample):
+            report(f"{done} of {len(self.sample)} contacts")
             ball, n = self.touching[k], self.smooth.nodes[k]
             zone = n.zone
             xi, eta, _, p = zone.quadrature(3, 5)
@@ -189,7 +198,7 @@ class SmoothContacts:
                 y = np.append(y, zone.centre[1] + ring * (oy - zone.centre[1]))
             xs.append(x)
             ys.append(y)
-            found.append(direct.displacement(k, x, y))
+            found.append(self.direct.displacement(k, x, y))
             depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
             pressures.append(np.append(p / np.max(n.pressure), np.zeros(len(x) - len(p))))
         p = np.concatenate(pressures)

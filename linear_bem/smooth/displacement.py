@@ -8,6 +8,7 @@ import numpy as np
 from linear_bem.arrays import Array, Indices
 from linear_bem.far_field.pairs_and_mesh import cell_split
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import (
     DEGREES,
     Interaction,
@@ -157,18 +158,22 @@ class DirectSums:
     the sums are over contacts and images within the cut-off of another mesh than the solver's, which adds the rest.
     """
 
-    def __init__(self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float) -> None:
+    def __init__(
+        self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float, report: Report = silent
+    ) -> None:
         self.rest = None if kernel.cell is None else LatticeRest(kernel, nodes, FINER * precision)
         nodes = nodes if self.rest is None else self.rest.nodes
-        self.kernel, self.nodes, self.precision = kernel, nodes, precision
+        self.kernel, self.nodes, self.precision, self.report = kernel, nodes, precision, report
         zones = stacked([n.zone for n in nodes])
         self.centres, self.size = zones.centre, 1.1 * zones.reach
         self.fine = NodeStack.of(zones, FINE)
+        self.fine_loads = self.fine.loads
         self._loads: dict[int, tuple[Array, Array]] = {}
 
     def _sources(self, degree: int) -> tuple[Array, Array]:
         """Return places (contacts, 2, nodes) [m] and equivalent loads of a degree."""
         if degree not in self._loads:
+            self.report(f"equivalent loads of degree {degree}")
             places = np.stack(self.fine.zones.points(*disc_nodes(degree)[:2]), axis=1)
             self._loads[degree] = places, equivalent_loads(self.fine, degree)
         return self._loads[degree]
@@ -203,7 +208,7 @@ class DirectSums:
         for j in near:
             if np.hypot(*(self.centres[j] - centre)) > 2.5 * self.size[j] + spread:
                 f = self.fine
-                total += point_displacement(self.kernel, x, y, f.x[j], f.y[j], f.loads[j])
+                total += point_displacement(self.kernel, x, y, f.x[j], f.y[j], self.fine_loads[j])
             else:
                 total += zone_displacement(self.kernel, self.nodes[j], x, y)
         if self.rest is not None:
@@ -227,7 +232,7 @@ class DirectSums:
             total += self._pull(x, y, q, at[chosen, 0].ravel(), at[chosen, 1].ravel(), loads[chosen].ravel())
         f = self.fine
         for j in near:
-            total += self._pull(here.x, here.y, here.loads, f.x[j], f.y[j], f.loads[j])
+            total += self._pull(here.x, here.y, here.loads, f.x[j], f.y[j], self.fine_loads[j])
         if self.rest is not None:
             total += here.loads @ self.rest.slope(here.x, here.y, self._listed(i))
         return total / self.kernel.singular

@@ -15,12 +15,11 @@ from linear_bem.load_control import Groups
 from linear_bem.profiles import Height, height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
-from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.multipole import disc_nodes, interpolation
 from linear_bem.smooth.newton import solve_zones
 
-PRECISE, ALONE = 1e-6, 1e-8
-"""Relative precision of every term of the direct sums, and last step of a single ball."""
+ALONE = 1e-8
+"""Last step of a single ball."""
 SHARPER = 4
 """Degrees by which the single ball's p^2 is above the solver's."""
 WIDER, ROUND = 1.2, 10
@@ -39,8 +38,7 @@ class SampleError:
 
 def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleError:
     """Return the errors of T on the balls of the sample; infinite where a ball alone finds no solution."""
-    direct = DirectSums(contacts.kernel, contacts.smooth.nodes, PRECISE)
-    errors, normal_force, settled = [], 0.0, 0.0
+    direct, errors, normal_force, settled = contacts.direct, [], 0.0, 0.0
     report_part = seldom(report)
     for done, k in enumerate(contacts.sample):
         report_part(f"{done} of {len(contacts.sample)} contacts solved exactly")

@@ -17,7 +17,7 @@ from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.load_control import force_groups
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
-from linear_bem.report import Report, silent
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.many_balls import sweep_zones
 from linear_bem.smooth.newton import Nodes, SmoothSolution, solve_zones
 from linear_bem.smooth.polynomials import exponents
@@ -48,23 +48,25 @@ class Start:
     approaches: Array
 
 
-def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
+def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent) -> Start:
     """Return ellipses of Hertz's pressure from the coupled point-load estimate.
 
-    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`.
+    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`. ``report`` takes a
+    line per step.
     """
     field = FarField.of(kernel, problem.positions, np.zeros(problem.size), GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
     radii = np.array([ball.radius for ball in problem.balls])
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-    state = _coupled(problem, mutual, radii)
+    state = _coupled(problem, mutual, radii, report)
     for _ in range(4 if others else 0):
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
             kind, values = "approach", state.effective
         pressed = [i for i in others if values[i] > 0.0]
         radii[pressed] = _radii_seen(problem, [problem.balls[i] for i in pressed], kind, values[pressed])
-        state = _coupled(problem, mutual, radii)
+        state = _coupled(problem, mutual, radii, report)
+    report("contacts")
     touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
@@ -78,14 +80,14 @@ def first_guess(problem: Problem, kernel: LayeredKernel) -> Start:
     return Start(touching, zones, state.approaches)
 
 
-def _coupled(problem: Problem, mutual: PointInfluence, radii: Array) -> PointState:
+def _coupled(problem: Problem, mutual: PointInfluence, radii: Array, report: Report) -> PointState:
     """Return the coupled point-load estimate of paraboloids of these radii [m].
 
     Contacts that merge under given approaches have none: the balls would lift each other. Each is then taken alone.
     """
     relations = estimated_relations(problem, radii)
     try:
-        return couple(problem, mutual, *relations, GUESSED)
+        return couple(problem, mutual, *relations, GUESSED, report)
     except NotConverged:
         if problem.load.kind != "approach":
             raise
@@ -163,6 +165,7 @@ def solve_smooth(
     if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
         raise NotConverged("smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; use a grid")
     zones = _reframed(old, degree)
+    seldom(report)(f"degree {degree}: {len(zones)} contacts")
     groups = force_groups(problem.load, touching, kernel.singular)
     radius = max(z.radius for z in zones)
     if radius > ROUGHEST * kernel.thickness:

@@ -67,7 +67,7 @@ def sweep_zones(
     stack = stacked(zones)
     rule = Rule.of(stack, kernel.thickness)
     nodes = NodeStack.of(stack, rule)
-    interaction = Interaction(kernel, stack, pair_precision or tolerance)
+    interaction = Interaction(kernel, stack, pair_precision or tolerance, seldom(report, f"degree {stack.degree}: "))
     equations = OwnEquations(kernel, rule, pair_precision or tolerance)
     forces = nodes.forces
     for members, force in groups:

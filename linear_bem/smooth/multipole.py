@@ -20,6 +20,7 @@ from scipy.sparse import csr_matrix
 from linear_bem.arrays import Array, Indices
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.report import Report, silent
 from linear_bem.smooth.newton import NodeStack
 from linear_bem.smooth.polynomials import basis
 from linear_bem.smooth.zone_stack import CACHED, ZoneStack
@@ -60,10 +61,10 @@ def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, a
 def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
     """Return the point loads at `disc_nodes` that replace the pressures, shape (zones, nodes of the degree)."""
     inverse = disc_nodes(degree)[2]
-    out = np.empty((len(nodes.zones), len(inverse)))
+    out, loads = np.empty((len(nodes.zones), len(inverse))), nodes.loads
     for part in nodes.zones.parts(nodes.x.shape[1] * 4):
         phi = basis(nodes.xi[part], nodes.eta[part], degree)
-        out[part] = np.einsum("tnk,nk->nt", phi, nodes.loads[part]) @ inverse
+        out[part] = np.einsum("tnk,nk->nt", phi, loads[part]) @ inverse
     return out
 
 
@@ -91,10 +92,11 @@ class Interaction:
 
     The degree of every pair follows from the first zones' sizes; ``precision`` bounds the neglected terms of a
     pair's displacement relative to it. Loads and displacements are in the units of `linear_bem.smooth.newton`.
+    ``report`` takes a line per block of pairs.
     """
 
-    def __init__(self, kernel: LayeredKernel, zones: ZoneStack, precision: float) -> None:
-        self.kernel = kernel
+    def __init__(self, kernel: LayeredKernel, zones: ZoneStack, precision: float, report: Report = silent) -> None:
+        self.kernel, self.report = kernel, report
         self.count = len(zones)
         reach = 1.1 * zones.reach
         largest = float(np.max(reach))
@@ -139,6 +141,7 @@ class Interaction:
         x, y = self.places[level]
         size = max(1, CACHED // x.shape[1] ** 2)
         for start in range(0, len(first), size):
+            self.report(f"{start} of {len(first)} pairs of degree {'p' if level == FULL else DEGREES[level]}")
             part = slice(start, start + size)
             i, j = first[part], second[part]
             dx, dy = (v[i][:, :, None] - v[j][:, None, :] for v in (x, y))

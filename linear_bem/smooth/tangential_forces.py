@@ -21,20 +21,23 @@ from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Ball
 from linear_bem.profiles import gradient
+from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import Nodes, NodeStack
 
 SUMMED = 1000
-"""Number of balls up to which `half_space_pulls` sums all pairs."""
+"""Number of balls up to which `summed_pulls` sums all pairs."""
+LISTED = 2000
+"""Distances at which `layer_pulls` lists dK/dr."""
 
 
-def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float) -> Array:
+def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float, report: Report = silent) -> Array:
     """Return T [N] on every zone, shape (zones, 2).
 
     Pressures are in units of 1/``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
     """
     together = NodeStack.joined(nodes)
-    interaction = Interaction(kernel, together.zones, precision)
+    interaction = Interaction(kernel, together.zones, precision, report)
     interaction.update(together)
     return interaction.force()
 
@@ -45,14 +48,34 @@ def half_space_pulls(
     """Return the sum over neighbours of Q_i Q_j (1 - nu^2)/(pi E (r + softest)^2) [N] for every ball.
 
     This is T of point loads on a half-space of the layer's material if all had the same sign and direction: the scale
-    of T on a layer, where T may pass through zero. Beyond ``fading`` [m] each term is multiplied by fading/r. The
-    sum is within 5 % for more than `SUMMED` balls.
+    of T on a layer, where T may pass through zero. Beyond ``fading`` [m] each term is multiplied by fading/r.
     """
 
     def pull(r: Array) -> Array:
         share = 1.0 if np.isinf(fading) else np.minimum(1.0, fading / r)
         return np.asarray(kernel.singular / (r + softest) ** 2 * share)
 
+    return summed_pulls(positions, forces, pull)
+
+
+def layer_pulls(kernel: LayeredKernel, positions: Array, forces: Array, reach: float) -> Array:
+    """Return the sum over neighbours of Q_i Q_j |dK/dr| [N] for every ball: that of T without its cancellation.
+
+    Pressures within ``reach`` [m] of their balls are taken at that much less than their distance, but at half of it at
+    least, and |dK/dr| is the largest from there on, as it may pass through zero.
+    """
+    r = np.geomspace(1e-4 * reach, 2.0 * float(np.hypot(*np.ptp(positions, axis=0))) + reach, LISTED)
+    shares = np.maximum.accumulate(np.abs(kernel.scaled_slope(r))[::-1])[::-1] * r**2
+
+    def pull(apart: Array) -> Array:
+        nearer = np.maximum(apart - reach, 0.5 * apart)
+        return np.asarray(kernel.singular / nearer**2 * np.interp(np.log(nearer), np.log(r), shares))
+
+    return summed_pulls(positions, forces, pull)
+
+
+def summed_pulls(positions: Array, forces: Array, pull: Callable[[Array], Array]) -> Array:
+    """Return the sum over neighbours of Q_i Q_j pull(r) [N] for every ball, of more than `SUMMED` within 5 %."""
     if len(positions) <= SUMMED:
         return np.asarray(forces * (pull(distances(positions)) @ forces))
     return np.asarray(forces * _estimated_sum(positions, forces, pull))
@@ -78,11 +101,12 @@ def _estimated_sum(positions: Array, forces: Array, pull: Callable[[Array], Arra
     return np.asarray(np.maximum(total, 0.0))
 
 
-def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...]) -> Array:
+def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...], report: Report = silent) -> Array:
     """Return the paper's slope integral, -int p grad f dA [N], shape (zones, 2)."""
     total = np.zeros((len(nodes), 2))
     for k, (ball, n) in enumerate(zip(balls, nodes, strict=True)):
         fx, fy = gradient(ball, n.x, n.y)
         load = n.loads / kernel.singular
         total[k] = -load @ fx, -load @ fy
+        report(f"{k + 1} of {len(nodes)} slope integrals")
     return total

@@ -11,11 +11,11 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem
 from linear_bem.result import Result
-from runs.advice import PATIENCE, USUAL, Adviser
+from runs.advice import PART, PATIENCE, SHORT, SOLUTIONS, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.look_ahead import CLOSE, MEMORY, ahead_of, closest, in_the_middle, measured, memory, only, unknowns_of
+from runs.look_ahead import ABOUT, CLOSE, MEMORY, ahead_of, closest, in_the_middle, measured, memory, only, unknowns_of
 from runs.models import MODELS, Model, as_command, choose, load_path, planned_runs, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -67,15 +67,19 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
-    quick = near.solved.seconds * sensitivity.SOLUTIONS < PATIENCE
+    patience = PATIENCE if problem.size <= CLOSE else max(SHORT, PART * max(plan["seconds"] or 0.0 for plan in plans))
+    needed = near.solved.seconds * (SOLUTIONS + sensitivity.SOLUTIONS)
+    if needed > patience:
+        notes = (*notes, f"advice: what needs solutions of its own is left out: they would take about {needed:.0f} s")
     with waiting("the linear model with and without each effect, for this plan's advice"):
-        advice = Adviser(close, near, scene.tangential_force, scene.effects).advise()
-        inputs = sensitivity.record(close) if quick and problem.size > 1 else None
+        limit = 0.0 if needed > patience else patience
+        advice = Adviser(close, near, scene.tangential_force, scene.effects, limit).advise()
+        inputs = sensitivity.record(close) if limit and problem.size > 1 else None
     if part is not problem:
         notes = (*notes, f"expected: of {part.size} balls about the middle, without the others")
     if close is not part:
         leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
-        notes = (*notes, f"advice: about ball {leading}, the one with the largest T, and its {CLOSE - 1} nearest alone")
+        notes = (*notes, f"advice: about ball {leading}, the one with the largest T, and its {ABOUT - 1} nearest alone")
         inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
     evolution = None
     if scene.reciprocation is not None and scene.reciprocation.forces == "pairs":
@@ -163,7 +167,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say(document["title"], "bold")
     load = scene.problem.load
     unit = scale.units.length if load.kind == "approach" else scale.units.force
-    values = ", ".join(unit(value) for value in dict.fromkeys(load.values))
+    known = list(dict.fromkeys(load.values))
+    values = ", ".join(map(unit, known)) if len(known) <= CLOSE else f"{unit(min(known))} to {unit(max(known))}"
     say(f"{scene.problem.size} ball(s), prescribed: {load.kind.replace('_', ' ')} {values}")
     say(f"shape: {document['bodies']}")
     say(scale.legend())

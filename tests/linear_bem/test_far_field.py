@@ -11,7 +11,6 @@ from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.media import Elastic
-from linear_bem.report import seldom
 
 BASES = {
     "half-space": (np.inf, None),
@@ -116,15 +115,6 @@ def test_unlike_pairs_are_those_of_the_direct_search():
         zip(i[kept].tolist(), j[kept].tolist(), strict=True)
     )
     assert np.sum(kept) <= pairs.count(reach) < 500 * 499 / 2
-
-
-def test_progress_of_parts_is_reported_seldom():
-    lines = []
-    often, rarely = seldom(lines.append, "sweep 1: ", 0.0), seldom(lines.append, "sweep 2: ", 60.0)
-    for k in range(3):
-        often(str(k))
-        rarely(str(k))
-    assert lines == ["sweep 1: 0", "sweep 1: 1", "sweep 1: 2"]
 
 
 def test_the_meshs_slopes_are_those_of_its_kernel():

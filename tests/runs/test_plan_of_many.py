@@ -27,10 +27,10 @@ def test_advice_is_about_the_leading_ball_and_its_nearest_ones(kind: str) -> Non
     part, near = look_ahead.closest(problem, ahead)
     sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
     leading = int(np.argmax(sizes))
-    assert part.size == len(near.balls) == look_ahead.CLOSE
+    assert part.size == len(near.balls) == look_ahead.ABOUT
     assert part.balls[0] == problem.balls[leading]
     apart = sorted(math.dist(ball.position, PLACES[leading]) for ball in problem.balls)
-    assert math.dist(part.balls[-1].position, PLACES[leading]) == pytest.approx(apart[look_ahead.CLOSE - 1])
+    assert math.dist(part.balls[-1].position, PLACES[leading]) == pytest.approx(apart[look_ahead.ABOUT - 1])
     # the same load on the same balls: what is farther changes T little
     assert math.hypot(*near.balls[0].tangential_force) == pytest.approx(sizes[leading], rel=0.15)
     assert near.balls[0].normal_force == pytest.approx(ahead.balls[leading].normal_force, rel=0.05)
@@ -71,6 +71,28 @@ def test_a_plan_solves_the_balls_about_the_middle_for_all(
     assert len(forces) == 10
     assert sum(forces) == pytest.approx(0.5 if load.startswith("total") else 0.15)
     assert any("10 balls about the middle" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("cell", ["", "[periodic]\nlengths = [40.0, 10.0]\n"], ids=["free", "cell"])
+def test_advice_that_would_take_long_beside_the_run_of_many_balls_is_left_out(
+    cell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = []
+
+    def counted(problem: Problem, run: Run) -> Result:
+        made.append(problem.size)
+        return solve(problem, look_ahead.ROUGH)
+
+    monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
+    monkeypatch.setattr(plan, "SHORT", 0.0)
+    file = tmp_path / "row.toml"
+    file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="approach = 0.1") + cell, encoding="utf-8")
+    plan.plan_scene(read_scene(file), None, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    assert any("left out: they would take about" in note for note in found["notes"])
+    assert found["sensitivity"] is None
+    assert {"finite_strain", "reciprocation"} == {item["effect"] for item in found["advice"]}
+    assert len(made) <= 3
 
 
 def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
