@@ -58,6 +58,7 @@ class Hard:
     accuracy: float | None = None
     levels: tuple[Level, ...] = ()
     steps: tuple[float, ...] | None = None
+    unknowns: float | None = None
 
 
 def scaled(problem: Problem, scale: float) -> Problem:
@@ -106,12 +107,12 @@ def hard_cases() -> list[Hard]:
                levels=QUADRATIC),
         finite("badly-graded", "element sizes that grow twice as fast", GRADED,
                Check("the usual mesh", twin)),
-        three("light", "hardly touching: D = 1e-4 R", pair(1e-4)),
+        three("light", "hardly touching: D = 1e-4 R", pair(1e-4), unknowns=200e3),
         three("nearly-incompressible", "nu = 0.4999", pair(0.1, poisson=0.4999),
               Check("nu = 0.5", "incompressible-finite-strain", 0.01)),
         three("incompressible", "nu = 0.5", pair(0.1, poisson=0.5)),
         three("no-lateral-strain", "nu = 0", pair(0.1, poisson=0.0)),
-        three("very-thin", "h = 0.1 R, D = 0.02 R", pair(0.02, thickness=0.1), accuracy=0.01),
+        three("very-thin", "h = 0.1 R, D = 0.02 R", pair(0.02, thickness=0.1), accuracy=0.001),
         three("very-thick", "h = 20 R, D = 0.1 R", pair(0.1, thickness=20.0)),
         three("stiff-substrate", "a substrate 1e7 times as stiff", pair(0.1, substrate=Elastic(1e7, 0.3)),
               Check("a rigid base", "rigid-base-finite-strain")),
@@ -125,7 +126,7 @@ def hard_cases() -> list[Hard]:
         Hard("thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, thickness=0.2), (FINITE, SMALL, LINEAR),
              {SMALL: checks("thin-layer")[SMALL]}, accuracy=0.006),
         Hard("resting", "one ball pressed in by 0.2 R, its neighbour only rests", pair((0.2, 0.0)),
-             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]}),
+             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]}, unknowns=300e3),
         Hard("touching-deep", "L = 2 R, D = 1 R in h = 1.16 R: 0.86 of its thickness", pair(1.0), (FINITE,)),
         Hard("deepest", "D = 0.95 h, beyond the solver's limit", pair(1.1), (FINITE, SMALL)),
         three("very-deep", "D = 1.0 R in h = 2 R", pair(1.0, thickness=2.0)),
@@ -221,4 +222,5 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     if hard.levels:
         return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
     stop = hard.stop_after if model == FINITE else None
-    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics)
+    budget = {} if hard.unknowns is None else {"unknowns": hard.unknowns}
+    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, budget, numerics=hard.numerics)
