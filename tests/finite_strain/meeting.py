@@ -15,7 +15,6 @@ from collections.abc import Callable
 import numpy as np
 
 import finite_strain
-from finite_strain.observer import Silence
 from finite_strain.output.top_surface import SurfaceFields
 from linear_bem.result import Step
 from runs.studies.deep.matrix import scenes
@@ -23,8 +22,13 @@ from runs.studies.deep.matrix import scenes
 SCENES = ("thin pair", "pair on 2 R", "pair on 6 R")
 
 
-class Width(Silence):
+class Cleft:
     """Prints the middle of the cleft at every step."""
+
+    def started(self, *_: object) -> None:
+        """Do nothing."""
+
+    attempt = newton = started
 
     def step_done(self, step: Step, surface: Callable[[], SurfaceFields | None], /) -> None:
         """Print the approach, Q, T with its error, and the cleft."""
@@ -47,5 +51,5 @@ if __name__ == "__main__":
         deepest = max(scene.problem.load.values)
         finite_strain.solve(
             scene.problem, tangential_force=0.2, steps=[depth / deepest for depth in scene.approaches],
-            observer=Width(),
+            observer=Cleft(),
         )  # fmt: skip
