@@ -26,7 +26,7 @@ def part(paths: Paths, folder: Path) -> str:
 @look()
 def _draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
     """Write S_Q of every law, a panel for each layer, as laws.svg and .png."""
-    figure, axes = panels(*[4.4] * len(groups), height=4.2)
+    figure, axes = panels(*[3.5] * len(groups), height=3.9)
     for axis, ((h, nu), here) in zip(axes, groups, strict=True):
         for i, (case, path) in enumerate(here):
             name = str(case.labels["law"]).replace("_", " ")
