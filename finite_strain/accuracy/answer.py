@@ -78,7 +78,8 @@ class Answers:
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
         other = Terms(*shares, account.tolerance * rate)
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
-        pull, worst = now.tangential_force.copy(), self._worst(terms.total)
+        pull, raw = now.tangential_force.copy(), terms.total
+        worst = self._worst(raw)
         if worst is not None:
             pull[worst] -= pull.sum(axis=0)
             terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
@@ -88,6 +89,7 @@ class Answers:
             linear_failure=said if isinstance(said, str) else "",
             error_terms={n: self._per_ball(doubt * term) for n, term in vars(terms if mutual else other).items()},
             pair_weight=self._per_ball(weight), imbalance=imbalance,
+            imbalance_error=sum(self._per_ball(raw)),
             normal_force_error=self._per_ball(none if self.forces_given else other.total),
             approach_error=self._per_ball(other.total if self.forces_given else none),
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),

@@ -143,6 +143,18 @@ def test_a_result_that_says_that_the_force_is_below_its_error_refuses_it_by_name
     assert ended(1.0 + 2.0 * BALANCE) == "WRONG"
 
 
+def test_the_sum_of_unlike_forces_is_judged_as_it_was_on_the_mesh() -> None:
+    def ended(imbalance: float) -> tuple[str, str]:
+        steps = path(1.5, 0.01, 0.03, 0.1, imbalance=imbalance, imbalance_error=1e-4)
+        steps[-1]["balls"] = [ball(0.1, 0.1**1.5), ball(0.1, 0.2 * 0.1**1.5, pull=1e-3)]  # opposite by construction
+        return verdict(found(a={"steps": steps[-1:]}), "a", {"check": None})
+
+    state, why = ended(0.9e-4)
+    assert state == "right"
+    assert "third law: T of all balls adds up to 4.5 %, tolerance 5 %" in why
+    assert ended(1.1e-4)[0] == "WRONG"
+
+
 def test_balance_of_forces_alone_claims_nothing_about_the_force() -> None:
     two = path(1.5, 0.05, 0.1)
     assert verdict(found(a={"steps": two}), "a", {"check": None})[0] == "not checked"

@@ -170,7 +170,7 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
         checks.faults.append(f"an element is folded over: smallest J = {folded:.2g}")
     balls = steps[-1]["balls"] if steps else []
     _judge_routes(checks, balls, solved.get("unknowns", 0))
-    _judge_third_law(checks, balls, steps[-1].get("record", {}).get("imbalance") if steps else None)
+    _judge_third_law(checks, balls, steps[-1].get("record", {}) if steps else {})
     error, size = max((_error(ball) for ball in balls), default=0.0), max((_size(ball) for ball in balls), default=0.0)
     if error > MEANINGFUL * size > 0.0:
         known = f"{100 * error / size:.2g} %" if math.isfinite(error) else "an unknown part"
@@ -194,17 +194,18 @@ def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: 
             checks.judge(apart <= allowed, text)
 
 
-def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]], computed: float | None) -> None:
+def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> None:
     """Check that T of all balls sums to zero; skipped for equal loads, where symmetry makes it trivial.
 
-    ``computed`` [N] is the sum on the mesh, of which a result may have made use.
+    Elements make use of it, so their step's ``record`` holds sum and error as they were before.
     """
     loads = [ball["normal_force"] for ball in balls]
     if len(balls) < 2 or min(loads) > (1.0 - 1e-6) * max(loads):
         return
     left_over = math.hypot(*(sum(ball["tangential_force"][axis] for ball in balls) for axis in (0, 1)))
-    left_over = left_over if computed is None else computed
     errors, size = sum(_error(ball) or math.inf for ball in balls), sum(_size(ball) for ball in balls)
+    if record.get("imbalance_error") is not None:
+        left_over, errors = record["imbalance"], record["imbalance_error"]
     if size > 0.0:
         checks.judge_force(left_over / size, errors / size, "third law: T of all balls adds up to")
 
