@@ -129,7 +129,7 @@ def hard_cases() -> list[Hard]:
         Hard("thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, thickness=0.2), (FINITE, SMALL, LINEAR),
              {SMALL: checks("thin-layer")[SMALL]}, accuracy=0.006),
         Hard("resting", "one ball pressed in by 0.2 R, its neighbour only rests", pair((0.2, 0.0)),
-             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]}, 
+             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]},
              unknowns={FINITE: 200e3, SMALL: 200e3}),
         Hard("touching-deep", "L = 2 R, D = 1 R in h = 1.16 R: 0.86 of its thickness", pair(1.0), (FINITE,)),
         Hard("deepest", "D = 0.95 h, beyond the solver's limit", pair(1.1), (FINITE, SMALL)),
