@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
-from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired
+from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
-from finite_strain.planning.records import Answer, Record, Row, SolverAccount
+from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import ENOUGH, RunPlan
+from linear_bem.dual import slope
 from linear_bem.errors import ThirdBodyError
+from linear_bem.indenter import Indenter
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult
 from linear_bem.solver import solve
@@ -76,12 +78,18 @@ class Answers:
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
         other = Terms(*shares, account.tolerance * rate)
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
+        pull, raw = now.tangential_force.copy(), terms.total
+        worst = self._worst(raw)
+        if worst is not None:
+            pull[worst] -= pull.sum(axis=0)
+            terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
         mutual = len(self.plan.problem.balls) > 1
         return Answer(
-            **vars(account), balls=self._balls(fine, now, truth, doubt * terms.total, other.total), step=step,
+            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, other.total), step=step,
             linear_failure=said if isinstance(said, str) else "",
             error_terms={n: self._per_ball(doubt * term) for n, term in vars(terms if mutual else other).items()},
             pair_weight=self._per_ball(weight), imbalance=imbalance,
+            imbalance_error=sum(self._per_ball(raw)),
             normal_force_error=self._per_ball(none if self.forces_given else other.total),
             approach_error=self._per_ball(other.total if self.forces_given else none),
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
@@ -98,25 +106,33 @@ class Answers:
         return fine, now, before
 
     def _balls(
-        self, fine: Row, now: Paired, truth: LinearTruth | None, error: np.ndarray, through: np.ndarray
-    ) -> tuple[BallResult, ...]:
+        self, fine: Row, now: Paired, pull: np.ndarray, truth: LinearTruth | None, error: np.ndarray,
+        through: np.ndarray,
+    ) -> tuple[BallResult, ...]:  # fmt: skip
         """Return the state of every ball of the scene.
 
-        ``error`` (balls,) [N] is that of T, ``through`` (balls,) that of the force [N] or approach [m] not given.
+        ``error`` (balls,) [N] is that of T, ``pull``; ``through`` (balls,) that of the force [N] or approach [m] not
+        given.
         """
         area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
         if truth is not None and fine.small is not None:
             area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
             peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
-        pull, own = now.tangential_force, fine.own
-        named = {"domain": pull, "domain_without_pair": own.tangential_force, "traction": own.traction_force}
+        own = fine.own
+        routes = {
+            "domain": now.tangential_force, "domain_without_pair": own.tangential_force,
+            "traction": own.traction_force,
+        }  # fmt: skip
         balls = []
         for index, (image, ball) in enumerate(zip(reduction.images, self.plan.problem.balls, strict=True)):
             b = image.model_ball
-            turned = {name: reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for name, v in named.items()}
+            force, *others = (
+                reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for v in (pull, *routes.values())
+            )
             balls.append(BallResult(
-                ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), turned["domain"],
-                float(error[b]), float(peak[b]), float(area[b]), turned, {self.follows: float(through[b])},
+                ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), force, float(error[b]),
+                float(peak[b]), float(area[b]), dict(zip(routes, others, strict=True)),
+                {self.follows: float(through[b])},
             ))  # fmt: skip
         return tuple(balls)
 
@@ -125,13 +141,23 @@ class Answers:
             return unpaired(row.own)
         scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
         if row.small is not None:
-            return paired(row.own, row.small, truth, scale, self.forces_given)
+            return paired(row.own, row.small, truth, scale, self.forces_given, unsure(self._steepest(row.own)))
         # the small-strain model itself: its error is known
-        known = paired(row.own, row.own, truth, scale, self.forces_given)
+        known = paired(row.own, row.own, truth, scale, self.forces_given, 1.0)
         own = unpaired(row.own)
         wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
         share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
         return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
+
+    def _steepest(self, own: ContactState) -> float:
+        """Return the largest slope of an indenter at the edge of its contact; at least the root of D / h."""
+        layer, found = self.plan.problem.layer, 0.0
+        for place, each in enumerate(self.plan.reduction.balls):
+            body, edge = self.plan.problem.balls[each.index].indenter, math.sqrt(own.contact_area[place] / math.pi)
+            assert isinstance(body, Indenter)
+            slopes = np.hypot(*slope(body, *(edge * np.array([[1.0, 0.0], [0.0, 1.0]]))))
+            found = max(found, float(slopes.max()), math.sqrt(max(own.approach[place], 0.0) / layer.thickness))
+        return found
 
     def compare(self, fraction: float, said: LinearTruth | str) -> None:
         """Store the changes from the coarser discretisation at a load without an answer; see `answer`."""
@@ -179,12 +205,23 @@ class Answers:
         imbalance, allowed = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
         return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
 
+    def _worst(self, error: np.ndarray) -> int | None:
+        """Return the ball whose T is known better as minus the sum of the others', by their errors (balls,)."""
+        mirrored = len(self.plan.problem.balls) > len(error)
+        worst = int(np.argmax(error))
+        return worst if len(error) > 1 and not mirrored and 2.0 * error[worst] > error.sum() else None
+
     def _scale(self, forces: np.ndarray) -> float:
         """Return the reference force [N] for errors of T near its zero, for forces of the model's balls [N]."""
         return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
 
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]
+
+
+def _others_at(worst: int, terms: Terms) -> Terms:
+    """Return error terms (balls,) of T in which those of one ball are the sums of the others'."""
+    return Terms(*(np.where(np.arange(len(t)) == worst, t.sum() - t[worst], t) for t in vars(terms).values()))
 
 
 def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:

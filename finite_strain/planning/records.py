@@ -119,8 +119,8 @@ class Answer(SolverAccount):
 
     ``mesh`` is the discretisation's number in its run; ``linear_failure`` says why `linear_bem` has no answer;
     ``error_terms`` are those of T, or of the force or approach that was not given where there is one ball;
-    ``imbalance`` is the size of the sum of T. ``normal_force_error`` holds at the given approach, ``approach_error``
-    [m] at the given force.
+    ``imbalance`` is the size of the sum of T on the mesh and ``imbalance_error`` the sum of its errors, before use is
+    made of them. ``normal_force_error`` holds at the given approach, ``approach_error`` [m] at the given force.
     """
 
     balls: tuple[BallResult, ...]
@@ -132,6 +132,7 @@ class Answer(SolverAccount):
     normal_force_error: list[float]
     approach_error: list[float]
     tangential_force_error_at_force: list[float]
+    imbalance_error: float | None = None
     mesh: int | None = None
 
     @property

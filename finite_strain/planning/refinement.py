@@ -117,7 +117,7 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
             return "penetration that stiffer penalties leave: Newton's method does not follow them"
         level = before.level
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
-    if largest == "transfer" and steady:
+    if largest == "transfer" and (steady or level.extent > before.level.extent):  # a wider domain may help more
         return replace(level, extent=WIDER * level.extent)
     if level.order < HIGHEST:
         return replace(level, order=level.order + 1)

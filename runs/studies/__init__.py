@@ -11,13 +11,12 @@ STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",
     "benchmarks": "time and error against other contact codes; scaling with the number of balls",
     "peers": "two balls at finite strain by this project and by other finite-element codes: work against precision",
-    "strengthening": "how much stronger finite strain makes the tangential force",
+    "strengthening": "how much stronger finite strain makes the tangential force, and how far that depends on the law",
     "accuracy": "what accuracy costs in time",
     "discretisations": "order and size of the elements: work against precision on five scenes",
     "experiments": "the paper's drifting balls: simulated runs compared with its observations",
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
     "stability": "hard cases: a right answer or a named refusal",
-    "laws": "how far the force depends on the hyperelastic law, and what a foam does",
     "deep": "how deep finite strain goes, what ends it, and what T does there",
     "effects": "what each effect brings in, and that a scene without it pays nothing",
     "verification": "the finite-strain model against closed forms and itself",
@@ -26,7 +25,7 @@ STUDIES = {
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 SHARED_OUT = frozenset(
-    {"strengthening", "laws", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
+    {"strengthening", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
 )
 """Studies that ``--shard`` can split; ``scaling`` compares times on one machine."""
 ON_ALL_RANKS = SHARED_OUT | {"scaling"}

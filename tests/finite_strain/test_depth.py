@@ -163,6 +163,20 @@ def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() 
     assert result.steps[-1].record["imbalance"] == relatively(float(np.linalg.norm(total)), 1e-9)
 
 
+def test_the_force_on_a_deep_ball_is_known_from_its_light_neighbour() -> None:
+    problem = at_small_strain(
+        on_layer(balls_at((-1.0, 0.0), (1.0, 0.0), shape="paraboloid"), Load("approach", (0.2, 0.01)))
+    )
+    result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9, numerics=COARSER)
+    truth = linear_bem.solve(problem).balls[0].tangential_force[0]
+    (deep, _), (light, _) = (ball.tangential_force for ball in result.balls)
+    assert deep == -light
+    record, own = result.steps[-1].record, result.balls[0].tangential_force_routes["domain"][0]
+    assert record["imbalance"] == relatively(abs(own + light), 1e-9)
+    assert abs(deep - truth) < result.balls[0].tangential_force_error < 0.5 * record["imbalance_error"]
+    assert abs(deep - truth) < abs(own - truth)
+
+
 def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path: Path) -> None:
     rig = quadratic_rig(pair(0.08, poisson=0.3), tmp_path)
     rig.press([0.25, 0.5])

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from finite_strain.accuracy.answer import Answers
+from finite_strain.accuracy.answer import Answers, _others_at
 from finite_strain.accuracy.error_budget import (
     FASTEST,
     FEW,
@@ -165,6 +165,17 @@ def test_an_imbalance_of_forces_increases_the_error() -> None:
     # forces on mirror images always sum to zero
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     assert answers._imbalance(forces[:1], np.array([0.1])) == (0.0, 1.0)
+
+
+def test_a_ball_known_worse_than_the_others_together_takes_minus_their_sum() -> None:
+    answers = Answers(plan_run(UNEQUAL, 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    assert answers._worst(np.array([3.0, 1.0])) == 0
+    assert answers._worst(np.array([1.0, 1.0, 1.9])) is None
+    terms = _others_at(2, Terms(*(np.array([1.0, 2.0, each]) for each in (9.0, 8.0, 7.0, 6.0))))
+    assert all(term.tolist() == [1.0, 2.0, 3.0] for term in vars(terms).values())
+    # the forces on a ball and its mirror image are opposite anyway
+    mirrored = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    assert mirrored._worst(np.array([1.0])) is None
 
 
 def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from finite_strain.accuracy.pairs import ALIKE, UNLIKE, UNSURE, LinearTruth, paired, unpaired
+from finite_strain.accuracy.pairs import ALIKE, UNLIKE, UNSURE, LinearTruth, paired, unpaired, unsure
 from finite_strain.planning.records import ContactState
 from tests.finite_strain.scenes import relatively
 
@@ -32,7 +32,7 @@ def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:
 def test_if_both_models_agree_the_answer_is_the_linear_one(forces_given: bool) -> None:
     own = small = state(0.9, 0.11, (-0.021, 0.004))
     truth = linear(0.9 if forces_given else 1.0, 0.1 if forces_given else 0.11, (-0.02, 0.003))
-    answer = paired(own, small, truth, FAR_FROM_ZERO, forces_given)
+    answer = paired(own, small, truth, FAR_FROM_ZERO, forces_given, UNSURE)
     assert answer.weight == [1.0]
     assert answer.normal_force == relatively(truth.normal_force, ROUNDOFF)
     assert answer.approach == relatively(truth.approach, ROUNDOFF)
@@ -47,7 +47,9 @@ def test_if_both_models_agree_the_answer_is_the_linear_one(forces_given: bool) -
 def test_an_error_shared_by_both_is_removed() -> None:
     # the mesh is 3 % too stiff and has 1e-3 too much T / Q^2; finite strain softens by a tenth
     truth, exact = linear(1.0, 0.1, (-0.02, 0.0)), state(0.9, 0.1, (-0.023, 0.0))
-    answer = paired(state(0.927, 0.1, (-0.022, 0.0)), state(1.03, 0.1, (-0.019, 0.0)), truth, FAR_FROM_ZERO, False)
+    answer = paired(
+        state(0.927, 0.1, (-0.022, 0.0)), state(1.03, 0.1, (-0.019, 0.0)), truth, FAR_FROM_ZERO, False, UNSURE
+    )
     assert answer.normal_force == relatively(exact.normal_force, ROUNDOFF)
     assert answer.per_squared_force[0] == pytest.approx([-0.023, 0.0], abs=ROUNDOFF)
     # the transfer error, 3/22 of the correction (difference against ratio), is below the least uncertainty
@@ -57,7 +59,7 @@ def test_an_error_shared_by_both_is_removed() -> None:
 
 def test_at_given_force_the_approach_is_corrected_and_the_force_kept() -> None:
     own, small, truth = state(1.0, 0.12, (0.02, 0.0)), state(1.0, 0.105, (0.02, 0.0)), linear(1.0, 0.1, (0.02, 0.0))
-    answer = paired(own, small, truth, FAR_FROM_ZERO, True)
+    answer = paired(own, small, truth, FAR_FROM_ZERO, True, UNSURE)
     assert answer.normal_force == own.normal_force
     assert answer.approach == relatively([0.12 + 0.1 - 0.105], ROUNDOFF)
     assert answer.force_transfer == relatively([(0.105 - 0.1) / 0.105 * UNSURE], 1e-12)
@@ -69,7 +71,7 @@ def test_at_given_force_the_approach_is_corrected_and_the_force_kept() -> None:
 )
 def test_the_weight_of_the_pair_falls_as_the_two_forces_differ(unlike: float, weight: float) -> None:
     own, small = state(1.0, 0.1, (1.0 - unlike, 0.0)), state(1.0, 0.1, (1.0, 0.0))
-    answer = paired(own, small, linear(1.1, 0.1, (1.2, 0.0)), FAR_FROM_ZERO, False)
+    answer = paired(own, small, linear(1.1, 0.1, (1.2, 0.0)), FAR_FROM_ZERO, False, UNSURE)
     if unlike > 1.0:  # the difference is measured by the larger of the two
         assert answer.weight[0] == 0.0
         return
@@ -81,11 +83,26 @@ def test_the_weight_of_the_pair_falls_as_the_two_forces_differ(unlike: float, we
     assert answer.transfer[0] == pytest.approx(0.2 * left, abs=ROUNDOFF)
 
 
+def test_what_does_not_carry_over_grows_with_the_slope_of_the_surface_up_to_a_fifth() -> None:
+    # measured by `pair_transfer`: slope squared is D / R
+    measured = {1e-4: 0.0013, 1e-3: 0.0028, 0.01: 0.0055, 0.03: 0.014, 0.1: 0.079}
+    for squared, share in measured.items():
+        assert share < unsure(squared**0.5) <= UNSURE
+    assert unsure(0.0) == 0.0
+    assert unsure(10.0) == UNSURE
+    own = small = state(0.9, 0.11, (-0.021, 0.0))
+    steep, flat = (
+        paired(own, small, linear(1.0, 0.11, (-0.02, 0.0)), FAR_FROM_ZERO, False, unsure(s)) for s in (1, 0.01)
+    )
+    assert steep.transfer == relatively(flat.transfer * UNSURE / unsure(0.01), 1e-12)
+    assert steep.force_transfer == relatively(flat.force_transfer * UNSURE / unsure(0.01), 1e-12)
+
+
 def test_near_a_zero_of_t_differences_are_relative_to_the_scale() -> None:
     # T of the two has opposite signs, and both are a hundredth of what counts
     own, small = state(1.0, 0.1, (1e-4, 0.0)), state(1.0, 0.1, (-1e-4, 0.0))
     truth = linear(1.0, 0.1, (-3e-4, 0.0))
-    near, far = (paired(own, small, truth, np.array([scale]), False) for scale in (1e-2, 1e-6))
+    near, far = (paired(own, small, truth, np.array([scale]), False, UNSURE) for scale in (1e-2, 1e-6))
     assert near.weight == [1.0]
     assert near.per_squared_force[0, 0] == relatively(1e-4 - 2e-4, 1e-12)
     assert far.weight == [0.0]
@@ -95,7 +112,7 @@ def test_near_a_zero_of_t_differences_are_relative_to_the_scale() -> None:
 def test_a_ball_without_force_has_no_correction_and_no_nan() -> None:
     nothing, truth = state(0.0, 0.0, (0.0, 0.0)), linear(0.0, 0.0, (0.0, 0.0))
     for forces_given in (False, True):
-        answer = paired(nothing, nothing, truth, np.array([0.0]), forces_given)
+        answer = paired(nothing, nothing, truth, np.array([0.0]), forces_given, UNSURE)
         for values in (answer.normal_force, answer.approach, answer.per_squared_force, answer.transfer):
             assert not np.any(values)
 

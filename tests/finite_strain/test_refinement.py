@@ -180,6 +180,12 @@ def test_the_domain_is_widened_if_refinement_does_not_reduce_the_pairs_correctio
     assert chosen(0.02, first(0.05, transfer=0.05)) == QUARTIC
 
 
+def test_a_domain_that_helped_by_being_widened_is_widened_again() -> None:
+    before = [*first(0.9, transfer=0.9), record(QUARTIC, 0.9, transfer=0.9, discretisation=0.001)]
+    wider = record(replace(QUARTIC, extent=WIDER), 0.2, transfer=0.2, discretisation=0.001)
+    assert chosen(0.02, [*before, wider]) == replace(QUARTIC, extent=WIDER**2)
+
+
 def test_errors_that_refinement_cannot_reduce_end_it() -> None:
     assert "solver" in end(0.02, first(0.04, solver=0.04))
 

@@ -142,7 +142,7 @@ def test_the_pages_say_what_the_runs_found(runs: dict[str, Path]) -> None:
     words = " ".join(study.text)
     assert "thirdbody study strengthening --quick" in words
     assert "not run yet" in words  # the other shard
-    assert len(study.all("svg")) == 2
+    assert len(study.all("svg")) == 3
 
 
 def test_what_a_user_writes_cannot_become_markup(tmp_path: Path) -> None:

@@ -21,10 +21,11 @@ from runs.studies import Options, read_shard
 from runs.studies.framework import study as studies
 from runs.studies.framework.case import varied
 from runs.studies.framework.publishing import BEGIN, END, publish
+from runs.studies.strengthening.law_cases import law_cases
 from runs.studies.strengthening.matrix import cases
 from tests.launch import STAND_IN, thirdbody
 
-NAMES = [case.name for case in cases(quick=True)]
+NAMES = [case.name for case in (*cases(quick=True), *law_cases(quick=True))]
 
 
 def study(out: Path, *more: str, n: int = 1, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
@@ -42,7 +43,7 @@ def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(n: int, t
     first = study(tmp_path / "out", "--shard", "1/2", n=n)
     assert first.returncode == 0, first.stderr
     assert set(records(tmp_path / "out")) == set(NAMES[::2])
-    assert f"Not there: 1 of {len(NAMES)} cases" in first.stdout
+    assert f"Not there: {len(NAMES[1::2])} of {len(NAMES)} cases" in first.stdout
     assert f"- {NAMES[1]}: not run yet" in first.stdout
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/cases").glob("*.json")}
     second = study(tmp_path / "out", "--shard", "2/2", n=n)

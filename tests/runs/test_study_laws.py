@@ -1,4 +1,4 @@
-"""The study of laws: every law on both layers, foams under the paper's balls, and a page of both."""
+"""The part of laws: every law on both layers, foams under the paper's balls, and a page of both."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ import math
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from runs.display.numbers import with_error
 from runs.studies.framework.pair import THICK, THIN
-from runs.studies.framework.saved_cases import Found
-from runs.studies.laws import answer
-from runs.studies.laws.matrix import cases
-from tests.launch import STAND_IN, thirdbody
+from runs.studies.strengthening import laws
+from runs.studies.strengthening.law_cases import law_cases
 
 
 def test_the_matrix_holds_every_law_on_both_layers_to_half_a_radius_and_foams() -> None:
-    every = cases(quick=False)
+    every = law_cases(quick=False)
     assert len({case.name for case in every}) == len(every)
     compared = {(c.labels["h"], c.labels["law"], max(c.problem.load.values)) for c in every if c.labels["nu"] == 0.48}
     rubbers = {"neo_hookean", "gent", "mooney_rivlin", "yeoh", "ogden"}
@@ -25,12 +21,11 @@ def test_the_matrix_holds_every_law_on_both_layers_to_half_a_radius_and_foams() 
     foams = [case for case in every if case.labels["group"] == "foam"]
     assert {case.labels["nu"] for case in foams} == {0.0, 0.3}
     assert {max(case.problem.load.values) for case in foams} == {1.2}
-    assert len(cases(quick=True)) == 2
+    assert len(law_cases(quick=True)) == 2
 
 
-def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    every = cases(quick=False)
-    found = Found(tuple(every), {})
+def test_the_part_sets_factors_and_foams_side_by_side(tmp_path: Path) -> None:
+    every = law_cases(quick=False)
 
     def rows(case: Any, strength: float) -> list[dict[str, Any]]:
         depth, sign = (
@@ -44,8 +39,7 @@ def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatc
         ]  # fmt: skip
 
     stronger = {case.name: 1.0 + 0.1 * number for number, case in enumerate(every)}
-    monkeypatch.setattr(answer, "load_paths", lambda *_: [(case, rows(case, stronger[case.name])) for case in every])
-    text = answer.present(found, tmp_path)
+    text = laws.part([(case, rows(case, stronger[case.name])) for case in every], tmp_path)
     first = [stronger[case.name] for case in every[:5]]
     ends = f"{first[0]:.4g} (neo hookean) and {first[-1]:.4g} (ogden)"
     assert f"D = 0.5 R on h = {THIN:g} R, nu = 0.48, S_Q lies between {ends}, over 5 laws" in text
@@ -57,12 +51,3 @@ def test_the_page_sets_factors_and_foams_side_by_side(tmp_path: Path, monkeypatc
     error = value * math.hypot(1e-3 / (0.12 * foam), 1e-3 / (0.12 * solid))
     assert f"| {with_error(value, error)} |" in row
     assert (tmp_path / "laws.svg").stat().st_size > 5_000
-
-
-def test_the_stand_in_has_a_page_of_laws_in_seconds(tmp_path: Path) -> None:
-    done = thirdbody("study", "laws", "--quick", "--out", tmp_path / "out", program=STAND_IN)
-    assert done.returncode == 0, done.stderr
-    rows = [line for line in done.stdout.splitlines() if line.startswith("| 1.16 |")]
-    assert [row.split("|")[2].strip() for row in rows] == ["neo_hookean", "gent"]
-    # the stand-in's T is the linear one times 1 + D / R, whatever the law
-    assert all(row.count("| 1.03 ± ") == 2 for row in rows), rows

@@ -10,11 +10,11 @@ import pytest
 
 from runs.scene.scene_file import read_scene
 from runs.studies import Options, run_study
-from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers.answer import REFERENCE
 from runs.studies.peers.energies import energy
 from runs.studies.peers.scene import LAME, SHEAR, lines, weight_slope
 from runs.studies.peers.thirdbody_pair import scene_text
+from runs.studies.strengthening.materials import LAW_BY_NAME
 
 
 def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_reference(

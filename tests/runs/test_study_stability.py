@@ -132,15 +132,27 @@ def test_an_answer_whose_error_is_a_large_part_of_it_claims_nothing_whatever_els
     assert why.startswith("the error of T is 11 % of T; energy against work")
 
 
-def test_a_result_that_says_that_the_force_is_below_its_error_is_a_named_limit_and_owes_every_check() -> None:
+def test_a_result_that_says_that_the_force_is_below_its_error_refuses_it_by_name_and_owes_every_check() -> None:
     def ended(stored: float) -> str:
         steps = path(1.5, 0.01, 0.03, 0.1, stored=stored)
         steps[-1]["balls"] = [ball(0.1, 0.1**1.5, error=2e-3)]
         record = {"steps": steps, "solved": {"notes": [f"{FAINT}: it is at most 0.003 N"]}}
         return verdict(found(a=record), "a", {"check": None})[0]
 
-    assert ended(1.0) == "named limit"
+    assert ended(1.0) == "T refused by name"
     assert ended(1.0 + 2.0 * BALANCE) == "WRONG"
+
+
+def test_the_sum_of_unlike_forces_is_judged_as_it_was_on_the_mesh() -> None:
+    def ended(imbalance: float) -> tuple[str, str]:
+        steps = path(1.5, 0.01, 0.03, 0.1, imbalance=imbalance, imbalance_error=1e-4)
+        steps[-1]["balls"] = [ball(0.1, 0.1**1.5), ball(0.1, 0.2 * 0.1**1.5, pull=1e-3)]  # opposite by construction
+        return verdict(found(a={"steps": steps[-1:]}), "a", {"check": None})
+
+    state, why = ended(0.9e-4)
+    assert state == "right"
+    assert "third law: T of all balls adds up to 4.5 %, tolerance 5 %" in why
+    assert ended(1.1e-4)[0] == "WRONG"
 
 
 def test_balance_of_forces_alone_claims_nothing_about_the_force() -> None:

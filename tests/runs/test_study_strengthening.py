@@ -49,6 +49,9 @@ def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -
     assert float(deepest["T"]) < 0.0  # they separate, whichever way x points
     assert (tmp_path / "out/strengthening.svg").stat().st_size > 5_000
     assert "within its error bar of 1** in 2 case(s)" in done.stdout
+    laws = [line for line in done.stdout.splitlines() if line.startswith(("| 1.16 | neo_hookean ", "| 1.16 | gent "))]
+    assert len(laws) == 2
+    assert all(line.count("| 1.03 ± ") == 2 for line in laws), laws
 
 
 def test_factors_follow_a_case_that_a_finer_mesh_has_answered_again(

@@ -13,7 +13,7 @@ from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study
 from runs.studies.framework.tables import markdown
-from runs.studies.laws.materials import LAW_BY_NAME
+from runs.studies.strengthening.materials import LAW_BY_NAME
 
 SIZES = ("2x1", "3x1", "4x1")
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {

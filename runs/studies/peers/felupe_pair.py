@@ -9,9 +9,9 @@ import numpy as np
 from pypardiso import spsolve
 from scipy.interpolate import RegularGridInterpolator
 
-from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers import scene
 from runs.studies.peers.scene import LAME, SHEAR, THICKNESS, Array, moduli
+from runs.studies.strengthening.materials import LAW_BY_NAME
 
 
 class Contact:

@@ -7,8 +7,8 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from runs.studies.laws.materials import LAW_BY_NAME
 from runs.studies.peers.scene import THICKNESS, YOUNG, report
+from runs.studies.strengthening.materials import LAW_BY_NAME
 
 SCENE = Path(__file__).with_name("pair.toml")
 

@@ -24,7 +24,8 @@ SLOPE_ON_GRIDS = 1e-3
 """Relative error of the slope integral on a grid of 256 cells per ball: noise of the check, not of the answer."""
 MEANINGFUL = 0.1
 """Largest relative error of T, and largest relative tolerance of a check on T, that claims anything."""
-NOT_CONVERGED, NOT_RESOLVED, NAMED_LIMIT = "not converged", "T not resolved", "named limit"
+NOT_CONVERGED, NOT_RESOLVED = "not converged", "T not resolved"
+NAMED_LIMIT, FORCE_REFUSED = "named limit", "T refused by name"
 ROUNDOFF = 1e-14
 """Tolerance on the difference of two routes to a zero T, over the normal force."""
 
@@ -116,8 +117,9 @@ class Checks:
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
     """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
-    If equilibrium holds and the result itself says that its state is not resolved, or that T is too small,
-    the case is a named limit. T is not resolved if all checks pass and its error is above `MEANINGFUL` of T.
+    If equilibrium holds and the result itself says that its state is not resolved, the case is a named limit; if it
+    says that T is too small, only its T is refused, with a bound. T is not resolved if all checks pass and its error is
+    above `MEANINGFUL` of T.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # a case's working files are deleted when it ends
@@ -140,7 +142,7 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         return "WRONG", "; ".join(checks.faults + checks.doubts)
     if said or checks.unresolved:
         why = "; ".join([*(said or checks.unresolved), *checks.doubts, *checks.passed, *checks.notes])
-        return NAMED_LIMIT if said else NOT_RESOLVED, why
+        return NAMED_LIMIT if distorted else FORCE_REFUSED if said else NOT_RESOLVED, why
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
 
 
@@ -168,7 +170,7 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
         checks.faults.append(f"an element is folded over: smallest J = {folded:.2g}")
     balls = steps[-1]["balls"] if steps else []
     _judge_routes(checks, balls, solved.get("unknowns", 0))
-    _judge_third_law(checks, balls)
+    _judge_third_law(checks, balls, steps[-1].get("record", {}) if steps else {})
     error, size = max((_error(ball) for ball in balls), default=0.0), max((_size(ball) for ball in balls), default=0.0)
     if error > MEANINGFUL * size > 0.0:
         known = f"{100 * error / size:.2g} %" if math.isfinite(error) else "an unknown part"
@@ -192,13 +194,18 @@ def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: 
             checks.judge(apart <= allowed, text)
 
 
-def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]]) -> None:
-    """Check that T of all balls sums to zero; skipped for equal loads, where symmetry makes it trivial."""
+def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> None:
+    """Check that T of all balls sums to zero; skipped for equal loads, where symmetry makes it trivial.
+
+    Elements make use of it, so their step's ``record`` holds sum and error as they were before.
+    """
     loads = [ball["normal_force"] for ball in balls]
     if len(balls) < 2 or min(loads) > (1.0 - 1e-6) * max(loads):
         return
     left_over = math.hypot(*(sum(ball["tangential_force"][axis] for ball in balls) for axis in (0, 1)))
     errors, size = sum(_error(ball) or math.inf for ball in balls), sum(_size(ball) for ball in balls)
+    if record.get("imbalance_error") is not None:
+        left_over, errors = record["imbalance"], record["imbalance_error"]
     if size > 0.0:
         checks.judge_force(left_over / size, errors / size, "third law: T of all balls adds up to")
 

@@ -46,7 +46,10 @@ class Check:
 
 @dataclass(frozen=True)
 class Hard:
-    """A hard case: ``checks`` by model; a model without one is judged by energy, force balance and its own routes."""
+    """A hard case: ``checks`` by model; a model without one is judged by energy, force balance and its own routes.
+
+    ``unknowns`` are budgets by model.
+    """
 
     name: str
     words: str
@@ -58,6 +61,7 @@ class Hard:
     accuracy: float | None = None
     levels: tuple[Level, ...] = ()
     steps: tuple[float, ...] | None = None
+    unknowns: Mapping[str, float] = field(default_factory=dict)
 
 
 def scaled(problem: Problem, scale: float) -> Problem:
@@ -106,12 +110,12 @@ def hard_cases() -> list[Hard]:
                levels=QUADRATIC),
         finite("badly-graded", "element sizes that grow twice as fast", GRADED,
                Check("the usual mesh", twin)),
-        three("light", "hardly touching: D = 1e-4 R", pair(1e-4)),
+        three("light", "hardly touching: D = 1e-4 R", pair(1e-4), unknowns={FINITE: 250e3}),
         three("nearly-incompressible", "nu = 0.4999", pair(0.1, poisson=0.4999),
               Check("nu = 0.5", "incompressible-finite-strain", 0.01)),
         three("incompressible", "nu = 0.5", pair(0.1, poisson=0.5)),
         three("no-lateral-strain", "nu = 0", pair(0.1, poisson=0.0)),
-        three("very-thin", "h = 0.1 R, D = 0.02 R", pair(0.02, thickness=0.1), accuracy=0.01),
+        three("very-thin", "h = 0.1 R, D = 0.02 R", pair(0.02, thickness=0.1), accuracy=0.001),
         three("very-thick", "h = 20 R, D = 0.1 R", pair(0.1, thickness=20.0)),
         three("stiff-substrate", "a substrate 1e7 times as stiff", pair(0.1, substrate=Elastic(1e7, 0.3)),
               Check("a rigid base", "rigid-base-finite-strain")),
@@ -125,7 +129,8 @@ def hard_cases() -> list[Hard]:
         Hard("thin-layer", "h = 0.2 R, D = 0.05 R", pair(0.05, thickness=0.2), (FINITE, SMALL, LINEAR),
              {SMALL: checks("thin-layer")[SMALL]}, accuracy=0.006),
         Hard("resting", "one ball pressed in by 0.2 R, its neighbour only rests", pair((0.2, 0.0)),
-             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]}),
+             (FINITE, SMALL, LINEAR), {SMALL: checks("resting")[SMALL]},
+             unknowns={FINITE: 200e3, SMALL: 200e3}),
         Hard("touching-deep", "L = 2 R, D = 1 R in h = 1.16 R: 0.86 of its thickness", pair(1.0), (FINITE,)),
         Hard("deepest", "D = 0.95 h, beyond the solver's limit", pair(1.1), (FINITE, SMALL)),
         three("very-deep", "D = 1.0 R in h = 2 R", pair(1.0, thickness=2.0)),
@@ -221,4 +226,5 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     if hard.levels:
         return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
     stop = hard.stop_after if model == FINITE else None
-    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, numerics=hard.numerics)
+    budget = {"unknowns": hard.unknowns[model]} if model in hard.unknowns else {}
+    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, budget, numerics=hard.numerics)

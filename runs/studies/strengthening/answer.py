@@ -9,8 +9,9 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
-from runs.studies.strengthening import fitting, pictures
+from runs.studies.strengthening import fitting, laws, pictures
 from runs.studies.strengthening.fitting import at_depth
+from runs.studies.strengthening.law_cases import law_cases
 from runs.studies.strengthening.matrix import SIDES, cases
 from runs.studies.strengthening.pictures import Paths, Rows
 from runs.studies.strengthening.ratios import load_paths
@@ -18,13 +19,16 @@ from runs.studies.strengthening.ratios import load_paths
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
 """Largest misfit of one curve through several that is worth a formula."""
+LAWS = ("laws", "foam")
+"""Groups of the part on laws."""
 DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
 """Approaches over R that curves are read at."""
 
 
 def present(found: Found, folder: Path) -> str:
     """Write tables and figures; return the answer as Markdown."""
-    paths = load_paths(found, folder)
+    every = load_paths(found, folder)
+    paths, others = ([one for one in every if (one[0].labels["group"] in LAWS) is each] for each in (False, True))
     rows = {case.name: path for case, path in paths}
     main = {side: headline(rows, side) for side in SIDES.values()}
     fits = {side: _fit(main[side], h) for h, side in SIDES.items()}
@@ -36,6 +40,7 @@ def present(found: Found, folder: Path) -> str:
         ladder=_ladder(rows), small_load=fitting.SMALL_LOAD, slopes=_slopes(paths), parameters=_parameters(paths),
         signs=_signs(paths),
         fits=[(h, fits[side]) for h, side in SIDES.items() if fits[side]], common=list(_common(paths)), most=COMMON,
+        laws=laws.part(others, folder),
     )  # fmt: skip
 
 
@@ -158,5 +163,5 @@ def _common(paths: Paths) -> Iterator[tuple[Any, ...]]:
                 yield h, words, len(curves), best[0], best[1]
 
 
-PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters") for kind in ("svg", "png")]
-STUDY = study_of_cases("strengthening", cases, present, PICTURES)
+PICTURES = [f"{name}.{kind}" for name in ("strengthening", "parameters", "laws") for kind in ("svg", "png")]
+STUDY = study_of_cases("strengthening", lambda quick: [*cases(quick), *law_cases(quick)], present, PICTURES)

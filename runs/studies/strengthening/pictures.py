@@ -67,7 +67,7 @@ def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
 
 
 def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
-    figure, axes = panels(4.2, 4.2, 4.2, height=4.2)
+    figure, axes = panels(3.5, 3.5, 3.5, height=3.9)
     for axis, group, key in ((axes[0], "poisson", "nu"), (axes[1], "distance", "L")):
         chosen = [
             case

@@ -7,29 +7,26 @@ from typing import Any
 from runs.display.numbers import number
 from runs.display.style import look, panels, save_figure
 from runs.studies.framework.case import Case
-from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
-from runs.studies.laws.matrix import cases
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.pictures import COLORS, MARKS, Paths, Rows, bars, finish
-from runs.studies.strengthening.ratios import load_paths
 
 
-def present(found: Found, folder: Path) -> str:
-    """Write table and figure; return the answer as Markdown."""
-    paths = load_paths(found, folder)
+def part(paths: Paths, folder: Path) -> str:
+    """Write the figure; return the part of the answer as Markdown."""
     laws, foams = ([each for each in paths if each[0].labels["group"] == group] for group in ("laws", "foam"))
     drawn = [group for group in _by_layer(laws) if not _vanishes(group[1])]
     if drawn:
         _draw(drawn, folder)
-    return render(__file__, laws=_laws(laws), spreads=_spreads(laws), foams=_foams(foams), drawn=bool(drawn))
+    return render(
+        __file__, "laws.md.jinja", laws=_laws(laws), spreads=_spreads(laws), foams=_foams(foams), drawn=bool(drawn),
+    )  # fmt: skip
 
 
 @look()
 def _draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None:
     """Write S_Q of every law, a panel for each layer, as laws.svg and .png."""
-    figure, axes = panels(*[4.4] * len(groups), height=4.2)
+    figure, axes = panels(*[3.5] * len(groups), height=3.9)
     for axis, ((h, nu), here) in zip(axes, groups, strict=True):
         for i, (case, path) in enumerate(here):
             name = str(case.labels["law"]).replace("_", " ")
@@ -97,6 +94,3 @@ def _foams(paths: Paths) -> list[dict[str, Any]]:
             "S_Q": (row["S_Q"], row["S_Q_error"]), "S_D": (row["S_D"], row["S_D_error"]),
         })  # fmt: skip
     return rows
-
-
-STUDY = study_of_cases("laws", cases, present, ["laws.svg", "laws.png"])

@@ -1,4 +1,4 @@
-"""Which cases the study solves: the paper's pair with every law, and the paper's balls on foam."""
+"""The cases of the part on laws: the paper's pair with every law, and the paper's balls on foam."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ from linear_bem.law import Hyperfoam, Law
 from linear_bem.problem import FiniteStrain
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import THIN
-from runs.studies.laws.materials import FOAMS, LAWS
+from runs.studies.strengthening.materials import FOAMS, LAWS
 from runs.studies.strengthening.matrix import SIDES, along
 
 APPROACHES, QUICK_APPROACHES = (0.1, 0.2, 0.32, 0.5), (0.01, 0.02, 0.03)
@@ -16,7 +16,7 @@ FOAM_THICKNESS, FOAM_APPROACHES = 8.0, (0.3, 0.6, 0.9, 1.2)
 ACCURACY, QUICK_ACCURACY = 0.02, 0.2
 
 
-def cases(quick: bool) -> list[Case]:
+def law_cases(quick: bool) -> list[Case]:
     """Return all cases; two laws on the thin layer at light loads in the quick version."""
     if quick:
         return [_case("laws", THIN, QUICK_APPROACHES, QUICK_ACCURACY, law, nu) for law, nu in LAWS[:2]]
