@@ -12,7 +12,7 @@ from runs.evolution.drift import Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.providers import Provider
 from tests.runs.foam_balls import RADIUS, line, scene, spread
-from tests.runs.lattices import triangular
+from tests.runs.lattices import lattice, triangular
 
 INTERIOR = 1e-7
 """Of the interior-point method, relative to the largest velocity."""
@@ -86,3 +86,14 @@ def test_the_interior_point_method_finds_the_velocity_of_least_squares(
     if rolling == 0.0:
         monkeypatch.setattr(motion, "DENSE", 0)
         assert balls.admissible(x, force, load, contacts, opening)[0] == pytest.approx(velocity, abs=INTERIOR)
+
+
+def test_small_overlaps_of_thousands_of_balls_are_parted() -> None:
+    rng = np.random.default_rng(1)
+    balls, load = HardBalls(np.ones(2500), np.array([130.0, 130.0])), np.ones(2500)
+    apart = balls.parted(lattice(50, 50, 2.6) + rng.uniform(-0.5, 0.5, (2500, 2)), load)
+    x = apart + rng.uniform(-1e-5, 1e-5, apart.shape)
+    assert np.min(balls.gaps(x, balls.near(x, 0.0))) < -1e-6
+    parted = balls.parted(x, load)
+    assert np.min(balls.gaps(parted, balls.near(parted, 0.1))) > -1e-10
+    assert np.max(np.abs(parted - x)) < 3e-5
