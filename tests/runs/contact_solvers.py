@@ -230,7 +230,8 @@ def compared(count: int, problems: list[Contact], solvers: dict[str, Callable[[C
     return [
         {
             "balls": count, "contacts": f"{min(sizes)} to {max(sizes)}", "solver": name,
-            "solved": f"{len(found)} of {len(problems)}", "ms": 1e3 * float(np.mean([one[0] for one in found.values()])),
+            "solved": f"{len(found)} of {len(problems)}",
+            "ms": 1e3 * float(np.mean([one[0] for one in found.values()])),
             "iterations, most": max((one[1][2] for one in found.values()), key=lambda n: n or 0),
             "violation": f"{max(off[name].values()):.0e}",
             "velocities off by": f"{max(np.max(np.abs(one[1][0] - exact[k])) for k, one in found.items()):.0e}",
