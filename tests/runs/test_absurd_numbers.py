@@ -8,14 +8,13 @@ import pytest
 
 from runs.scene.scene_file import InvalidScene, read_scene
 
-SCENE = """
+LAYER = """
 [layer]
 thickness = "10 mm"
 young = "1 MPa"
 poisson = 0.48
-[substrate]
-young = "1 GPa"
-poisson = 0.3
+"""
+REST = """
 [balls]
 radius = "8 mm"
 positions = [["-8 mm", 0], ["8 mm", 0]]
@@ -24,18 +23,12 @@ approach = "1.5 mm"
 [periodic]
 lengths = ["100 mm", "60 mm"]
 """
-DRIFT = """
-[layer]
-thickness = "10 mm"
-young = "1 MPa"
-poisson = 0.48
-[balls]
-radius = "8 mm"
-positions = [["-8 mm", 0], ["8 mm", 0]]
-[load]
-approach = "1.5 mm"
-[periodic]
-lengths = ["100 mm", "60 mm"]
+SCENE = f"""{LAYER}
+[substrate]
+young = "1 GPa"
+poisson = 0.3
+{REST}"""
+DRIFT = f"""{LAYER}{REST}
 [rolling_resistance]
 share = 1e-3
 [reciprocation]
