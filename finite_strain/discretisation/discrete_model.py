@@ -122,8 +122,7 @@ class Model:
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
         surface = self.contact.readings(self._stretch) | {"contact_energy": self.contact.energy}
         surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
-        volume = {name: self.volume_integral(density) for name, density in inside.items()}
-        self.readings = Readings(self.contact, volume, surface)
+        self.readings = Readings(self.contact, self.volume_integral, inside, surface)
         self._by_move = ufl.derivative(surface["normal"], u, test)
         forms = [*tangents, *residuals, *self.readings.forms, *[pressed] * self._has_constant_bulk]
         compiled = iter(compat.compile_forms(forms, self.comm))

@@ -4,7 +4,7 @@ With a form for each part the compiler would take several times as long. Parts o
 part may be infinite where another one is asked for.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import dolfinx
@@ -14,19 +14,27 @@ from mpi4py import MPI
 from finite_strain.contact.contact_energy import Contact
 from finite_strain.discretisation.regions import constant
 
+Density = Callable[[Any, Any], Any]
+
 
 class Readings:
     """Integrals by name, ``inside`` and on the ``surface``, there of the balls that the contact's `choose` weights.
 
-    ``forms`` are to be compiled, into ``compiled``.
+    Those inside are densities, functions of energy and displacement gradient, which ``integral`` integrates together:
+    the form compiler compares equal expressions of two integrals as trees, which takes many minutes for sums over
+    principal stretches. ``forms`` are to be compiled, into ``compiled``.
     """
 
-    def __init__(self, contact: Contact, inside: Mapping[str, Any], surface: Mapping[str, Any]) -> None:
+    def __init__(
+        self, contact: Contact, integral: Callable[[Density], Any], inside: Mapping[str, Density],
+        surface: Mapping[str, Any],
+    ) -> None:  # fmt: skip
         self.contact, self.comm = contact, contact.mesh.comm
         self._switches = [{name: constant(contact.mesh, 0.0) for name in parts} for parts in (inside, surface)]
+        within, above = self._switches
         self.forms = [
-            sum(switches[name] * part for name, part in parts.items())
-            for switches, parts in zip(self._switches, (inside, surface), strict=True)
+            integral(lambda psi, gradient: sum(within[name] * part(psi, gradient) for name, part in inside.items())),
+            sum(above[name] * part for name, part in surface.items()),
         ]
         self.compiled: list[Any] = []
 
