@@ -314,3 +314,11 @@ def test_the_range_of_convexity_is_said_and_is_where_it_ends() -> None:
     assert Ogden((2.0, -2.0), (0.5, 0.5)).doubts(0.4)
     assert not Ogden((1.3, 5.0), (0.5, 0.5)).doubts(0.4)
     assert replace(soft, ratios=(0.0, 0.0)).doubts(0.4) == []
+
+
+def test_readings_inside_are_one_integral_per_region(tmp_path: Path) -> None:
+    # the form compiler compares equal expressions of two integrals as trees: for ten minutes with Ogden's law
+    given = replace(single(0.02), finite_strain=FiniteStrain(GIVEN["ogden"]))
+    model = coarse_rig(coarse_plan(given), tmp_path).model
+    regions = [integral.subdomain_id() for integral in model.readings.forms[0].integrals()]
+    assert len(regions) == len(set(regions)) == len(model.bulks) == 1
