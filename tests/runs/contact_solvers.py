@@ -1,4 +1,4 @@
-"""The contact problems of drifting balls by several solvers; `runs/studies/collective/README.md` has what this prints.
+"""The contact problems of drifting balls by several solvers.
 
     python -m tests.runs.contact_solvers [COUNT ...]     # 9, 200, 1000 and 10 000 balls: six minutes of one core
 
