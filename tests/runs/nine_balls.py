@@ -2,7 +2,8 @@
 
     git worktree add ../old 9b6019d && python -m tests.runs.nine_balls ../old     # three minutes of one core
 
-9b6019d is the last commit of version 0.1.0. Every run has a folder of its own, and so computes its table of pairs; "drift" is without this and without the pictures.
+9b6019d is the last commit of version 0.1.0. Every run has a folder of its own, and so computes its table of pairs;
+"drift" is without this and without the pictures.
 """
 
 from __future__ import annotations
