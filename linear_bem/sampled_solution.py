@@ -23,6 +23,8 @@ from linear_bem.smooth.initial_guess import Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost
 from linear_bem.solution import Estimated, is_certified, require_certified
 
+SAMPLE = ", sample: "
+"""In lines of progress after the degree, where work begins whose time hardly depends on the number of balls."""
 ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
 DEGREES = (4, 6, 8)
@@ -71,11 +73,13 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
                 raise
             break
         start = _start_of(contacts)
-        report(f"degree {degree}: residuals of {len(contacts.sample)} of {len(contacts.touching)} contacts")
+        sample = f"{len(contacts.sample)} of {len(contacts.touching)} contacts"
+        report(f"degree {degree}{SAMPLE}residuals of {sample}")
         if not is_certified(contacts):
             continue
-        report(f"degree {degree}: {len(contacts.sample)} of {len(contacts.touching)} contacts are solved exactly")
+        report(f"degree {degree}{SAMPLE}{sample} are solved exactly")
         best = _judged(contacts, wanted, report)
+        report(f"degree {degree}: results")
         if not best.notes:
             return best
         pairs = min(pairs, max(AGAIN * wanted, FINEST))
