@@ -1,8 +1,9 @@
 """Many balls: one degree of p^2 is accepted where a sample of balls, solved exactly, has the requested T.
 
 Two degrees for all balls would cost several times as much as one. The error of T goes like the forces that neighbours
-exert on each other, so the largest ratio of the two on the sample, doubled, gives the error on every ball. T is
-proportional to the ball's own force, too: where that is not given, its largest error in the sample, doubled, adds.
+exert on each other, so the largest ratio of the two on the sample, times `UNSAMPLED`, gives the error on every ball. T
+is proportional to the ball's own force, too: where that is not given, its largest error in the sample adds, times the
+same.
 """
 
 from dataclasses import replace
