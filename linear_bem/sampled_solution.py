@@ -1,8 +1,9 @@
 """Many balls: one degree of p^2 is accepted where a sample of balls, solved exactly, has the requested T.
 
 Two degrees for all balls would cost several times as much as one. The error of T goes like the forces that neighbours
-exert on each other, so the largest ratio of the two on the sample, doubled, gives the error on every ball. T is
-proportional to the ball's own force, too: where that is not given, its largest error in the sample, doubled, adds.
+exert on each other, so the largest ratio of the two on the sample, times `UNSAMPLED`, gives the error on every ball. T
+is proportional to the ball's own force, too: where that is not given, its largest error in the sample adds, times the
+same.
 """
 
 from dataclasses import replace
@@ -23,6 +24,8 @@ from linear_bem.smooth.initial_guess import Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost
 from linear_bem.solution import Estimated, is_certified, require_certified
 
+SAMPLE = ", sample: "
+"""In lines of progress after the degree, where work begins whose time hardly depends on the number of balls."""
 ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
 DEGREES = (4, 6, 8)
@@ -71,11 +74,13 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
                 raise
             break
         start = _start_of(contacts)
-        report(f"degree {degree}: residuals of {len(contacts.sample)} of {len(contacts.touching)} contacts")
+        sample = f"{len(contacts.sample)} of {len(contacts.touching)} contacts"
+        report(f"degree {degree}{SAMPLE}residuals of {sample}")
         if not is_certified(contacts):
             continue
-        report(f"degree {degree}: {len(contacts.sample)} of {len(contacts.touching)} contacts are solved exactly")
+        report(f"degree {degree}{SAMPLE}{sample} are solved exactly")
         best = _judged(contacts, wanted, report)
+        report(f"degree {degree}: results")
         if not best.notes:
             return best
         pairs = min(pairs, max(AGAIN * wanted, FINEST))

@@ -24,11 +24,10 @@ SHARE = 0.05
 """Accuracy of the computed changes, as a fraction of that accuracy."""
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
-PATIENCE, SHORT, PART = 60.0, 5.0, 1.0 / 3.0
-"""Time limit of the advice [s], of few balls; of many balls a limit, and the part of their run's time if that is more.
-Beyond, only advice that needs no solution is given."""
-SOLUTIONS = 8
-"""Linear solutions that the advice takes at most."""
+PATIENCE = 60.0
+"""Default time limit of the advice [s]: what would take longer is left out."""
+FINER = 1.5
+"""Time of a solution for the advice over that of the one it starts from, which is less accurate."""
 FRICTION = 0.3
 """Coefficient of friction for which a drift is quoted."""
 
@@ -48,7 +47,8 @@ class Advice:
 class Adviser:
     """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T.
 
-    ``patience`` is the time [s] that its solutions may take together.
+    ``patience`` is the time [s] that its solutions may take together; those that would take longer are ``left_out``,
+    and ``spent`` is about the time of the others.
     """
 
     def __init__(
@@ -64,6 +64,8 @@ class Adviser:
         self.ball = sizes.index(max(sizes))
         self.force = ahead.balls[self.ball].tangential_force
         self.size = sizes[self.ball]
+        self.spent = FINER * ahead.solved.seconds  # of the state that changes refer to
+        self.left_out: list[str] = []
 
     def advise(self) -> list[Advice]:
         """Return advice for every effect that can be judged; none for a single ball, on which no T acts."""
@@ -72,14 +74,28 @@ class Adviser:
         found = [self._finite_strain()]
         if "reciprocation" not in self.effects:
             found.append(self._reciprocation())
-        if self.ahead.solved.seconds * SOLUTIONS < self.patience:
-            for part in (self._shape, self._substrate, self._volume, self._point_load):
-                try:
-                    found += part()
-                except ThirdBodyError as error:
-                    name = part.__name__.strip("_").replace("_", " ")
-                    found.append(Advice(name, False, None, None, None, f"{name}: cannot be judged ({error})"))
+        stiffnesses = len(STIFFNESSES) if self.problem.substrate is None else 1
+        for part, solutions in (
+            (self._shape, 1), (self._substrate, stiffnesses), (self._poisson, 1), (self._contact_size, 0),
+            (self._neighbours, None),
+        ):  # fmt: skip
+            name = part.__name__.strip("_").replace("_", " ")
+            if solutions is not None and not self.affords(solutions):
+                self.left_out.append(name)
+                continue
+            try:
+                found += part()
+            except ThirdBodyError as error:
+                found.append(Advice(name, False, None, None, None, f"{name}: cannot be judged ({error})"))
         return found
+
+    def affords(self, solutions: int) -> bool:
+        """Return whether so many more solutions are within the patience; if so, they count as spent."""
+        more = self.spent + solutions * FINER * self.ahead.solved.seconds
+        if more >= self.patience:
+            return False
+        self.spent = more
+        return True
 
     def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
         """Return the relative change of T, along its direction, if ``problem`` is solved instead."""
@@ -167,7 +183,7 @@ class Adviser:
         )
         return [Advice("substrate", False, change, None, None, text)]
 
-    def _volume(self) -> list[Advice]:
+    def _poisson(self) -> list[Advice]:
         layer = self.problem.layer
         if layer.poisson == 0.5:
             return []
@@ -178,12 +194,12 @@ class Adviser:
         )
         return [Advice("poisson", True, change, None, self._judged(change), text)]
 
-    def _point_load(self) -> list[Advice]:
+    def _contact_size(self) -> list[Advice]:
         change = self._changed(self.problem, MODELS["point_load"].solve)
         matters = self._judged(change)
         words = "" if matters else "; --model point_load would do"
         text = f"size of the contacts: treating the balls as point loads would change T by {percent(change)}{words}"
-        return [Advice("contact size", True, change, None, matters, text), *self._neighbours()]
+        return [Advice("contact size", True, change, None, matters, text)]
 
     def _neighbours(self) -> Iterator[Advice]:
         """Advise beyond which distance neighbours can be neglected, by the point-load law of each pair."""

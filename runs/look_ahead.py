@@ -2,13 +2,17 @@
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.problem import Load, Problem
+from linear_bem.errors import InvalidProblem
+from linear_bem.problem import Load, Periodic, Problem
+from linear_bem.report import silent
 from linear_bem.result import Result
+from linear_bem.sampled_solution import SAMPLE
 from linear_bem.smooth.contacts import CHECKED
 from runs.display.numbers import leading_ball
 from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
@@ -16,8 +20,9 @@ from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
 CLOSE, ABOUT = 7, 5
 """Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones: so
 many together."""
-LEAST, MOST = 150, 400
-"""Of more balls than the second number a plan solves as many about the middle: time grows along a straight line."""
+LEAST, MOST = 120, 400
+"""Of more balls a plan solves the first number about the middle, and the second where few of those touch: beside the
+sample, time grows as the number of balls."""
 ROUGH, QUICK = 1e-2, 1.0
 """Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
 MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 4.1e3, 110e3, 500.0
@@ -26,25 +31,52 @@ and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 
 2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
-def ahead_of(problem: Problem, seen: Sequence[int], accuracy: float | None) -> tuple[Result, float]:
-    """Return the linear solution of the balls ``seen``, and the time [s] that all of them take."""
+@dataclass(frozen=True)
+class Ahead:
+    """The linear ``result`` of ``part``, the balls ``seen`` of a problem, and the time [s] that all of them take."""
+
+    part: Problem
+    seen: Sequence[int]
+    result: Result
+    seconds: float
+
+
+def ahead_of(problem: Problem, accuracy: float | None) -> Ahead:
+    """Return the linear solution of few balls, or of some about the middle that are judged by a sample as all are."""
     model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
-    part = only(small, seen)
-    many = part.size > CHECKED
-    ahead = measured(model, part, accuracy if many else ROUGH)
-    if not many and ahead.solved.seconds < QUICK:
-        ahead = measured(model, part, accuracy)
-    if part is small:
-        return ahead, ahead.solved.seconds
-    fewer = measured(model, only(small, seen[:LEAST]), accuracy)
-    rise = (ahead.solved.seconds - fewer.solved.seconds) / (MOST - LEAST)
-    return ahead, max(ahead.solved.seconds, fewer.solved.seconds + rise * (problem.size - LEAST))
+    for count in (LEAST, MOST):
+        part, seen = in_the_middle(small, count)
+        many, phases = part.size > CHECKED, _Phases()
+        result = measured(model, part, accuracy if many else ROUGH, phases)
+        if not many and result.solved.seconds < QUICK:
+            result = measured(model, part, accuracy)
+        if part is small or "sample" in result.solved.accuracy:
+            break
+    sampled = min(phases.sampled, result.solved.seconds)
+    rest = (result.solved.seconds - sampled) * problem.size / part.size
+    return Ahead(part, seen, result, sampled + rest)
 
 
-def measured(model: Model, problem: Problem, accuracy: float | None) -> Result:
+class _Phases:
+    """Takes the linear model's lines of progress; ``sampled`` is the processor time [s] spent on a sample."""
+
+    def __init__(self) -> None:
+        self.sampled = 0.0
+        self._since: float | None = None
+
+    def __call__(self, text: str) -> None:
+        if not text.startswith("degree"):
+            return
+        now = time.process_time()
+        if self._since is not None:
+            self.sampled += now - self._since
+        self._since = now if SAMPLE in text else None
+
+
+def measured(model: Model, problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent) -> Result:
     """Return a model's result with its time [s] on an idle machine: the processor time, where that is less."""
     begun = time.process_time()
-    result = model.solve(problem, Run(accuracy))
+    result = model.solve(problem, Run(accuracy, report=report))
     seconds = min(result.solved.seconds, time.process_time() - begun)
     return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=seconds))
 
@@ -60,13 +92,37 @@ def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
     return part, measured(MODELS["linear_bem"], part, ROUGH)
 
 
-def in_the_middle(problem: Problem) -> Sequence[int]:
-    """Return the numbers of up to `MOST` balls about the loaded one nearest to the middle; all of a cell."""
-    if problem.size <= MOST or problem.periodic is not None:
-        return range(problem.size)
+def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]:
+    """Return the problem of up to so many balls about the loaded one nearest to the middle, and their numbers.
+
+    Those of a cell are in a smaller cell, which is as wide as they are and the largest ball; the whole where that is
+    no smaller.
+    """
+    whole = problem, range(problem.size)
+    if problem.size <= count:
+        return whole
     loaded = problem.positions[np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)]
-    middle = problem.positions.mean(axis=0)
-    return _nearest(problem, loaded[np.argmin(np.hypot(*(loaded - middle).T))], MOST)
+    place = loaded[np.argmin(np.hypot(*(loaded - problem.positions.mean(axis=0)).T))]
+    if problem.periodic is None:
+        seen = _nearest(problem, place, count)
+        return only(problem, seen), seen
+    lengths = np.array(problem.periodic.lengths)
+    offsets = problem.positions - place
+    offsets -= lengths * np.round(offsets / lengths)
+    shares = np.max(np.abs(offsets) / lengths, axis=1)
+    seen = np.argsort(shares, kind="stable")[:count].tolist()
+    cell = 2.0 * shares[seen[-1]] * lengths + 2.0 * max(ball.radius for ball in problem.balls)
+    if np.any(cell >= lengths):
+        return whole
+    part = only(problem, seen)
+    balls = tuple(
+        dataclasses.replace(ball, position=(float(x), float(y)))
+        for ball, (x, y) in zip(part.balls, place + offsets[seen], strict=True)
+    )
+    try:
+        return dataclasses.replace(part, balls=balls, periodic=Periodic((float(cell[0]), float(cell[1])))), seen
+    except InvalidProblem:  # bodies wider than their radius says
+        return whole
 
 
 def _nearest(problem: Problem, place: Array, count: int) -> Sequence[int]:

@@ -11,11 +11,11 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem
 from linear_bem.result import Result
-from runs.advice import PART, PATIENCE, SHORT, SOLUTIONS, USUAL, Adviser
+from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.look_ahead import ABOUT, CLOSE, MEMORY, ahead_of, closest, in_the_middle, measured, memory, only, unknowns_of
+from runs.look_ahead import ABOUT, CLOSE, LEAST, MEMORY, Ahead, ahead_of, closest, measured, memory, unknowns_of
 from runs.models import MODELS, Model, as_command, choose, load_path, planned_runs, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -39,6 +39,8 @@ NAMES = {
     "refused": "refused:",
     "load_steps": "load steps",
 }
+PART, LONGEST = 1.0 / 3.0, 5.0
+"""Part of the time of many balls' run that their plan may take, and the largest time [s] of its advice."""
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 
@@ -54,10 +56,9 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         expected = expectation(scene)
         sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
-    seen = in_the_middle(problem)
-    part = only(problem, seen)
-    with waiting(f"the linear model on {part.size} ball(s), for this plan"):
-        ahead, seconds = ahead_of(problem, seen, None if model.plan else scene.tangential_force)
+    with waiting(f"the linear model on {min(problem.size, LEAST)} ball(s), for this plan"):
+        found = ahead_of(problem, None if model.plan else scene.tangential_force)
+    part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
     plans = [_model_plan(model, scene, problem, ahead, seconds)]
     if asked is None and model.plan is not None:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
@@ -67,15 +68,19 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
-    patience = PATIENCE if problem.size <= CLOSE else max(SHORT, PART * max(plan["seconds"] or 0.0 for plan in plans))
-    needed = near.solved.seconds * (SOLUTIONS + sensitivity.SOLUTIONS)
-    if needed > patience:
-        notes = (*notes, f"advice: what needs solutions of its own is left out: they would take about {needed:.0f} s")
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, found))
+    inputs = None
     with waiting("the linear model with and without each effect, for this plan's advice"):
-        limit = 0.0 if needed > patience else patience
-        advice = Adviser(close, near, scene.tangential_force, scene.effects, limit).advise()
-        inputs = sensitivity.record(close) if limit and problem.size > 1 else None
-    if part is not problem:
+        advice = adviser.advise()
+        if problem.size > 1 and adviser.affords(sensitivity.SOLUTIONS):
+            inputs = sensitivity.record(close)
+        elif problem.size > 1:
+            adviser.left_out.append(sensitivity.TITLE)
+    if adviser.left_out:
+        names = ", ".join(adviser.left_out)
+        few = "the balls in question alone" if problem.periodic is None else "fewer balls"
+        notes = (*notes, f"left out, as it takes long beside the run: {names}; plan a scene of {few} for it")
+    if part.size < problem.size:
         notes = (*notes, f"expected: of {part.size} balls about the middle, without the others")
     if close is not part:
         leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
@@ -101,6 +106,13 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene)
+
+
+def _patience(problem: Problem, ahead: Ahead) -> float:
+    """Return the time [s] that the advice may take: of many balls what is left of a part of the run's."""
+    if problem.size <= (LEAST if problem.periodic is None else CLOSE):
+        return PATIENCE
+    return min(PART * ahead.seconds - ahead.result.solved.seconds, LONGEST)
 
 
 def _model_plan(

@@ -10,9 +10,10 @@ import pytest
 
 from linear_bem import Ball, Layer, Load, Periodic, Problem, solve
 from linear_bem.result import Result
+from linear_bem.sampled_solution import SAMPLE
 from runs import look_ahead
 from runs.commands import plan
-from runs.models import MODELS, Model, Run
+from runs.models import MODELS, Run
 from runs.scene.scene_file import read_scene
 
 COUNT = 14
@@ -84,14 +85,17 @@ def test_advice_that_would_take_long_beside_the_run_of_many_balls_is_left_out(
         return solve(problem, look_ahead.ROUGH)
 
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
-    monkeypatch.setattr(plan, "SHORT", 0.0)
+    monkeypatch.setattr(plan, "LEAST", 0)
+    monkeypatch.setattr(plan, "PART", 0.0)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="approach = 0.1") + cell, encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
     found = json.loads(capsys.readouterr().out)
-    assert any("left out: they would take about" in note for note in found["notes"])
+    left = "shape, substrate, poisson, contact size, what the inputs do to T; plan a scene of "
+    left += "fewer balls" if cell else "the balls in question alone"
+    assert any(note.endswith(f"{left} for it") for note in found["notes"])
     assert found["sensitivity"] is None
-    assert {"finite_strain", "reciprocation"} == {item["effect"] for item in found["advice"]}
+    assert [item["effect"] for item in found["advice"]] == ["finite_strain", "reciprocation", "neighbours"]
     assert len(made) <= 3
 
 
@@ -112,19 +116,64 @@ def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
         assert least < details["memory_bytes"] < most
 
 
-def test_the_time_of_many_balls_lies_on_the_line_through_two_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, solved = solve(ROW, look_ahead.ROUGH), []
+def lattice(count: int) -> tuple[Ball, ...]:
+    return tuple(Ball((2.2 * (k % 50), 2.2 * (k // 50)), 1.0) for k in range(count))
 
-    def of_line(model: Model, problem: Problem, accuracy: float | None) -> Result:
-        solved.append((problem.size, accuracy))
-        return dataclasses.replace(found, solved=dataclasses.replace(found.solved, seconds=1.5 + 0.01 * problem.size))
 
-    monkeypatch.setattr(look_ahead, "measured", of_line)
-    balls = tuple(Ball((2.2 * (k % 50), 2.2 * (k // 50)), 1.0) for k in range(2000))
-    problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("total_force", (50.0,)))
-    _, seconds = look_ahead.ahead_of(problem, look_ahead.in_the_middle(problem), 1e-3)
-    assert solved == [(look_ahead.MOST, 1e-3), (look_ahead.LEAST, 1e-3)]
-    assert seconds == pytest.approx(1.5 + 0.01 * 2000)
+@pytest.mark.parametrize("sampled", [True, False])
+def test_the_time_of_many_balls_grows_with_their_number_beside_the_sample(
+    sampled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = solve(ROW, look_ahead.ROUGH)
+    clock, solved = [0.0], []
+
+    def model(problem: Problem, run: Run) -> Result:
+        solved.append((problem.size, run.tangential_force))
+        for line, seconds in (
+            ("degree 4, sweep 1: change 1e-5, tolerance 1e-4", 0.01 * problem.size),
+            (f"degree 4{SAMPLE}30 contacts are solved exactly", 1.2),
+            ("5 of 30 contacts solved exactly", 0.8),
+            ("degree 4: results", 0.001 * problem.size),
+        ):
+            run.report(line)
+            clock[0] += seconds
+        accuracy = {"sample": [0]} if sampled else {}
+        return dataclasses.replace(known, solved=dataclasses.replace(known.solved, seconds=99.0, accuracy=accuracy))
+
+    monkeypatch.setattr(look_ahead.time, "process_time", lambda: clock[0])
+    monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=model))
+    problem = Problem(Layer(1.0, 0.48, 2.0), lattice(2000), Load("total_force", (50.0,)))
+    ahead = look_ahead.ahead_of(problem, 1e-3)
+    # where few of the balls about the middle touch, a sample judges only more of them
+    sizes = [look_ahead.LEAST] if sampled else [look_ahead.LEAST, look_ahead.MOST]
+    assert solved == [(size, 1e-3) for size in sizes]
+    assert ahead.seconds == pytest.approx(2.0 + 0.011 * 2000)
+
+
+def test_the_lines_of_progress_say_when_the_sample_begins_and_ends() -> None:
+    lines: list[str] = []
+    problem = Problem(Layer(1.0, 0.48, 2.0), lattice(105), Load("approach", (0.1,) * 105))
+    solve(problem, 1e-2, lines.append)
+    degrees = [line for line in lines if line.startswith("degree")]
+    begun = [SAMPLE in line for line in degrees].index(True)
+    assert "sweep" in degrees[begun - 1]
+    assert [SAMPLE in line for line in degrees[begun:]] == [True, True, False]
+
+
+def test_a_cell_of_many_balls_is_planned_by_a_smaller_one() -> None:
+    places = np.array([(2.2 * i + 0.1 * (j % 2), 2.2 * j) for i in range(15) for j in range(20)])
+    balls = tuple(Ball((float(x), float(y)), 1.0) for x, y in places)
+    cell = Problem(Layer(1.0, 0.48, 2.0), balls, Load("approach", (0.1,) * 300), periodic=Periodic((33.0, 44.0)))
+    part, seen = look_ahead.in_the_middle(cell, 120)
+    assert part.size == len(seen) == 120
+    assert part.periodic is not None
+    area = math.prod(part.periodic.lengths) / part.size
+    assert area == pytest.approx(33.0 * 44.0 / 300, rel=0.3)
+    # offsets of the balls from each other are those of nearest images
+    apart = np.array([ball.position for ball in part.balls]) - places[list(seen)]
+    shift = apart / (33.0, 44.0)
+    assert shift == pytest.approx(np.round(shift), abs=1e-9)
+    assert look_ahead.in_the_middle(cell, 299) == (cell, range(300))
 
 
 def test_the_time_planned_is_that_of_an_idle_machine(
