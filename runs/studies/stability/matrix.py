@@ -20,7 +20,7 @@ from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
-FINER = {"unlike-incompressible": 0.05}
+FINER = {"unlike-incompressible": 0.02}
 """Accuracy of cases of `combined` whose T is much smaller than the force that the accuracy is relative to."""
 ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
