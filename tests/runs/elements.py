@@ -166,7 +166,7 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
         smallest_surface_stretch=0.9, smallest_seen_area=0.9, surface_crossing=0.0, distorted_at={}, strain_energy=1.0,
         linear_solver="cholesky (mumps)",
         linear_iterations=9, linear_fallbacks=0, residuals=[1e-3, 1e-12],
-        seconds=0.1, linear_failure="", pair_weight=[1.0] * len(balls), imbalance=0.0,
+        seconds=0.1, linear_failure="", pair_weight=[1.0] * len(balls), imbalance=0.0, imbalance_error=0.0,
         error_terms={name: [0.5 * error for error in errors] for name in TERMS},
         normal_force_error=none, approach_error=none, tangential_force_error_at_force=errors,
     ).to_step()  # fmt: skip
