@@ -23,6 +23,8 @@ DEEP, BETWEEN = 0.3, 1.8
 """Approach over R, and thickness over R, of the runs by both models."""
 BOTH = ((0.3, 1), (0.3, 2), (0.3, 3), (0.15, 1), (0.5, 1))
 """Area fractions and seeds of these runs."""
+SEVERAL = {0.3: (6.0, 3.0, 2.0, 1.16), 0.15: (6.0, 3.0, 2.0, 1.16), 0.5: (2.0, 1.16)}
+"""Thicknesses over R that have three starts, by area fraction."""
 MODEL, FINITE = "linear_bem", "finite_strain"
 GATHERING, PARTING, RESISTED = 20.0, 1000.0, 1000.0
 """Longest run where balls in touch attract, where they separate, and with resistance to rolling: sliding path over
@@ -72,9 +74,9 @@ def cases(quick: bool) -> list[Case]:
     count = 200 if quick else 1000
     if quick:
         return [Case(h, 0.3, count, 1) for h in (1.16, 6.0)]
-    thicknesses = (1.16, 2.0, 6.0, 3.0, 0.8)
+    thicknesses = (1.16, 2.0, 6.0, 3.0, 1.75, 1.5, 0.8)
     grid = [Case(h, phi, count, 1) for phi in (0.3, 0.15, 0.5) for h in thicknesses]
-    seeds = [Case(h, 0.3, count, seed) for h in (6.0, 3.0, 2.0, 1.16) for seed in (2, 3)]
+    seeds = [Case(h, phi, count, seed) for phi, several in SEVERAL.items() for h in several for seed in (2, 3)]
     rest = Case(6.0, 0.3, count, 1, ROLLING)
     both = [Case(BETWEEN, phi, count, seed, 0.0, DEEP, by) for phi, seed in BOTH for by in (False, True)]
     return [*grid, rest, *seeds, *both]
