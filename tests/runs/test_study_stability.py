@@ -56,6 +56,17 @@ def test_work_along_a_power_law_is_exact() -> None:
     assert math.isnan(energy_balance(path(1.5, 0.05, 0.1)))  # two steps tell no curve
 
 
+def test_a_ball_that_only_rests_does_no_work() -> None:
+    steps = path(1.5, 0.01, 0.03, 0.1)
+    beside = [{**step, "balls": [*step["balls"], ball(0.0, 1e-3)]} for step in steps]
+    assert energy_balance(beside) == pytest.approx(0.0, abs=POWER_LAW)
+    later = [
+        {**step, "balls": [*step["balls"], ball(depth, 1e-3)]}
+        for step, depth in zip(steps, (0.0, 0.0, 0.1), strict=True)
+    ]
+    assert math.isnan(energy_balance(later))  # it moves, but from where on no step tells
+
+
 @pytest.mark.parametrize(
     ("record", "words"),
     [

@@ -39,6 +39,8 @@ def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = No
     total = 0.0
     for ball in range(len(steps[0]["balls"])):
         path = [(step["balls"][ball]["approach"], step["balls"][ball]["normal_force"]) for step in steps]
+        if not any(depth for depth, _ in path):
+            continue  # a ball that does not move does no work
         if min(min(pair) for pair in path) <= 0.0:
             return math.nan
         excess = (meshed[ball] - 1.0) * path[-1][0] / path[-1][1] if meshed is not None else 0.0
