@@ -33,7 +33,7 @@ from linear_bem.arrays import Array, Indices
 from linear_bem.errors import MissingDependency, NotConverged
 
 DENSE = 40
-"""Contacts up to which nnls is quicker: 0.4 ms against 0.6 ms at 66 contacts, 62 ms against 4 ms at 446."""
+"""Contacts up to which nnls is quicker: 0.03 ms against 0.23 ms at 17 contacts, 46 ms against 2.8 ms at 445."""
 EXACT = 1e-10
 """Tolerance of the interior-point method's gap, for velocities of order 1."""
 FEASIBLE = 1e-8
