@@ -6,8 +6,6 @@ is proportional to the ball's own force, too: where that is not given, its large
 same.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from linear_bem.error_estimate import errors_of_one, felt, least_error, pulls, quantities, reference_force
@@ -30,8 +28,12 @@ ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
 DEGREES = (4, 6, 8)
 """Degrees of p^2, one after the other."""
-SWEPT, PAIRS, AGAIN = 0.07, 0.1, 0.005
-"""Last change of a sweep, precision of a pair, and that from the second degree on, over the requested accuracy of T.
+WIDE = 0.95
+"""Largest contact radius over layer thickness up to which degree 4 is tried: wider contacts have larger residuals."""
+SWEPT, PAIRS, PULLED, AGAIN = 0.07, 0.1, 300.0, 0.005
+"""Over the requested accuracy of T: last change of a sweep; precision of a pair, the same over the largest T in units
+of the neighbours' forces where that is less, and from the second degree on. Pairs leave about 3e-4 of their precision
+times these forces in T.
 
 Where T is small against what a half-space would transmit, as in a thin layer on a stiff base, the mesh's error decides.
 """
@@ -64,9 +66,11 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
     """
     best: Estimated | None = None
     contacts: SmoothContacts | None = None
-    start = _rough(problem, kernel, guess, wanted, report)
-    pairs = PAIRS * wanted
-    for degree in DEGREES:
+    start, share = _rough(problem, kernel, guess, wanted, report)
+    sharpest = max(AGAIN * wanted, FINEST)
+    pairs = min(PAIRS * wanted, max(PULLED * share * wanted, sharpest))
+    wide = max(zone.reach for zone in start.zones) > WIDE * kernel.thickness
+    for degree in DEGREES[wide:]:
         try:
             contacts = _settled(problem, kernel, degree, start, wanted, pairs, report)
         except NotConverged:
@@ -83,7 +87,7 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
         report(f"degree {degree}: results")
         if not best.notes:
             return best
-        pairs = min(pairs, max(AGAIN * wanted, FINEST))
+        pairs = min(pairs, sharpest)
     if best is None:
         assert contacts is not None
         require_certified(contacts)
@@ -91,8 +95,8 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
     return best
 
 
-def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float, report: Report) -> Start:
-    """Return the contacts at degree 2."""
+def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float, report: Report) -> tuple[Start, float]:
+    """Return the contacts at degree 2, and the largest T there over the largest of `pulls`."""
     start = guess
     for _ in range(CHANGES):
         try:
@@ -104,7 +108,9 @@ def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float,
         here[start.touching] = found.approaches
         if problem.load.kind == "total_force":
             here[:] = found.approaches[0]
-        return replace(start, zones=[n.zone for n in found.nodes], approaches=here)
+        contacts = SmoothContacts(problem, kernel, tuple(start.touching), found, here, PAIRS * wanted)
+        largest = float(np.max(np.abs(contacts.mutual_force)))
+        return _start_of(contacts), largest / max(float(np.max(pulls(contacts))), 1e-300)
     raise NotConverged(f"linear_bem: balls lost contact {CHANGES} times; press them deeper or closer to equal depth")
 
 

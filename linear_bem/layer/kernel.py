@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 _SPACING = 0.02
 _NEAR = 1.0
-_EVEN = 2.0
-_TERMS = 20
+_EVEN = 3.2
+_TERMS = 30
 NONE = 1e-9
 """`LayeredKernel.uniform` over the layer's thickness that counts as none: the measured limit is known to 1e-11."""
 

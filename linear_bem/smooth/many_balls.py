@@ -19,15 +19,15 @@ import numpy as np
 
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.coupled_system import solve_coupled
-from linear_bem.far_field.pairs_and_mesh import PointInfluence
+from linear_bem.far_field.coupled_system import Influence, solve_coupled
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
-from linear_bem.smooth.multipole import Interaction
+from linear_bem.smooth.multipole import Interaction, disc_nodes
 from linear_bem.smooth.newton import NodeStack, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
+from linear_bem.smooth.polynomials import basis
 from linear_bem.smooth.zone import Zone, stacked, unstacked
 from linear_bem.smooth.zone_stack import ZoneStack
 
@@ -57,43 +57,53 @@ def sweep_zones(
     limit: int = 60,
     pair_precision: float | None = None,
     report: Report = silent,
+    apart: bool = False,
 ) -> SmoothSolution:
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
     ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
     as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` takes a line per
-    sweep. Raises `Lost` where a ball loses its contact, and `NotConverged`.
+    sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` where a ball loses its contact, and
+    `NotConverged`.
     """
     stack = stacked(zones)
     rule = Rule.of(stack, kernel.thickness)
     nodes = NodeStack.of(stack, rule)
-    interaction = Interaction(kernel, stack, pair_precision or tolerance, seldom(report, f"degree {stack.degree}: "))
+    interaction: Interaction | None = None
+    influence: Influence = np.zeros((len(zones), len(zones)))
+    if not apart:
+        said = seldom(report, f"degree {stack.degree}: ")
+        interaction = Interaction(kernel, stack, pair_precision or tolerance, said)
+        influence = interaction.influence
     equations = OwnEquations(kernel, rule, pair_precision or tolerance)
-    forces = nodes.forces
+    forces, renewed = nodes.forces, RENEWED
     for members, force in groups:
         if len(members) == 1:
             forces[members[0]] = force
     shared = [(np.array(members), force) for members, force in groups if len(members) > 1]
     fixed = np.ones(len(zones), dtype=bool)
     fixed[[m for members, _ in groups for m in members]] = False
+    values = basis(*disc_nodes(stack.degree + 4)[:2], stack.degree)
     mixing, slow = Anderson(), False
     history: list[float] = []
     sizes = np.ones(len(zones))
     shrinking = np.zeros(len(zones), dtype=int)
     for sweep in range(limit):
-        interaction.update(nodes)
+        outside = np.zeros(nodes.x.shape)
+        if interaction is not None:
+            interaction.update(nodes)
+            outside = interaction.displacement()
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {stack.degree}, sweep {sweep + 1}: "
-        steps = equations.step(
-            nodes, interaction.displacement(), profile, forces, sizes > RENEWED, seldom(report, step)
-        )
+        steps = equations.step(nodes, outside, profile, forces, sizes > renewed, seldom(report, step))
         before, found = nodes.zones, steps.approaches
         wanted = np.where(fixed, approaches, found)
-        more, level = _balance(interaction.influence, steps.compliances, found, forces, wanted, fixed, shared)
+        more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
         # the others must feel the new force in the next sweep: one that lags behind swings, and may diverge
         changes = steps.changes + (new_forces - forces)[:, None] * steps.responses
-        sizes = np.max(np.abs(changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
+        # coefficients of a high degree are far less certain than P
+        sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
         length = np.minimum(1.0, 0.6 / np.maximum(sizes, 0.6))
         stack = _moved(before, length[:, None] * changes, sizes > SETTLED)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
@@ -131,7 +141,7 @@ def _moved(zones: ZoneStack, change: Array, reframe: Mask) -> ZoneStack:
 
 
 def _balance(
-    influence: PointInfluence,
+    influence: Influence,
     compliance: Array,
     found: Array,
     forces: Array,

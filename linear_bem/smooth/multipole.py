@@ -34,7 +34,7 @@ OF_MESH = 6
 """Highest degree through the mesh, where all contacts and all near pairs take it."""
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def disc_nodes(degree: int) -> tuple[Array, Array, Array]:
     """Return interpolation nodes of the unit disc and the matrix from values there to basis coefficients."""
     xi, eta = [np.zeros(1)], [np.zeros(1)]

@@ -30,14 +30,19 @@ from linear_bem import (
     solve_contact,
 )
 from linear_bem.error_estimate import felt
-from linear_bem.errors import TooLarge
+from linear_bem.errors import NotConverged, TooLarge
 from linear_bem.far_field import coupled_system, pairs_and_mesh
 from linear_bem.far_field.coupled_system import solve_coupled
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.lifted_balls import smooth_state
+from linear_bem.profiles import height
+from linear_bem.smooth import exact_sample
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.exact_sample import sample_error
+from linear_bem.smooth.newton import NodeStack, Rule, solve_zones
+from linear_bem.smooth.own_equations import OwnEquations
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls, layer_pulls
+from linear_bem.smooth.zone_stack import ZoneStack
 from tests.linear_bem.random_balls import direct
 
 BASES = {"half-space": (np.inf, None), "rigid base": (6.0, None), "elastic base": (2.0, Elastic(10.0, 0.3))}
@@ -292,6 +297,71 @@ def test_pairs_are_sharper_at_the_second_degree(monkeypatch):
     monkeypatch.setattr(sampled_solution, "sample_error", off)
     solve(scene("force"), 1e-3)
     assert asked == [(4, pytest.approx(1e-4)), (6, pytest.approx(5e-6))]
+
+
+@pytest.mark.parametrize(
+    ("depth", "poisson", "degree", "sharper"), [(0.035, 0.48, 6, False), (0.02, 0.48, 4, False), (0.02, 0.3, 4, True)]
+)
+def test_wide_contacts_begin_at_degree_six_and_small_forces_with_sharper_pairs(
+    monkeypatch, depth, poisson, degree, sharper
+):
+    asked = []
+
+    def noted(problem, kernel, degree, start, precision, pairs, report):
+        asked.append((degree, pairs))
+        return smooth_state(problem, kernel, degree, start, precision, pairs, report)
+
+    monkeypatch.setattr(sampled_solution, "smooth_state", noted)
+    places = scattered(105, 2.8 * np.sqrt(105), low=1.0)[0]
+    balls = tuple(Ball((x, y), 1.0) for x, y in places.tolist())
+    result = solve(Problem(Layer(1.0, poisson, 0.2), balls, Load("approach", (depth,) * 105)), 1e-3)
+    assert [d for d, _ in asked] == [degree]
+    assert (asked[0][1] < 2e-5) == sharper
+    assert np.max(errors(result)) < 1e-3 * np.max(np.abs(forces(result)))
+
+
+@pytest.mark.parametrize("load", ["approach", "force"])
+def test_balls_of_the_sample_solved_together_are_those_solved_one_by_one(monkeypatch, load):
+    def one_by_one(kernel, shapes, zones, approaches, groups, tolerance, *, apart):
+        assert apart
+        if len(zones) > 1:
+            raise NotConverged("together")
+        return solve_zones(kernel, shapes, zones, approaches, groups, 1e-8)
+
+    contacts = solve_contact(scene(load, "elastic base", 110), 1e-3).contacts
+    together = sample_error(contacts)
+    monkeypatch.setattr(exact_sample, "sweep_zones", one_by_one)
+    alone = sample_error(contacts)
+    largest = np.max(np.abs(contacts.mutual_force))
+    assert together.tangential_force == pytest.approx(alone.tangential_force, abs=1e-7 * largest)
+    assert together.normal_force == pytest.approx(alone.normal_force, abs=1e-9)
+    assert together.settled == pytest.approx(alone.settled, abs=1e-7)
+
+
+def test_few_nodes_in_a_contact_give_the_step_of_all_quadrature_points(monkeypatch):
+    contacts = solve_contact(scene("force", "elastic base", 110), 1e-3).contacts
+    zones = NodeStack.joined(contacts.smooth.nodes).zones
+    zones.coefficients[0, 0] -= 0.1 * np.max(np.abs(zones.coefficients[0]))  # its edge passes between the nodes
+    rule, targets = Rule.of(zones, contacts.kernel.thickness), []
+    nodes, half_space = NodeStack.of(zones, rule), ZoneStack.half_space
+
+    def noted(zones, xi, *rest):
+        targets.append((len(zones), xi.shape[1]))
+        return half_space(zones, xi, *rest)
+
+    monkeypatch.setattr(ZoneStack, "half_space", noted)
+    profile = np.array([height(b)(x, y) for b, x, y in zip(contacts.problem.balls, nodes.x, nodes.y, strict=True)])
+    given = nodes, np.zeros_like(nodes.x), profile, nodes.forces, np.ones(110, dtype=bool)
+    all_points = OwnEquations(contacts.kernel, rule, 1e-9).step(*given)
+    assert {points for _, points in targets} == {nodes.x.shape[1]}
+    targets.clear()
+    few = OwnEquations(contacts.kernel, rule, 1e-5).step(*given)
+    assert sum(balls for balls, points in targets if points < nodes.x.shape[1] / 2) == 109
+    assert sum(balls for balls, points in targets if points == nodes.x.shape[1]) == 1
+    size = np.max(np.abs(zones.coefficients), axis=1)
+    assert np.max(np.abs(few.changes - all_points.changes) / size[:, None]) < 5e-6
+    assert few.approaches == pytest.approx(all_points.approaches, rel=1e-7)
+    assert few.compliances == pytest.approx(all_points.compliances, rel=1e-6)
 
 
 def test_every_step_is_reported_and_a_report_may_end_the_solution():
