@@ -86,6 +86,7 @@ def test_advice_that_would_take_long_beside_the_run_of_many_balls_is_left_out(
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
     monkeypatch.setattr(plan, "FEW", 0)
     monkeypatch.setattr(plan, "PART", 0.0)
+    monkeypatch.setattr(plan, "SHORTEST", 0.0)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="approach = 0.1") + cell, encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
