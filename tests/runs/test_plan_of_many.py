@@ -112,6 +112,7 @@ def test_a_plan_of_a_hundred_balls_solves_few_of_them_or_samples_few(
         return result
 
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
+    monkeypatch.setattr(plan, "SHORTEST", 0.0)
     places = [[2.3 * (k % 10), 2.3 * (k // 10)] for k in range(count)]
     text = TEXT.format(places=places, load="force = 0.02")
     text += f"[periodic]\nlengths = [23.0, {0.23 * count}]\n" if cell else ""
