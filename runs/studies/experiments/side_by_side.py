@@ -106,7 +106,8 @@ def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
             if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
                 cell += f" ({strength:.2f})"
             row[f"L = {place:g} L0"] = cell
-        row["T = 0 at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        beyond = ([r for r in rest if r[0] > 2.0 * one.radius * (1.0 + 1e-9)] for rest in one.rests)
+        row["T = 0 at L [mm]"] = " / ".join(", ".join(f"{1e3 * d:.1f} ({v})" for d, v in b) or "none" for b in beyond)
         rows.append(row)
     return rows
 
@@ -130,11 +131,6 @@ def _kind(one: Comparison) -> str:
     return (
         f"{2e3 * one.radius:g} mm balls on {1e3 * one.thickness:g} mm of {'foam' if one.thickness > 0.05 else 'rubber'}"
     )
-
-
-def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
-    turns = [f"{1e3 * distance:.1f} ({verdict})" for distance, verdict in rests if distance > touch * (1.0 + 1e-9)]
-    return ", ".join(turns) if turns else "none"
 
 
 def outcomes(small: Documents, finite: Documents) -> list[dict[str, str]]:
