@@ -151,7 +151,8 @@ class Session:
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
         progress = Progress(
-            self.scale, goal, root=self.root, take=take, log=log, draw=self._keep_surface,
+            self.scale, goal, root=self.root, take=take, log=log,
+            draw=lambda top: surface.keep(self.out, top),  # the picture survives a killed run
             expected=self.plan.get("seconds_of_meshes", ()),
         )  # fmt: skip
         if self.root and self.plan:
@@ -177,9 +178,6 @@ class Session:
             result = self.model.solve(self.problem, run)
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)
-
-    def _keep_surface(self, top: Any) -> None:
-        surface.keep(self.out, top)  # the picture survives a killed run
 
     def save(self, document: Document, rows: Iterable[Mapping[str, Any]]) -> None:
         """Write what there is so far (rank 0)."""
