@@ -102,11 +102,6 @@ class Session:
         return ranks.is_root()
 
     @property
-    def idle(self) -> bool:
-        """Whether this rank has nothing to do: rank 0 alone solves models without finite elements."""
-        return not self.model.parallel and not self.root
-
-    @property
     def out(self) -> Path:
         """The output folder; on rank 0."""
         assert self.folder is not None
@@ -200,7 +195,7 @@ def conduct(
     ``compute`` runs on all ranks that have something to do and returns the finished document on rank 0.
     """
     with session:
-        if session.idle:
+        if not (session.model.parallel or session.root):  # rank 0 alone solves models without finite elements
             return
         already = session.complete
         document = session.saved if already else compute(session)
