@@ -131,7 +131,9 @@ def text(
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
         attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
-        part=max((h for h, law in laws.items() if law.ratio[0] <= 0.0), default=np.nan),
+        soft=min((h for h, law in laws.items() if law.softens), default=np.nan),
+        part=max((h for h, law in laws.items() if not law.softens), default=np.nan),
+        weaker={h: law for h, law in laws.items() if law.softens and law.ratio[0] <= 0.0},
         driven=_ends(done.row["force_over_load"] for done in free),
         contacts=_ends(done.row["coordination"] for done in free if done.outcome == "small groups"),
         ends=_ends(done.row["cluster_mean"] for done in gathered),
@@ -209,6 +211,8 @@ def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
         {
             "h/R": h,
             "T/Q in touch": float(law.ratio[0]),
+            "least T/Q": float(law.ratio.min()),
+            "at (over R)": law.farthest_apart,
             "T changes sign at (over R)": ", ".join(f"{d:.3g}" for d in law.changes) or "no distance",
             "the same over h": ", ".join(f"{d / h:.2g}" for d in law.changes) or "-",
         }
