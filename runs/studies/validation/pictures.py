@@ -75,4 +75,4 @@ def _coated(axis: Any, groups: Groups) -> None:
     if groups:
         axis.set(xscale="log", yscale="log")
     axis.set(xlabel="a / h", ylabel="effective modulus over the coating's")
-    axis.set_title("coated half-space (bands: Perriot and Barthel)")
+    axis.set_title("coated half-space (Perriot 2004)")
