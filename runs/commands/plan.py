@@ -42,8 +42,8 @@ NAMES = {
     "load_steps": "load steps",
 }
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
-"""Part of the time of many balls' run that their plan may take; the largest time [s] of its advice, and the least where
-their error is judged by all of them, which takes the longer."""
+"""Share of the run's time that a plan of many balls may take; least (up to `CHECKED` balls) and largest time [s] of its
+advice."""
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 
@@ -113,7 +113,10 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
 
 
 def _patience(problem: Problem, expected: float, begun: float) -> float:
-    """Return the time [s] that the advice may take: of many balls what a plan ``begun`` leaves of a part of theirs."""
+    """Return the time [s] that the advice may take: for many balls `PART` of their run's, less what the plan has taken.
+
+    ``expected``: time of the run [s]; ``begun``: processor time at the start of the plan [s].
+    """
     if problem.size <= (FEW if problem.periodic is None else CLOSE):
         return PATIENCE
     left = min(PART * expected - (time.process_time() - begun), LONGEST)
