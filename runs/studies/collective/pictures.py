@@ -30,24 +30,22 @@ def _shades(thicknesses: Sequence[float]) -> dict[float, Any]:
 def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]], laws: Mapping[float, PairLaw]) -> None:
     """Write map.svg and .png: outcomes over thickness and area fraction, and the pair law of each thickness."""
     figure, (outcomes, pair) = panels(5.0, 5.0, height=3.9)
-    seen = set()
+    seen, thicknesses = set(), sorted(laws)
     for case, row, outcome in found:
         if case.seed != 1 or (case.thickness, case.fraction) in seen:
             continue
         seen.add((case.thickness, case.fraction))
-        outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
+        place = thicknesses.index(case.thickness), case.fraction
+        outcomes.plot(*place, "o", ms=9, color=COLORS[outcome])
         grouped = outcome in ("gathers", "small groups")
         text = number(row["cluster_mean"], 3) if grouped else f"{row['hexatic_end']:.2f}"
-        outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
-                          ha="center", fontsize=8)  # fmt: skip
+        outcomes.annotate(text, place, xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9)
     for name, color in COLORS.items():
         outcomes.plot([], [], "o", color=color, label=name)
-    thicknesses = sorted(laws)
     outcomes.set(
-        xscale="log", xlabel="h / R", ylabel="area fraction", xlim=(0.7 * thicknesses[0], 1.4 * thicknesses[-1]),
-        ylim=(0.0, 0.75), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
+        xlabel="h / R", ylabel="area fraction", xlim=(-0.5, len(thicknesses) - 0.5), ylim=(0.0, 0.75),
+        xticks=range(len(thicknesses)), xticklabels=[f"{h:g}" for h in thicknesses],
     )  # fmt: skip
-    outcomes.minorticks_off()
     outcomes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.0))
     outcomes.set_title("Balls in a cluster, or |psi_6|, at the end", pad=14)
     for h, color in _shades(thicknesses).items():
