@@ -23,6 +23,7 @@ from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
 from finite_strain.planning.records import ContactState, Discretisation, SolverAccount
 from finite_strain.planning.run_plan import RunPlan
+from linear_bem.memory import give_back
 from meshes.box import Box
 from meshes.layer import write_layer_mesh
 
@@ -61,6 +62,7 @@ class ModelRun:
         """Free matrix, factors and vectors (collective)."""
         self.solver.close()
         self.model.close()
+        give_back()  # 12 GB after 220 thousand unknowns of order 4
 
     def enforce(self, record: StepRecord) -> int:
         """Stiffen the contact of an equilibrium with multipliers, `ROUNDS` times; return how often in all (collective).

@@ -138,7 +138,8 @@ class Refinement:
             raise
         run.close()  # after other errors, possibly on one rank only, no collective call is safe
         record.finished = True
-        self._again(number)
+        for place, old in enumerate(record.steps):  # again: those with few smaller loads are judged by larger ones
+            record.steps[place] = self._answer(number, old.step, old.account)
         self._judge(record)
         self._save()
 
@@ -151,7 +152,12 @@ class Refinement:
             if self.keep:
                 writer = FieldWriter(run.own.model, self.folder, self.fields)
                 writer.forget_after(len(record.steps))
-            self._announce(run, record)
+            self.observer.started({
+                "model": plan.model, "mesh": run.name, "forms": describe_forms(plan.problem),
+                "unknowns": record.unknowns, "ranks": self.comm.size, "load_steps": len(plan.goals),
+                "symmetry_planes": len(plan.reduction.planes), "resumed_steps": len(record.steps),
+                "versions": compat.versions(),
+            })  # fmt: skip
         self._resume(run, record, number)
         reached = record.rows[-1].own.fraction if record.rows else 0.0
         found = coarse.rows[-1].own.fraction if coarse is not None and coarse.rows else 0.0
@@ -219,12 +225,6 @@ class Refinement:
         answer = self._answers(number).answer(step, account, self._truth(number, account.fraction))
         return replace(answer, mesh=number)
 
-    def _again(self, number: int) -> None:
-        """Answer all steps of a discretisation again, those with few smaller loads with larger ones (collective)."""
-        record = self.records[number]
-        for place, old in enumerate(record.steps):
-            record.steps[place] = self._answer(number, old.step, old.account)
-
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int
     ) -> ContactState | None:
@@ -242,14 +242,6 @@ class Refinement:
             return run.state(fraction)
         except NotConverged:
             return None
-
-    def _announce(self, run: MeshRun, record: Record) -> None:
-        self.observer.started({
-            "model": self.plan.model, "mesh": run.name, "forms": describe_forms(self.plan.problem),
-            "unknowns": record.unknowns, "ranks": self.comm.size, "load_steps": len(self.plan.goals),
-            "symmetry_planes": len(self.plan.reduction.planes), "resumed_steps": len(record.steps),
-            "versions": compat.versions(),
-        })  # fmt: skip
 
     def _file(self, number: int, model: str, fraction: float) -> Path:
         return self.folder / f"state_{number}_{model}_{self.plan.loads.index(fraction) + 1:03d}.npz"

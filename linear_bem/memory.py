@@ -1,6 +1,8 @@
 """The memory that is free, and the refusal of problems that need more, before anything is allocated."""
 
+import ctypes
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from linear_bem.errors import TooLarge
@@ -28,3 +30,9 @@ def require(needed: float, what: str, remedy: str) -> None:
         raise TooLarge(
             f"{what} needs about {needed / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free; {remedy}"
         )
+
+
+def give_back() -> None:
+    """Return freed memory to the system, where the C library (glibc) would keep it for later allocations."""
+    with suppress(OSError, AttributeError, TypeError):  # not glibc
+        ctypes.CDLL(None).malloc_trim(0)

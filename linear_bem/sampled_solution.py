@@ -59,9 +59,12 @@ def require_memory(problem: Problem) -> None:
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
-def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Estimated:
+def solve_by_sample(
+    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report, size: int | None = None
+) -> Estimated:
     """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
 
+    ``size`` is that of the sample's part at equal steps, by default the usual one of very many balls.
     Raises `NotConverged` where none does.
     """
     best: Estimated | None = None
@@ -78,6 +81,8 @@ def solve_by_sample(problem: Problem, kernel: LayeredKernel, wanted: float, gues
                 raise
             break
         start = _start_of(contacts)
+        if size is not None:
+            contacts = replace(contacts, sampled=size)
         sample = f"{len(contacts.sample)} of {len(contacts.touching)} contacts"
         report(f"degree {degree}{SAMPLE}residuals of {sample}")
         if not is_certified(contacts):

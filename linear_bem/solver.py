@@ -95,8 +95,13 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     return solve_contact(problem, accuracy, report).result()
 
 
-def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> Solution:
-    """Return the solution with its fields; parameters and errors as for `solve`."""
+def solve_contact(
+    problem: Problem, accuracy: float = 1e-4, report: Report = silent, sample: int | None = None
+) -> Solution:
+    """Return the solution with its fields; parameters and errors as for `solve`.
+
+    With ``sample``, the error is judged as that of very many balls is, by about twice so many of them.
+    """
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
@@ -107,7 +112,7 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require_memory(problem)
-    answer = _refined(problem, kernel, accuracy, report)
+    answer = _refined(problem, kernel, accuracy, report, sample)
     contacts = answer.contacts
     deepest, largest = (float(np.max(values)) for values in (contacts.approaches, contacts.contact_areas))
     strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)
@@ -118,13 +123,13 @@ def solve_contact(problem: Problem, accuracy: float = 1e-4, report: Report = sil
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 
 
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report) -> Estimated:
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
-    if len(guess.touching) > CHECKED:
+    if sample is not None or len(guess.touching) > CHECKED:
         try:
-            found = solve_by_sample(problem, kernel, wanted, guess, report)
+            found = solve_by_sample(problem, kernel, wanted, guess, report, sample)
         except NotConverged:
             if problem.size > GRIDDED:
                 raise

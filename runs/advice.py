@@ -77,10 +77,10 @@ class Adviser:
         stiffnesses = len(STIFFNESSES) if self.problem.substrate is None else 1
         for part, solutions in (
             (self._shape, 1), (self._substrate, stiffnesses), (self._poisson, 1), (self._contact_size, 0),
-            (self._neighbours, None),
+            (self._neighbours, 0),
         ):  # fmt: skip
             name = part.__name__.strip("_").replace("_", " ")
-            if solutions is not None and not self.affords(solutions):
+            if not self.affords(solutions):
                 self.left_out.append(name)
                 continue
             try:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Load, Periodic, Problem
 from linear_bem.report import silent
@@ -20,15 +20,18 @@ from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
 CLOSE, ABOUT = 7, 5
 """Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones: so
 many together."""
-LEAST, MOST = 120, 400
-"""Of more balls a plan solves the first number about the middle, and the second where few of those touch: beside the
-sample, time grows as the number of balls."""
+FEW, MANY = 12, 120
+"""Of more balls a plan solves the first number about the middle, and the second where more than `CHECKED` touch:
+beside the sample, time grows as the number of balls."""
+SAMPLED, LARGER = 4, 3.0
+"""Balls at equal steps that judge the error of a part, and the time of the sample of all over theirs: measured 2.8 to
+4.1, the least in cells."""
 ROUGH, QUICK = 1e-2, 1.0
 """Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
-MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 150e6 - COMMAND_BYTES, 4.1e3, 110e3, 500.0
+MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 175e6 - COMMAND_BYTES, 4.1e3, 110e3, 500.0
 """Memory of the linear model [bytes]: alone, more per coefficient of balls judged by a sample, of others more per ball
-and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 172 for 50, 211 for 800, 274 for
-2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
+and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 180 for 60, 180 to 228 for 200 to
+400, 274 for 2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +45,26 @@ class Ahead:
 
 
 def ahead_of(problem: Problem, accuracy: float | None) -> Ahead:
-    """Return the linear solution of few balls, or of some about the middle that are judged by a sample as all are."""
+    """Return the linear solution of few balls, or of some about the middle.
+
+    Those of many are judged by a sample, as all are, but by a smaller one: it takes most of the time of some hundreds.
+    """
     model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
-    for count in (LEAST, MOST):
-        part, seen = in_the_middle(small, count)
-        many, phases = part.size > CHECKED, _Phases()
-        result = measured(model, part, accuracy if many else ROUGH, phases)
-        if not many and result.solved.seconds < QUICK:
-            result = measured(model, part, accuracy)
-        if part is small or "sample" in result.solved.accuracy:
-            break
-    sampled = min(phases.sampled, result.solved.seconds)
-    rest = (result.solved.seconds - sampled) * problem.size / part.size
-    return Ahead(part, seen, result, sampled + rest)
+    if np.count_nonzero(_loaded(small)) > CHECKED:
+        part, seen = in_the_middle(small, MANY)
+        phases = _Phases()
+        result = measured(model, part, accuracy, phases, SAMPLED)
+        touching, seconds = sum(ball.normal_force > 0.0 for ball in result.balls), result.solved.seconds
+        if touching * problem.size > CHECKED * part.size:
+            sampled = min(phases.sampled, seconds)
+            rest = (seconds - sampled) * problem.size / part.size
+            return Ahead(part, seen, result, LARGER * sampled + rest)
+    part, seen = in_the_middle(small, FEW)
+    whole = part is small
+    result = measured(model, part, ROUGH if whole else accuracy)
+    if whole and result.solved.seconds < QUICK:
+        result = measured(model, part, accuracy)
+    return Ahead(part, seen, result, result.solved.seconds * problem.size / part.size)
 
 
 class _Phases:
@@ -73,10 +83,13 @@ class _Phases:
         self._since = now if SAMPLE in text else None
 
 
-def measured(model: Model, problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent) -> Result:
+def measured(
+    model: Model, problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent,
+    sample: int | None = None,
+) -> Result:  # fmt: skip
     """Return a model's result with its time [s] on an idle machine: the processor time, where that is less."""
     begun = time.process_time()
-    result = model.solve(problem, Run(accuracy, report=report))
+    result = model.solve(problem, Run(accuracy, report=report, sample=sample))
     seconds = min(result.solved.seconds, time.process_time() - begun)
     return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=seconds))
 
@@ -101,7 +114,7 @@ def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]
     whole = problem, range(problem.size)
     if problem.size <= count:
         return whole
-    loaded = problem.positions[np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)]
+    loaded = problem.positions[_loaded(problem)]
     place = loaded[np.argmin(np.hypot(*(loaded - problem.positions.mean(axis=0)).T))]
     if problem.periodic is None:
         seen = _nearest(problem, place, count)
@@ -123,6 +136,11 @@ def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]
         return dataclasses.replace(part, balls=balls, periodic=Periodic((float(cell[0]), float(cell[1])))), seen
     except InvalidProblem:  # bodies wider than their radius says
         return whole
+
+
+def _loaded(problem: Problem) -> Mask:
+    """Return which balls have a load, or share one."""
+    return np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)
 
 
 def _nearest(problem: Problem, place: Array, count: int) -> Sequence[int]:

@@ -34,8 +34,8 @@ class Run:
     """Arguments of a model other than the problem.
 
     Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
-    with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults, and what takes
-    the linear model's lines of progress and its solutions.
+    with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults, what takes the
+    linear model's lines of progress and its solutions, and the ``sample`` of balls that judges its error.
     """
 
     tangential_force: float | None = None
@@ -48,10 +48,12 @@ class Run:
     numerics: Mapping[str, Any] = field(default_factory=dict)
     report: Callable[[str], None] = lambda text: None
     inspect: Callable[[Solution], None] = lambda solution: None
+    sample: int | None = None
 
 
-COMMAND_SECONDS, COMMAND_BYTES = 1.7, 7e7
-"""Processor time [s] and memory of a command beside its models: imports, figures, files; measured on small scenes."""
+COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
+"""Processor time [s] of a command beside its models, elements and linear ones, and memory: imports, figures, files;
+measured on small scenes."""
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
 """Problem, accuracy, budget, load fractions."""
 
@@ -84,7 +86,7 @@ def _linear_bem(problem: Problem, run: Run) -> Result:
     from linear_bem import solve_contact  # noqa: PLC0415
 
     accuracy = {} if run.tangential_force is None else {"accuracy": run.tangential_force}
-    solution = solve_contact(problem, **accuracy, report=run.report)
+    solution = solve_contact(problem, **accuracy, report=run.report, sample=run.sample)
     run.inspect(solution)
     return solution.result()
 
@@ -215,9 +217,9 @@ def planned_runs(
     }
 
 
-def as_command(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the plan of a model with time and memory of the command around it."""
-    more = dict.fromkeys(("seconds", "processor_seconds"), COMMAND_SECONDS)
+def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dict[str, Any]:
+    """Return the plan of a model with time, ``seconds``, and memory of the command around it."""
+    more = dict.fromkeys(("seconds", "processor_seconds"), seconds)
     more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
     return {**plan} | {key: plan[key] + value for key, value in more.items() if key in plan}
 

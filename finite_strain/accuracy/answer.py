@@ -139,7 +139,8 @@ class Answers:
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
         if truth is None or (self.plan.is_paired and row.small is None):
             return unpaired(row.own)
-        scale = self._scale(row.own.normal_force) / np.maximum(row.own.normal_force**2, 1e-300)
+        near_zero = scale_of_force(self.plan.problem, np.array(self._per_ball(row.own.normal_force)))
+        scale = near_zero / np.maximum(row.own.normal_force**2, 1e-300)
         if row.small is not None:
             return paired(row.own, row.small, truth, scale, self.forces_given, unsure(self._steepest(row.own)))
         # the small-strain model itself: its error is known
@@ -210,10 +211,6 @@ class Answers:
         mirrored = len(self.plan.problem.balls) > len(error)
         worst = int(np.argmax(error))
         return worst if len(error) > 1 and not mirrored and 2.0 * error[worst] > error.sum() else None
-
-    def _scale(self, forces: np.ndarray) -> float:
-        """Return the reference force [N] for errors of T near its zero, for forces of the model's balls [N]."""
-        return scale_of_force(self.plan.problem, np.array(self._per_ball(forces)))
 
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]

@@ -33,14 +33,13 @@ def relative_to(record: Record) -> str:
 def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
     """Return the notes on the answers of a discretisation, the last of a run of ``seconds``; ``why`` the run ended."""
     notes, last = form_notes(plan.problem), record.steps[-1]
+    bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     if is_near_zero(record) and record.scale > 0.0:
-        sizes = [(math.hypot(*ball.tangential_force), ball.tangential_force_error) for ball in last.balls]
-        known = dict.fromkeys(f"{100 * error / size:.2g} %" for size, error in sizes if size > 0.0)
+        known = dict.fromkeys(f"{100 * b.tangential_force_error / size:.2g} %" for size, b in bounds if size > 0.0)
         notes.append(
             f"T is smaller than {NEAR_ZERO}, {record.scale:.3g} N, so its accuracy is relative to that force"
             + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
         )
-    bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     largest = max(size for size, _ in bounds)
     faint = [number for number, (_, ball) in enumerate(bounds) if 0.0 < HALF * largest < ball.tangential_force_error]
     if faint:
@@ -58,7 +57,6 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"{name} known to {100 * record.reached:.3g} % at full load; "
             f"{100 * plan.accuracy:.2g} % was asked for: {why}"
         )
-    is_finite = plan.model == "finite_strain"
     if plan.is_paired and record.rows[-1].small is None:
         notes.append(
             "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
@@ -71,12 +69,12 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
             "left under a ball"
         )
-    if is_finite and last.surface_crossing > 0.0:
+    if plan.is_paired and last.surface_crossing > 0.0:
         notes.append(
             "the flanks of the cleft between mirrored balls pass through each other by "
             f"{2.0 * last.surface_crossing:.2g} m: contact of the surface with itself is not computed"
         )
-    elif is_finite and last.smallest_seen_area <= 0.0:
+    elif plan.is_paired and last.smallest_seen_area <= 0.0:
         away = last.distorted_at["seen_area"][0]
         notes.append(
             f"the surface overhangs {away:.2g} m from a ball's axis: it does not pass through planes of symmetry, but "

@@ -5,8 +5,7 @@ are residual and tangent. A nearly incompressible region adds a pressure of orde
 also stationary. Loading is not part of this module.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -177,12 +176,6 @@ class Model:
         """Return the total potential [J] of the simulated part, nan where an element is inverted (collective)."""
         return self.readings("strain_energy", "contact_energy")
 
-    @contextmanager
-    def _contact_left_out(self) -> Iterator[None]:
-        self._with_contact.value = 0.0
-        yield
-        self._with_contact.value = 1.0
-
     def forces(self) -> np.ndarray:
         """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
 
@@ -207,8 +200,10 @@ class Model:
 
     def bulk_residual(self) -> np.ndarray:
         """Return the internal forces [N] at this rank's own nodes (nodes, 3): reactions at constrained nodes."""
-        with self._contact_left_out():
-            return self._summed([self._residual])
+        self._with_contact.value = 0.0
+        values = self._summed([self._residual])
+        self._with_contact.value = 1.0
+        return values
 
     def residual(self, b: PETSc.Vec) -> None:
         """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""

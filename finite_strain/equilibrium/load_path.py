@@ -149,12 +149,6 @@ class LoadPath:
                 again = []
                 yield record
 
-    def check_volumes(self) -> None:
-        """Raise `NotConverged` if elements are turned inside out, which the residual alone does not detect."""
-        turned = self.model.is_finite and self.distorted().volume_ratio <= 0.0
-        if turned or not math.isfinite(self.model.energy()):
-            raise NotConverged("the equilibrium found has elements turned inside out")
-
     def distorted(self) -> Distortion:
         """Return how far the present state is from the end of the solid (collective)."""
         model = self.model
@@ -283,7 +277,10 @@ class LoadPath:
         record.augmentation_iterations += done.iterations * self.model.contact.is_augmented
         record.tangents += done.tangents
         record.residual = done.residual
-        self.check_volumes()
+        # the residual alone does not detect elements that are turned inside out
+        turned = self.model.is_finite and self.distorted().volume_ratio <= 0.0
+        if turned or not math.isfinite(self.model.energy()):
+            raise NotConverged("the equilibrium found has elements turned inside out")
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
 

@@ -19,11 +19,7 @@ from finite_strain.geometry.load_control import LoadControl
 from finite_strain.numerics import DEFAULT, Numerics
 from linear_bem.errors import InvalidProblem, NotConverged
 
-_OPTIONS = {
-    "snes_type": "newtonls",
-    "snes_linesearch_order": "2",
-    "snes_linesearch_minlambda": "1e-3",
-}
+_OPTIONS = {"snes_type": "newtonls", "snes_linesearch_order": "2", "snes_linesearch_minlambda": "1e-3"}
 """Defaults of the prefix ``thirdbody_``; the user's PETSc options with that prefix take precedence."""
 NOT_TAKEN = ("snes_atol", "snes_rtol", "snes_stol")
 """PETSc options that would end Newton's method early."""
@@ -126,7 +122,7 @@ class NewtonSolver:
         ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: the last solve's tangent is
         near enough to begin with. Raises `NotConverged`, with the state as it was before, when Newton's method fails.
         """
-        self.tolerance, self._targets = tolerance * force, self.control.targets(fraction)
+        self.tolerance, self._targets = tolerance * force, fraction * self.control.full
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)

@@ -41,10 +41,6 @@ class LoadControl:
     full: np.ndarray
     approaches: Callable[[float], np.ndarray]
 
-    def targets(self, fraction: float) -> np.ndarray:
-        """Return the forces (unknowns,) [N] at a fraction of the load."""
-        return np.asarray(fraction * self.full)
-
 
 @dataclass(frozen=True)
 class PrescribedLoad(ABC):

@@ -50,6 +50,7 @@ class SmoothContacts:
     approaches: Array
     precision: float = 1e-11
     report: Report = field(default=silent, repr=False, compare=False)
+    sampled: int | None = None
 
     @property
     def unknowns(self) -> int:
@@ -148,11 +149,12 @@ class SmoothContacts:
     def sample(self) -> tuple[int, ...]:
         """Places in ``touching`` of the balls whose equations are recomputed by direct sums: all, or some of very many.
 
-        Of more than `CHECKED` balls: `SAMPLED` at equal steps of their number, and `SAMPLED` // 4 each with the largest
-        T, the largest force, the widest contact, and the nearest neighbour.
+        Of more than `CHECKED` balls, or with ``sampled``: so many, by default `SAMPLED`, at equal steps of their
+        number, and a quarter as many each with the largest T, the largest force, the widest contact, and the
+        nearest neighbour.
         """
-        nodes = self.smooth.nodes
-        if len(nodes) <= CHECKED:
+        nodes, count = self.smooth.nodes, self.sampled or SAMPLED
+        if self.sampled is None and len(nodes) <= CHECKED:
             return tuple(range(len(nodes)))
         centres = np.array([n.zone.centre for n in nodes])
         touching = list(self.touching)
@@ -162,9 +164,9 @@ class SmoothContacts:
             np.array([n.zone.reach for n in nodes]),
             -cKDTree(centres).query(centres, 2)[0][:, 1],
         )
-        chosen = set(np.linspace(0, len(nodes) - 1, SAMPLED).astype(int).tolist())
+        chosen = set(np.linspace(0, len(nodes) - 1, count).astype(int).tolist())
         for size in sizes:
-            chosen |= set(np.argsort(-size, kind="stable")[: SAMPLED // 4].tolist())
+            chosen |= set(np.argsort(-size, kind="stable")[: count // 4].tolist())
         return tuple(sorted(chosen))
 
     @cached_property

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,12 +12,13 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem
 from linear_bem.result import Result
+from linear_bem.smooth.contacts import CHECKED
 from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.look_ahead import ABOUT, CLOSE, LEAST, MEMORY, Ahead, ahead_of, closest, measured, memory, unknowns_of
-from runs.models import MODELS, Model, as_command, choose, load_path, planned_runs, standing
+from runs.look_ahead import ABOUT, CLOSE, FEW, MEMORY, ahead_of, closest, measured, memory, unknowns_of
+from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, planned_runs, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -39,8 +41,9 @@ NAMES = {
     "refused": "refused:",
     "load_steps": "load steps",
 }
-PART, LONGEST = 1.0 / 3.0, 5.0
-"""Part of the time of many balls' run that their plan may take, and the largest time [s] of its advice."""
+PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
+"""Share of the run's time that a plan of many balls may take; least (up to `CHECKED` balls) and largest time [s] of its
+advice."""
 MANY = 100
 """Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 
@@ -56,7 +59,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         expected = expectation(scene)
         sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
         return
-    with waiting(f"the linear model on {min(problem.size, LEAST)} ball(s), for this plan"):
+    begun = time.process_time()
+    with waiting("the linear model on some of the balls, for this plan"):
         found = ahead_of(problem, None if model.plan else scene.tangential_force)
     part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
     plans = [_model_plan(model, scene, problem, ahead, seconds)]
@@ -68,7 +72,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
-    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, found))
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, seconds, begun))
     inputs = None
     with waiting("the linear model with and without each effect, for this plan's advice"):
         advice = adviser.advise()
@@ -108,11 +112,15 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         _show(document, scale, scene)
 
 
-def _patience(problem: Problem, ahead: Ahead) -> float:
-    """Return the time [s] that the advice may take: of many balls what is left of a part of the run's."""
-    if problem.size <= (LEAST if problem.periodic is None else CLOSE):
+def _patience(problem: Problem, expected: float, begun: float) -> float:
+    """Return the time [s] that the advice may take: for many balls `PART` of their run's, less what the plan has taken.
+
+    ``expected``: time of the run [s]; ``begun``: processor time at the start of the plan [s].
+    """
+    if problem.size <= (FEW if problem.periodic is None else CLOSE):
         return PATIENCE
-    return min(PART * ahead.seconds - ahead.result.solved.seconds, LONGEST)
+    left = min(PART * expected - (time.process_time() - begun), LONGEST)
+    return left if problem.size > CHECKED else max(left, SHORTEST)
 
 
 def _model_plan(
@@ -129,7 +137,7 @@ def _model_plan(
             "seconds": expected * states,
             "states": states,
         }
-        details = details if states > 1 else as_command(details)
+        details = details if states > 1 else as_command(details, LINEAR_SECONDS)
     return {"model": model.name, "summary": model.summary, **plain(details)}
 
 
@@ -164,7 +172,8 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
         states = sum(each.size for each in missing) + sum(len(DEPTHS) for each in missing if each.size == 1)
         pair = next((each for each in missing if each.size == 2), missing[-1])
         result = measured(model, pair, scene.tangential_force or PAIR_ACCURACY)
-        cost = as_command({"seconds": result.solved.seconds * states / pair.size, "memory_bytes": MEMORY})
+        seconds = result.solved.seconds * states / pair.size
+        cost = as_command({"seconds": seconds, "memory_bytes": MEMORY}, LINEAR_SECONDS)
     else:
         cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
     return {"runs": len(missing), **cost}

@@ -48,6 +48,9 @@ MODULI = {"E1": 1.0, "E2": 1.0, "Q": 1.0}
 LENGTHS = {"h": 1.0, "R": 1.0, "L": 1.0, "D": 1.0, "Q": 2.0}
 """Weights of the exponents in the two sums that dimensions fix at 1 and 2."""
 
+Change = Callable[[Problem, float], Problem]
+"""A problem with one input multiplied by a factor."""
+
 
 @dataclass(frozen=True)
 class Sensitivity:
@@ -99,9 +102,7 @@ def record(problem: Problem) -> dict[str, Any] | None:
     return None if found is None else asdict(found)
 
 
-def _exponent(
-    problem: Problem, change: Callable[[Problem, float], Problem], relative: Callable[[Problem], float], step: float
-) -> float:
+def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], float], step: float) -> float:
     sides = []
     for sign in (1.0, -1.0):
         try:
@@ -117,29 +118,24 @@ def _exponent(
     return sign * (4.0 * relative(near) - relative(far) - 3.0) / (2.0 * step)
 
 
-def _inputs(problem: Problem) -> dict[str, Callable[[Problem, float], Problem]]:
+def _inputs(problem: Problem) -> dict[str, Change]:
     """Return how each input of a problem is multiplied by a factor."""
-    inputs: dict[str, Callable[[Problem, float], Problem]] = {"E1": _layer("young"), "R": _radius, "L": _distance}
+    inputs: dict[str, Change] = {"E1": _constant("layer", "young"), "R": _radius, "L": _distance}
     if math.isfinite(problem.layer.thickness):
-        inputs["h"] = _layer("thickness")
+        inputs["h"] = _constant("layer", "thickness")
     if problem.substrate is not None:
-        inputs["E2"] = _substrate
+        inputs["E2"] = _constant("substrate", "young")
     inputs["D" if problem.load.kind == "approach" else "Q"] = _load
     return {symbol: inputs[symbol] for symbol in WORDS if symbol in inputs}
 
 
-def _layer(key: str) -> Callable[[Problem, float], Problem]:
+def _constant(part: str, key: str) -> Change:
     def change(problem: Problem, factor: float) -> Problem:
-        values: dict[str, Any] = {key: factor * getattr(problem.layer, key)}
-        return dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, **values))
+        solid: Any = getattr(problem, part)
+        changed: dict[str, Any] = {part: dataclasses.replace(solid, **{key: factor * getattr(solid, key)})}
+        return dataclasses.replace(problem, **changed)
 
     return change
-
-
-def _substrate(problem: Problem, factor: float) -> Problem:
-    assert problem.substrate is not None
-    solid = dataclasses.replace(problem.substrate, young=factor * problem.substrate.young)
-    return dataclasses.replace(problem, substrate=solid)
 
 
 def _load(problem: Problem, factor: float) -> Problem:

@@ -95,7 +95,7 @@ def comparison_rows(
             unit.heading("T linear"): along(row["tangential_linear"]),
             unit.heading("T finite"): (
                 along(row["tangential_finite"]),
-                _over(row["tangential_finite_error"], unit.size),
+                None if (error := row["tangential_finite_error"]) is None else error / unit.size,
             ),
             RATIO: row["tangential_ratio"],
             "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
@@ -112,7 +112,3 @@ def _load(approach: float, load: float, scale: Scale, *, both: bool = True) -> R
     row = {length.heading("D"): approach / length.size, OVER_R: approach / scale.radius}
     row[force.heading("Q")] = load / force.size
     return row | {OVER_E: load / scale.force} if both else row
-
-
-def _over(value: float | None, unit: float) -> float | None:
-    return None if value is None else value / unit

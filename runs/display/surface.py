@@ -66,7 +66,7 @@ def smoothed(surface: Surface) -> Iterator[Array]:
         values = np.bincount(corners.ravel(), part.ravel(), len(first)) / weights
 
 
-def section_line(positions: Sequence[Sequence[float]]) -> tuple[Array, Array, Array]:
+def section_line(positions: Sequence[Sequence[float]] | Array) -> tuple[Array, Array, Array]:
     """Return the first ball's position [m] and unit vectors from it along the section, to the farthest, and across."""
     origin = np.asarray(positions[0], dtype=float)
     farthest = np.asarray(max(positions, key=lambda p: math.dist(p, positions[0])), dtype=float)

@@ -31,8 +31,7 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
 
     If more groups form than ``count`` allows, the cycles are at equal path lengths only.
     """
-    cycle = np.array([m["cycle"] for m in path])
-    x = np.array([m["positions"] for m in path])
+    cycle, x = (np.array([m[key] for m in path]) for key in ("cycle", "positions"))
     moved = np.concatenate([[0.0], np.cumsum(np.max(np.hypot(*np.moveaxis(np.diff(x, axis=0), -1, 0)), axis=1))])
     if moved[-1] == 0.0:
         return [float(cycle[0])]
@@ -67,7 +66,8 @@ def draw_top_views(
     path = document["path"]
     cycles = chosen_cycles(path, 6, balls)
     figure, axes = grid(len(cycles), *_size(_frame(path, radii), 2.3))
-    force = _arrow_scale(path, radii)
+    largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
+    force = 1.6 * min(radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
         _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
@@ -119,6 +119,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
 
     path = document["path"]
     last = path[-1]["cycle"]
+    digits = max(0, 1 - math.floor(math.log10(max(last, 1e-9))))
     cycles = np.linspace(0.0, last, FRAMES)
     sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
     x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
@@ -136,7 +137,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     canvas.draw()  # what does not move, once
     still, frames = canvas.copy_from_bbox(figure.bbox), list[Any]()
     for places, cycle in zip(1e3 * x, cycles, strict=True):
-        title.set_text(f"{cycle:.{_digits(last)}f} cycles")
+        title.set_text(f"{cycle:.{digits}f} cycles")
         for place, circle, number in zip(places, circles, numbers, strict=True):
             circle.set_center(place)
             number.set_position(place)
@@ -205,12 +206,6 @@ def _draw_direction(axis: Any, direction: Sequence[float]) -> None:
     )  # fmt: skip
 
 
-def _arrow_scale(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> float:
-    """Return metres of arrow per newton: the longest on the path is 1.6 radii."""
-    largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
-    return 1.6 * min(radii) / largest if largest > 0.0 else 0.0
-
-
 def _frame(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> tuple[Array, Array]:
     x = np.array([m["positions"] for m in path])
     margin = 1.35 * max(radii)
@@ -232,7 +227,3 @@ def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:
     extent = frame[1] - frame[0]
     scale = math.sqrt(width * width / (extent[0] * extent[1]))
     return float(scale * extent[0]) + 0.6, float(scale * extent[1]) + 0.7
-
-
-def _digits(last: float) -> int:
-    return max(0, 1 - math.floor(math.log10(max(last, 1e-9))))

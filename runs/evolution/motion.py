@@ -76,7 +76,8 @@ def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None
     members, inverse = np.unique(contacts.pairs, return_inverse=True)  # balls without contacts move freely
     inner = Contacts(inverse.reshape(-1, 2), contacts.away, contacts.opening)
     # lengths and forces of order 1
-    heavy, fast = float(np.max(weight[members])), _largest(force, weight, members, contacts.opening)
+    heavy, free_speed = float(np.max(weight[members])), np.max(np.hypot(*force[members].T) / weight[members])
+    fast = float(max(free_speed, np.max(np.abs(contacts.opening)))) or 1.0
     jacobian = inner.jacobian(len(members))
     root: Array = np.repeat(np.sqrt(weight[members] / heavy), 2)
     driven = force[members].ravel() / (heavy * fast)
@@ -89,11 +90,6 @@ def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None
         found, pushes = _by_cones(jacobian, root**2, driven, inner.opening / fast, None)
     velocity[members] = fast * found.reshape(-1, 2)
     return velocity, heavy * fast * pushes
-
-
-def _largest(force: Array, weight: Array, members: Indices, opening: Array) -> float:
-    free = np.max(np.hypot(*force[members].T) / weight[members])
-    return float(max(free, np.max(np.abs(opening)))) or 1.0
 
 
 def _by_least_squares(jacobian: csc_matrix, root: Array, driven: Array, opening: Array) -> tuple[Array, Array]:

@@ -81,7 +81,7 @@ class Record:
                 saved_path.write(folder, number, self.moments[number])
             self.written = len(self.moments)
         return {
-            "path": [(in_brief if balls.many else to_dict)(moment, balls) for moment in self.moments],
+            "path": [in_brief(moment) if balls.many else to_dict(moment, balls) for moment in self.moments],
             "continuation": None if goes_on is None else {**vars(goes_on), "positions": goes_on.positions.tolist()},
         }
 
@@ -121,7 +121,7 @@ def to_dict(moment: Moment, balls: HardBalls) -> Document:
     }
 
 
-def in_brief(moment: Moment, balls: HardBalls) -> Document:
+def in_brief(moment: Moment) -> Document:
     """Return the JSON object of a moment of many balls, whose positions and forces are in a file of its own."""
     return {"sigma": moment.sigma, "contacts": len(moment.contacts), "speed": moment.speed, "resting": moment.resting}
 

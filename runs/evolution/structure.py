@@ -37,11 +37,6 @@ def cluster_sizes(balls: HardBalls, x: Array) -> Indices:
     return np.array(sorted((len(group) for group in balls.groups(x)), reverse=True))
 
 
-def coordination(contacts: int, count: int) -> float:
-    """Return the mean number of contacts of a ball."""
-    return 2.0 * contacts / count
-
-
 def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     r"""Return psi_6 of every ball: the mean of exp(6 i theta) over the directions theta to its neighbours.
 
@@ -113,7 +108,7 @@ def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
         "cluster_largest": int(sizes[0]),
         # the cluster that a ball picked at random is in
         "cluster_mean": float(np.sum(sizes**2.0) / np.sum(sizes)),
-        "coordination": coordination(len(moment.contacts), len(x)),
+        "coordination": 2.0 * len(moment.contacts) / len(x),
         "hexatic_local": float(np.mean(np.abs(order))),
         "hexatic_global": float(np.abs(np.mean(order))),
         "structure_peak": float(power[peak]),

@@ -19,18 +19,13 @@ def page() -> str:
 
 
 def _section(name: str, command: Any) -> str:
-    usage = " ".join(part for p in command.params if (part := _usage(p)))
+    named = ((_name(p), p.param_type_name == "argument") for p in command.params)
+    usage = " ".join(name if argument else f"[{name}]" for name, argument in named)
     rows = [
         f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"
     ]
     table = "| option | meaning |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
     return f"## `{name}`\n\n{command.help}\n\n```text\nthirdbody {name} {usage}\n```\n\n{table}"
-
-
-def _usage(parameter: Any) -> str:
-    if parameter.param_type_name == "argument":
-        return str(parameter.metavar or parameter.human_readable_name)
-    return f"[{_name(parameter)}]"
 
 
 def _name(parameter: Any) -> str:

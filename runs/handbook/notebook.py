@@ -42,9 +42,6 @@ def _code(block: re.Match[str]) -> dict[str, Any]:
     if language == "toml" and not named:
         return _cell("markdown", block[0])
     magic = {"toml": f"%%writefile {named[1]}\n" if named else "", "sh": "%%bash\n", "python": ""}[language]
-    printed = [_printed(text)] if (text := FENCE.sub("", block["printed"]).lstrip("\n")) else []
-    return {**_cell("code", magic + code), "execution_count": None, "outputs": printed}
-
-
-def _printed(text: str) -> dict[str, Any]:
-    return {"output_type": "stream", "name": "stdout", "text": text.splitlines(keepends=True)}
+    printed = FENCE.sub("", block["printed"]).lstrip("\n").splitlines(keepends=True)
+    outputs = [{"output_type": "stream", "name": "stdout", "text": printed}] if printed else []
+    return {**_cell("code", magic + code), "execution_count": None, "outputs": outputs}

@@ -6,7 +6,6 @@
 import inspect
 import json
 import re
-from collections.abc import Iterator
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -15,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from runs.scene import units
 from runs.scene.effects import EFFECTS
-from runs.scene.messages import EXAMPLES, RARER_EXAMPLES
+from runs.scene.messages import EXAMPLES, RARER_EXAMPLES, tables_of
 from runs.scene.scene_file import Tables
 
 UNITS = {"length": "m", "angle": "rad", "force": "N", "pressure": "Pa"}
@@ -34,7 +33,7 @@ NAMED = {
 def page() -> str:
     """Return the page in Markdown."""
     parts = [HEAD]
-    for name, table in tables():
+    for name, table in tables_of(Tables):
         effect = EFFECTS.get(name)
         parts.append(f"## `[{name}]`\n")
         if effect is not None:
@@ -43,14 +42,6 @@ def page() -> str:
         rows = [_row(name, key, field) for key, field in table.model_fields.items()]
         parts.append("| key | meaning | value | default | example |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n")
     return "\n".join(parts)
-
-
-def tables() -> Iterator[tuple[str, type[BaseModel]]]:
-    """Yield every table of a scene with its name, in the order in which a scene has them."""
-    for name, field in Tables.model_fields.items():
-        for kind in (field.annotation, *get_args(field.annotation)):
-            if inspect.isclass(kind) and issubclass(kind, BaseModel):
-                yield name, kind
 
 
 HEAD = """# The scene file, key by key

@@ -15,6 +15,8 @@ THICKNESS, APPROACH, DISTANCE = 1.3, 0.3, 2.3
 @look()
 def draw(folder: Path) -> None:
     """Write sketch.svg: section, and what R, h, L, D, Q and T are."""
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
     half = 0.5 * DISTANCE
     balls = (Ball((-half, 0.0), 1.0), Ball((half, 0.0), 1.0))
     solution = solve_contact(Problem(Layer(1.0, 0.3, THICKNESS), balls, Load("approach", (APPROACH, APPROACH))), 1e-3)
@@ -28,7 +30,8 @@ def draw(folder: Path) -> None:
     axes.axhline(0.0, color=GREY, lw=0.7, ls=":", zorder=1)
     axes.fill_between([-3.3, 3.3], -THICKNESS - 0.27, -THICKNESS, color="#b8bdc2", lw=0.0, zorder=1)
     for side in (-1.0, 1.0):
-        _ball(axes, side * half)
+        place = side * half, 1.0 - APPROACH
+        axes.add_patch(Circle(place, 1.0, facecolor="#dfe5ea", edgecolor="#3a4650", lw=1.0, zorder=2))
         _arrow(axes, (side * half, 2.75), (side * half, 2.05), BLUE, "Q", (side * half + 0.13, 2.45))
         end = side * half - attract * side * 0.62
         _arrow(axes, (side * half, 0.7), (end, 0.7), ORANGE, "T", (0.5 * (end + side * half) - 0.06, 0.82))
@@ -43,12 +46,6 @@ def draw(folder: Path) -> None:
     axes.set(xlim=(-3.3, 3.3), ylim=(-THICKNESS - 0.27, 2.85), aspect="equal")
     axes.set_axis_off()
     save_figure(figure, folder, "sketch", kinds=("svg",))
-
-
-def _ball(axes: Any, x: float) -> None:
-    from matplotlib.patches import Circle  # noqa: PLC0415
-
-    axes.add_patch(Circle((x, 1.0 - APPROACH), 1.0, facecolor="#dfe5ea", edgecolor="#3a4650", lw=1.0, zorder=2))
 
 
 def _arrow(axes: Any, start: Any, end: Any, color: str, text: str, place: Any) -> None:

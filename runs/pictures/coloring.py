@@ -22,7 +22,7 @@ class Coloring:
 
     words: str
     colors: str
-    number: Callable[[Array], Array]
+    number: Callable[[Array], Array] = lambda values: values
     centre: float | None = None
 
     def color_map(self) -> Any:
@@ -44,19 +44,15 @@ class Coloring:
         return (low, high) if high > low else (low, low + max(abs(low), 1.0) * 1e-6)
 
 
-def _itself(values: Array) -> Array:
-    return values
-
-
 COLORINGS = {
-    "von_mises": Coloring("von Mises stress", "layer", _itself),
-    "contact_pressure": Coloring("contact pressure", "layer", _itself),
-    "pressure": Coloring("pressure", "RdBu_r", _itself, centre=0.0),
+    "von_mises": Coloring("von Mises stress", "layer"),
+    "contact_pressure": Coloring("contact pressure", "layer"),
+    "pressure": Coloring("pressure", "RdBu_r", centre=0.0),
     "cauchy_stress": Coloring("vertical stress", "RdBu", lambda tensors: tensors[:, 2, 2], centre=0.0),
-    "volume_ratio": Coloring("volume ratio J", "RdBu", _itself, centre=1.0),
+    "volume_ratio": Coloring("volume ratio J", "RdBu", centre=1.0),
     "principal_stretches": Coloring("largest stretch", "layer", lambda stretches: stretches[:, 0]),
     "displacement": Coloring("displacement", "layer", lambda vectors: np.linalg.norm(vectors, axis=1)),
-    "gap": Coloring("distance from the ball", "layer_r", _itself),
+    "gap": Coloring("distance from the ball", "layer_r"),
 }
 """Every field that can be drawn."""
 

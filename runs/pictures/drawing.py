@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runs.display.surface import section_line
 from runs.pictures.coloring import Array, Coloring
 from runs.pictures.written_step import DrawnBall, WrittenStep
 
@@ -44,11 +45,7 @@ class Window:
         """Return the window around all balls of a step: it is the same for every step of a run."""
         positions = np.array([ball.position for ball in step.balls])
         radius = max(ball.extent for ball in step.balls)
-        origin = positions[0]
-        farthest = positions[np.argmax(np.linalg.norm(positions - origin, axis=1))]
-        distance = float(np.linalg.norm(farthest - origin))
-        along = (farthest - origin) / distance if distance > 0.0 else np.array([1.0, 0.0])
-        across = np.array([-along[1], along[0]])
+        origin, along, across = section_line(positions)
         nodes = step.points[:, :2] - origin
         reach = [nodes @ along, nodes @ across]
         at = (positions - origin) @ along

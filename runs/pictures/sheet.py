@@ -43,6 +43,7 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
     from matplotlib.colors import Normalize  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     width, height = size
     points = 11.0 * width / 1600.0
@@ -55,7 +56,7 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
     colors = figure.colorbar(mappable, cax=bar, orientation="horizontal")
     colors.outline.set_linewidth(0.5)
     colors.ax.tick_params(labelsize=points, width=0.5, length=2.5)
-    colors.locator = _few_ticks()
+    colors.locator = MaxNLocator(5)
     colors.update_ticks()
     colors.set_label(f"{legend.coloring.words} / {unit}" if unit else legend.coloring.words, fontsize=points)
     length = round_length(0.16 * legend.width)
@@ -71,12 +72,6 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
     sheet = np.array(canvas.buffer_rgba())[..., :3]
     sheet[: drawing.shape[0]] = drawing
     return sheet
-
-
-def _few_ticks() -> object:
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
-
-    return MaxNLocator(5)
 
 
 def save_png(sheet: Image, path: Path) -> None:

@@ -134,7 +134,7 @@ def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:
         displacement = np.concatenate([displacement, displacement @ mirror])
         cells = np.concatenate([cells, cells[:, _MIRRORED[cells.shape[1]]] + count])
         region = np.concatenate([region, region])
-        fields = {name: np.concatenate([values, _mirrored(values, mirror)]) for name, values in fields.items()}
+        fields = {k: np.concatenate([v, mirror @ v @ mirror if v.ndim == 3 else v]) for k, v in fields.items()}
     size = float(np.ptp(points, axis=0).max())
     _, first, inverse = np.unique(np.round(points / (1e-9 * size)), axis=0, return_index=True, return_inverse=True)
     kept: dict[str, Any] = {name: values[first] for name, values in fields.items()}
@@ -142,7 +142,3 @@ def _completed(part: WrittenStep, origin: Array, normals: Array) -> WrittenStep:
         part, points=points[first], displacement=displacement[first], cells=inverse.reshape(-1)[cells], region=region,
         fields=kept,
     )  # fmt: skip
-
-
-def _mirrored(values: Array, mirror: Array) -> Array:
-    return mirror @ values @ mirror if values.ndim == 3 else values

@@ -16,16 +16,12 @@ def plain(value: Any, infinity: str | None = None) -> Any:
     if isinstance(value, list | tuple | set | frozenset):
         return [plain(item, infinity) for item in value]
     if isinstance(value, float):
-        return _finite(value, infinity)
+        if math.isinf(value) and infinity is not None:
+            return infinity if value > 0.0 else f"-{infinity}"
+        return float(value) if math.isfinite(value) else None
     if hasattr(value, "tolist"):
         return plain(value.tolist(), infinity)
     return value if isinstance(value, bool | int | str) or value is None else str(value)
-
-
-def _finite(value: float, infinity: str | None) -> float | str | None:
-    if math.isinf(value) and infinity is not None:
-        return infinity if value > 0.0 else f"-{infinity}"
-    return float(value) if math.isfinite(value) else None
 
 
 def as_given(scene: Mapping[str, Any]) -> Document:

@@ -47,7 +47,7 @@ def _common(
         "balls": ball_rows(balls, scale, periodic=periodic),
         "legend": scale.legend(),
         "accuracy": _accuracy(solved),
-        "versions": _versions(solved),
+        "versions": [{"library": k, "version": str(v)} for k, v in (solved.get("versions") or {}).items()],
     }
 
 
@@ -179,7 +179,3 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
             for mesh in accuracy.get("meshes", [])
         ],
     }
-
-
-def _versions(solved: Mapping[str, Any]) -> list[Document]:
-    return [{"library": name, "version": str(version)} for name, version in (solved.get("versions") or {}).items()]

@@ -10,6 +10,9 @@ from runs.reporting.folder import Folder
 from runs.reporting.markup import box
 from runs.reporting.pictures import figure
 
+TITLE = re.compile(r"^# [# ]*(.*)$", re.MULTILINE)
+"""The first heading of a Markdown text."""
+
 
 def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
     """Return the study's Markdown as HTML and the pictures that it shows; its first heading is the page's own."""
@@ -29,7 +32,7 @@ def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
 
     reader = MarkdownIt("commonmark", {"html": False}).enable("table")
     reader.add_render_rule("image", image)
-    html = reader.render(_without_title(text))
+    html = reader.render(TITLE.sub("", text, count=1))
     html = html.replace("<p><figure>", "<figure>").replace("</figure></p>", "</figure>")
     count = itertools.count(1)
     return re.sub(r"<table>.*?</table>", lambda t: box(t[0], f"table {next(count)}"), html, flags=re.DOTALL), shown
@@ -37,13 +40,8 @@ def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
 
 def title(text: str) -> str:
     """Return the first heading of a Markdown text."""
-    return next((line.lstrip("# ").strip() for line in text.splitlines() if line.startswith("# ")), "")
-
-
-def _without_title(text: str) -> str:
-    lines = text.splitlines()
-    first = next((i for i, line in enumerate(lines) if line.startswith("# ")), None)
-    return "\n".join(line for i, line in enumerate(lines) if i != first)
+    found = TITLE.search(text)
+    return "" if found is None else found[1].strip()
 
 
 def cases(folder: Folder) -> list[dict[str, Any]]:

@@ -3,8 +3,8 @@
 import copy
 import difflib
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, get_args
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
@@ -58,8 +58,6 @@ def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
             rule = f"must be {error['ctx']['expected']}".replace("'", '"')
             if (table, key) == ("balls", "shape") and isinstance(error["input"], list):
                 return f"{where}: {rule}, one for all balls of a scene, got {_written(error['input'])}; {UNLIKE_BODIES}"
-        case "quantity":
-            rule = error["msg"]
         case "string_type":
             rule = "must be a string"
         case _:
@@ -120,7 +118,7 @@ def stand_in(errors: Iterable[ErrorDetails], data: Mapping[str, Any]) -> tuple[d
 
 
 def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
-    known = _keys_of(tables)
+    known = {name: list(kind.model_fields) for name, kind in tables_of(tables)}
     here = known.get(table, []) if key else list(tables.model_fields)
     name = key or table
     elsewhere = [t for t, keys in known.items() if name in keys and t != table]
@@ -134,13 +132,12 @@ def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
     return f"; known here: {', '.join(here)}"
 
 
-def _keys_of(tables: type[BaseModel]) -> dict[str, list[str]]:
-    found = {}
+def tables_of(tables: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
+    """Yield every table of a scene with its name, in the order in which a scene has them."""
     for name, field in tables.model_fields.items():
-        for kind in (field.annotation, *getattr(field.annotation, "__args__", ())):
+        for kind in (field.annotation, *get_args(field.annotation)):
             if isinstance(kind, type) and issubclass(kind, BaseModel):
-                found[name] = list(kind.model_fields)
-    return found
+                yield name, kind
 
 
 def _examples(table: str) -> dict[str, Any]:

@@ -180,17 +180,10 @@ def quantities(values: list[object], unit: str) -> list[float]:
     return _items(values, partial(quantity, unit=unit) if unit else number, of="step")
 
 
-def three_lengths(value: object) -> tuple[float, ...]:
-    """Return the lengths [m] along x, y and z."""
-    if not isinstance(value, list) or len(value) != 3:
-        raise fault('must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]')
-    return tuple(_items(value, partial(quantity, unit="m"), of="length"))
-
-
-def two_lengths(value: object) -> tuple[float, ...]:
-    """Return the lengths [m] along x and y."""
-    if not isinstance(value, list) or len(value) != 2:
-        raise fault("must be two lengths, along x and y")
+def lengths(value: object, count: int, rule: str) -> tuple[float, ...]:
+    """Return a list of ``count`` lengths [m]; ``rule`` says what else the value must be."""
+    if not isinstance(value, list) or len(value) != count:
+        raise fault(rule)
     return tuple(_items(value, partial(quantity, unit="m"), of="length"))
 
 
@@ -231,8 +224,10 @@ Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
 OneOrMany = float | tuple[float, ...]
 Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
 Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
-TwoLengths = Annotated[tuple[float, float], PlainValidator(two_lengths)]
-ThreeLengths = Annotated[tuple[float, float, float], PlainValidator(three_lengths)]
+TWO = "must be two lengths, along x and y"
+TwoLengths = Annotated[tuple[float, float], PlainValidator(partial(lengths, count=2, rule=TWO))]
+THREE = 'must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]'
+ThreeLengths = Annotated[tuple[float, float, float], PlainValidator(partial(lengths, count=3, rule=THREE))]
 Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]
 
 

@@ -56,12 +56,12 @@ class Progress:
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
-            self._bar.start()
+            self._bar.bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            self._bar.bar.stop()
 
     def started(self, info: Mapping[str, Any]) -> None:
         """Print size and setting of the run."""

@@ -102,11 +102,6 @@ class Session:
         return ranks.is_root()
 
     @property
-    def idle(self) -> bool:
-        """Whether this rank has nothing to do: rank 0 alone solves models without finite elements."""
-        return not self.model.parallel and not self.root
-
-    @property
     def out(self) -> Path:
         """The output folder; on rank 0."""
         assert self.folder is not None
@@ -151,7 +146,8 @@ class Session:
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
         progress = Progress(
-            self.scale, goal, root=self.root, take=take, log=log, draw=self._keep_surface,
+            self.scale, goal, root=self.root, take=take, log=log,
+            draw=lambda top: surface.keep(self.out, top),  # the picture survives a killed run
             expected=self.plan.get("seconds_of_meshes", ()),
         )  # fmt: skip
         if self.root and self.plan:
@@ -178,9 +174,6 @@ class Session:
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)
 
-    def _keep_surface(self, top: Any) -> None:
-        surface.keep(self.out, top)  # the picture survives a killed run
-
     def save(self, document: Document, rows: Iterable[Mapping[str, Any]]) -> None:
         """Write what there is so far (rank 0)."""
         assert self.folder is not None
@@ -202,7 +195,7 @@ def conduct(
     ``compute`` runs on all ranks that have something to do and returns the finished document on rank 0.
     """
     with session:
-        if session.idle:
+        if not (session.model.parallel or session.root):  # rank 0 alone solves models without finite elements
             return
         already = session.complete
         document = session.saved if already else compute(session)

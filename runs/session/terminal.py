@@ -45,22 +45,14 @@ class Bar:
                 return Text(duration(clock.elapsed) + (f", about {duration(left)} left" if left else ""))
 
         words = TextColumn("{task.description}", markup=False)
-        self._bar: RichProgress = RichProgress(
+        self.bar: RichProgress = RichProgress(
             words, BarColumn(), Times(), console=Console(stderr=True), transient=True, refresh_per_second=2
         )
-        self._clock, self._task = clock, self._bar.add_task("starting", total=1.0)
-
-    def start(self) -> None:
-        """Show the bar."""
-        self._bar.start()
-
-    def stop(self) -> None:
-        """Remove the bar."""
-        self._bar.stop()
+        self._clock, self._task = clock, self.bar.add_task("starting", total=1.0)
 
     def show(self, state: str) -> None:
         """Show what is being done."""
-        self._bar.update(self._task, description=state, completed=self._clock.done or 0.0)
+        self.bar.update(self._task, description=state, completed=self._clock.done or 0.0)
 
 
 @contextlib.contextmanager

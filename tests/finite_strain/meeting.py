@@ -1,10 +1,10 @@
 """How far the contacts of touching balls are from each other along the load: where they meet, they merge into one.
 
-    python -m tests.finite_strain.meeting     # ten minutes of one core
+    python -m tests.finite_strain.meeting     # fifteen minutes of one core
 
-The pairs of the study `deep`, on one mesh. At every load: how far the middle of the surface between the balls lies
-below the point where they touch, and the gap between the balls at its height, both over R. Where that gap closes, the
-contacts are one.
+The pairs of the study `deep`, on the meshes that 20 % of T needs. At every load: how far the middle of the surface
+between the balls lies below the point where they touch, and the gap between the balls at its height, both over R. Where
+that gap closes, the contacts are one.
 """
 
 from __future__ import annotations

@@ -109,15 +109,15 @@ def test_the_initial_approaches_are_those_of_single_balls() -> None:
     ]
     assert control.approaches(0.5) == relatively(alone, 0.05)  # the closed form is for a paraboloid
     # half of each ball is simulated
-    assert control.targets(0.5) == relatively([0.5 * 0.025, 0.5 * 0.01], 1e-12)
+    assert 0.5 * control.full == relatively([0.5 * 0.025, 0.5 * 0.01], 1e-12)
     assert np.array_equal(control.moves, np.eye(2))
     shared = replace(problem, load=Load("total_force", (0.07,)))
     control = prescribed(shared).on(reduce_scene(shared))
-    assert control.targets(1.0) == relatively([0.035], 1e-12)
+    assert control.full == relatively([0.035], 1e-12)
     assert np.array_equal(control.moves, np.ones((2, 1)))
     given = prescribed(UNEQUAL).on(reduce_scene(UNEQUAL))
     assert given.moves.shape == (2, 0)
-    assert given.targets(1.0).shape == (0,)
+    assert given.full.shape == (0,)
     assert given.approaches(0.5) == relatively([0.05, 0.04], 1e-12)
 
 

@@ -513,3 +513,11 @@ def test_overlaps_among_many_balls_are_found():
     assert [line.split(" overlap")[0] for line in fault.value.faults] == [
         "balls.positions: balls 1233 and 1234",
     ]
+
+
+def test_a_sample_of_given_size_judges_fewer_balls():
+    problem = scene("approach", count=25)
+    found = solve_contact(problem, 1e-3, sample=4).result()
+    assert 4 <= len(found.solved.accuracy["sample"]) <= 8
+    exact = forces(solve(problem, 1e-5))
+    assert np.max(np.abs(forces(found) - exact)) < 1e-3 * np.max(np.hypot(*exact.T))

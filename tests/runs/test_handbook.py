@@ -13,7 +13,8 @@ from linear_bem.law import LAWS
 from runs.cli import app
 from runs.handbook import command_reference, scene_reference
 from runs.handbook.build import study_table, with_one_title
-from runs.scene.scene_file import read_scene
+from runs.scene.messages import tables_of
+from runs.scene.scene_file import Tables, read_scene
 from runs.studies import STUDIES
 from tests.launch import ROOT, python
 
@@ -22,7 +23,7 @@ PAGES = ROOT / "runs" / "handbook" / "pages"
 
 def test_the_scene_reference_explains_every_key_of_the_tables() -> None:
     page = scene_reference.page()
-    for name, kind in scene_reference.tables():
+    for name, kind in tables_of(Tables):
         section = page.partition(f"## `[{name}]`")[2].partition("\n## ")[0]
         for key, field in kind.model_fields.items():
             row = re.search(rf"^\| `{key}` \| (.*) \|$", section, re.MULTILINE)

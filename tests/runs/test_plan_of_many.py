@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Layer, Load, Periodic, Problem, solve
+from linear_bem import Ball, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from runs import look_ahead
@@ -62,8 +62,7 @@ positions = {places}
 def test_a_plan_solves_the_balls_about_the_middle_for_all(
     load: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(look_ahead, "LEAST", 5)
-    monkeypatch.setattr(look_ahead, "MOST", 10)
+    monkeypatch.setattr(look_ahead, "FEW", 10)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load=load), encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
@@ -85,18 +84,42 @@ def test_advice_that_would_take_long_beside_the_run_of_many_balls_is_left_out(
         return solve(problem, look_ahead.ROUGH)
 
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
-    monkeypatch.setattr(plan, "LEAST", 0)
+    monkeypatch.setattr(plan, "FEW", 0)
     monkeypatch.setattr(plan, "PART", 0.0)
+    monkeypatch.setattr(plan, "SHORTEST", 0.0)
     file = tmp_path / "row.toml"
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="approach = 0.1") + cell, encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
     found = json.loads(capsys.readouterr().out)
-    left = "shape, substrate, poisson, contact size, what the inputs do to T; plan a scene of "
+    left = "shape, substrate, poisson, contact size, neighbours, what the inputs do to T; plan a scene of "
     left += "fewer balls" if cell else "the balls in question alone"
     assert any(note.endswith(f"{left} for it") for note in found["notes"])
     assert found["sensitivity"] is None
-    assert [item["effect"] for item in found["advice"]] == ["finite_strain", "reciprocation", "neighbours"]
-    assert len(made) <= 3
+    assert [item["effect"] for item in found["advice"]] == ["finite_strain", "reciprocation"]
+    assert len(made) <= 2
+
+
+@pytest.mark.parametrize("cell", [False, True])
+@pytest.mark.parametrize("count", [60, 110])
+def test_a_plan_of_a_hundred_balls_solves_few_of_them_or_samples_few(
+    count: int, cell: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def counted(problem: Problem, run: Run) -> Result:
+        result = solve_contact(problem, look_ahead.ROUGH, sample=run.sample).result()
+        made.append(len(result.solved.accuracy.get("sample", range(problem.size))))  # those that take most of the time
+        return result
+
+    monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=counted))
+    monkeypatch.setattr(plan, "SHORTEST", 0.0)
+    places = [[2.3 * (k % 10), 2.3 * (k // 10)] for k in range(count)]
+    text = TEXT.format(places=places, load="force = 0.02")
+    text += f"[periodic]\nlengths = [23.0, {0.23 * count}]\n" if cell else ""
+    file = tmp_path / "scene.toml"
+    file.write_text(text, encoding="utf-8")
+    plan.plan_scene(read_scene(file), None, as_json=True)
+    assert sum(made) <= 20
 
 
 def test_the_memory_planned_is_that_of_many_balls_and_of_grids() -> None:
@@ -120,15 +143,15 @@ def lattice(count: int) -> tuple[Ball, ...]:
     return tuple(Ball((2.2 * (k % 50), 2.2 * (k // 50)), 1.0) for k in range(count))
 
 
-@pytest.mark.parametrize("sampled", [True, False])
+@pytest.mark.parametrize("count", [2000, 800])
 def test_the_time_of_many_balls_grows_with_their_number_beside_the_sample(
-    sampled: bool, monkeypatch: pytest.MonkeyPatch
+    count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known = solve(ROW, look_ahead.ROUGH)
     clock, solved = [0.0], []
 
     def model(problem: Problem, run: Run) -> Result:
-        solved.append((problem.size, run.tangential_force))
+        solved.append((problem.size, run.tangential_force, run.sample))
         for line, seconds in (
             ("degree 4, sweep 1: change 1e-5, tolerance 1e-4", 0.01 * problem.size),
             (f"degree 4{SAMPLE}30 contacts are solved exactly", 1.2),
@@ -137,17 +160,19 @@ def test_the_time_of_many_balls_grows_with_their_number_beside_the_sample(
         ):
             run.report(line)
             clock[0] += seconds
-        accuracy = {"sample": [0]} if sampled else {}
-        return dataclasses.replace(known, solved=dataclasses.replace(known.solved, seconds=99.0, accuracy=accuracy))
+        return dataclasses.replace(known, solved=dataclasses.replace(known.solved, seconds=99.0))
 
     monkeypatch.setattr(look_ahead.time, "process_time", lambda: clock[0])
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=model))
-    problem = Problem(Layer(1.0, 0.48, 2.0), lattice(2000), Load("total_force", (50.0,)))
+    problem = Problem(Layer(1.0, 0.48, 2.0), lattice(count), Load("total_force", (50.0,)))
     ahead = look_ahead.ahead_of(problem, 1e-3)
-    # where few of the balls about the middle touch, a sample judges only more of them
-    sizes = [look_ahead.LEAST] if sampled else [look_ahead.LEAST, look_ahead.MOST]
-    assert solved == [(size, 1e-3) for size in sizes]
-    assert ahead.seconds == pytest.approx(2.0 + 0.011 * 2000)
+    runs = [(look_ahead.MANY, 1e-3, look_ahead.SAMPLED), (look_ahead.FEW, 1e-3, None)]
+    if count == 2000:
+        assert solved == runs[:1]
+        assert ahead.seconds == pytest.approx(2.0 * look_ahead.LARGER + 0.011 * count)
+    else:  # 14 of 120 touch, that is 93 of 800: no sample judges those
+        assert solved == runs
+        assert ahead.seconds == pytest.approx((2.0 / look_ahead.FEW + 0.011) * count)
 
 
 def test_the_lines_of_progress_say_when_the_sample_begins_and_ends() -> None:

@@ -154,10 +154,10 @@ def test_codes_against_hertz_and_the_pair_against_itself(monkeypatch: pytest.Mon
 
     row = sphere.measure("this project", 128)
     # discretisation: the staircase edge of square cells, a first-order share of the contact's 77 cells
-    assert row.pressure_error < 0.01
-    assert row.load_error < sphere.TOLERANCE
+    assert row["pressure_error"] < 0.01
+    assert row["load_error"] < sphere.TOLERANCE
     monkeypatch.setitem(sphere.CODES, "absent", ("no_such_code", sphere.by_this_project))
-    assert "pip install no_such_code" in sphere.measure("absent", 64).remark
+    assert "pip install no_such_code" in sphere.measure("absent", 64)["remark"]
     for found in pair.times_to_accuracy(1):
         assert found["error"] <= found["wanted"]
         assert found["estimate"] <= found["wanted"]

@@ -88,6 +88,21 @@ def test_a_run_with_resistance_has_a_scene_of_its_own() -> None:
     assert "rolling" not in cases.scene_text(free, law)
 
 
+def test_layers_gather_where_separation_weakens_towards_contact() -> None:
+    far = np.exp(-cases.DISTANCES)
+    in_touch, apart = cases.PairLaw(-far, far[0], ()), cases.PairLaw(-far * (cases.DISTANCES - 1.5), far[0], ())
+    assert not in_touch.softens
+    assert apart.softens
+    assert apart.farthest_apart == pytest.approx(2.5)
+    path = [{"cycle": 1.0, "cluster_mean": 1.0}]
+    done = answer.Finished(Case(1.5, 0.5, 200, 1), {**finished([]).row, "force_over_load": 1e-3, "ended": "at rest",
+                           "coordination": 0.0, "steps": 1, "seconds": 1.0}, path)  # fmt: skip
+    text = answer.text([done], {1.16: in_touch, 1.5: apart}, [], quick=True)
+    assert "(here h >= 1.5 R), if it is dense enough" in text
+    assert "where T separates most in touch (h <= 1.16 R)" in text
+    assert "On h = 1.5 R it separates them, but 0.82 as much as at a distance of 2.5 R" in text
+
+
 def test_rest_is_said_of_runs_with_resistance_alone() -> None:
     row = {"path": 53.6, "steps": 472, "seconds": 43.0, "cluster_mean": 14.0, "ended": "at rest"}
     row |= {"force_over_load": 4e-3, "coordination": 3.0}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -40,6 +41,8 @@ def test_what_does_not_fit_the_memory_is_left_out_with_its_size(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("linear_bem.memory.free_memory", lambda: 1e9)
-    assert "a run of 600 000 unknowns" in whole_runs.too_large(600_000)
-    assert whole_runs.too_large(1_000) == ""
-    assert "a system of 600 000 unknowns (mixed form)" in answer.too_large("mixed", 600_000)
+    alone = SimpleNamespace(rank=0)
+    assert answer.fits(whole_runs.BYTES * 1_000, "a run of 1 000 unknowns", alone)
+    assert capsys.readouterr().err == ""
+    assert not answer.fits(answer.BYTES["mixed"] * 600_000, "a system of 600 000 unknowns (mixed form)", alone)
+    assert "left out: a system of 600 000 unknowns (mixed form)" in capsys.readouterr().err

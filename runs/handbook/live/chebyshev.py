@@ -7,7 +7,6 @@ with the points of the first kind, cos((j + 1/2) pi / n).
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -47,10 +46,6 @@ class Axis:
         signs = (-1.0) ** np.arange(self.count)
         terms = signs * np.sin((np.arange(self.count) + 0.5) * np.pi / self.count) / away
         return np.asarray(terms / np.sum(terms))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object of the axis."""
-        return dict(vars(self))
 
 
 def interpolate(axes: Sequence[Axis], values: Array, at: Sequence[float]) -> Array:

@@ -82,17 +82,17 @@ class LiveTable:
         axis, tables = self.patch(thickness)
         axes = (POISSON, axis, DEPTH, DISTANCE)
         at = (poisson, thickness, approach / deepest(thickness), distance)
-        normal = hertz_force(poisson, approach) * math.exp(float(interpolate(axes, _array(tables["normal"]), at)))
-        ratio = float(interpolate(axes, _array(tables["remainder"]), at))
+        normal = hertz_force(poisson, approach) * math.exp(float(interpolate(axes, tables["normal"], at)))
+        ratio = float(interpolate(axes, tables["remainder"], at))
         reach = min(max(distance / thickness, REACH.low), REACH.high)
-        ratio += float(interpolate((FINE_POISSON, REACH), _array(self.data["point_ratio"]), (poisson, reach)))
+        ratio += float(interpolate((FINE_POISSON, REACH), self.data["point_ratio"], (poisson, reach)))
         return normal, ratio * reference(poisson, distance, normal)
 
     def one_ball(self, poisson: float, thickness: float, approach: float) -> tuple[float, Array]:
         """Return a / R of one ball alone, and w / D at the points `AROUND` outside of its contact."""
         axis, tables = self.patch(thickness)
         axes, at = (POISSON, axis, DEPTH), (poisson, thickness, approach / deepest(thickness))
-        return float(interpolate(axes, _array(tables["radius"]), at)), interpolate(axes, _array(tables["around"]), at)
+        return float(interpolate(axes, tables["radius"], at)), interpolate(axes, tables["around"], at)
 
     def dent(self, poisson: float, thickness: float, approach: float, r: float) -> float:
         """Return w / R at the distance ``r`` from the axis of one ball alone."""
@@ -221,8 +221,8 @@ def _of_depth(poisson: float, thickness: float, share: float) -> dict[str, Any]:
 def _axes() -> dict[str, Any]:
     axes = {"poisson": POISSON, "distance": DISTANCE, "depth": DEPTH, "around": AROUND, "reach": REACH}
     return {
-        "axes": {name: axis.to_dict() for name, axis in {**axes, "fine_poisson": FINE_POISSON}.items()},
-        "thickness": [axis.to_dict() for axis in THICKNESS],
+        "axes": {name: vars(axis) for name, axis in {**axes, "fine_poisson": FINE_POISSON}.items()},
+        "thickness": [vars(axis) for axis in THICKNESS],
         "deepest": [DEEPEST, DEEPEST_SHARE],
     }
 
@@ -230,10 +230,6 @@ def _axes() -> dict[str, Any]:
 def _rounded(values: Any) -> Any:
     """Return nested lists of numbers with six significant digits."""
     return np.vectorize(lambda v: float(f"{v:.6g}"))(np.asarray(values, dtype=float)).tolist()
-
-
-def _array(values: Any) -> Array:
-    return np.asarray(values, dtype=float)
 
 
 def read() -> LiveTable:

@@ -147,20 +147,12 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
             # of cases with the same cost within noise, the one with the loosest tolerance
             alike = [row for row in enough if row["seconds"] <= SAME_TIME * cheapest]
             best = max(alike, key=lambda row: row["value"] or math.inf, default=None)
-            use = (
-                "no case is known to reach it"
-                if best is None
-                else f"{best['model']}, {best['parameter']} {best['value']}".rstrip(", ")
-            )
-            answer.append(
-                {
-                    **({"model": model} if model else {}),
-                    "for": f"{100 * wanted:g} %",
-                    "use": use,
-                    "error reached": None if best is None else best[column],
-                    "processor time": "-" if best is None else duration(best["seconds"]),
-                }
-            )
+            row = {**({"model": model} if model else {}), "for": f"{100 * wanted:g} %"}
+            row |= {"use": "no case is known to reach it", "error reached": None, "processor time": "-"}
+            if best is not None:
+                use = f"{best['model']}, {best['parameter']} {best['value']}".rstrip(", ")
+                row |= {"use": use, "error reached": best[column], "processor time": duration(best["seconds"])}
+            answer.append(row)
     return answer
 
 

@@ -34,7 +34,7 @@ def compute(folder: Path, options: Options) -> None:
         ours = 0.0
         for code in sphere.CODES:
             signals.check()
-            row = vars(sphere.measure(code, cells)).copy()
+            row = sphere.measure(code, cells)
             ours = ours or row["seconds"]
             rows.append({**row, "over_this_project": row["seconds"] / ours})
             print_status(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")

@@ -7,7 +7,6 @@ that each returns against Hertz's. tamaas without periodic images and ASPHER sol
 import importlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,18 +19,6 @@ RADIUS, CONTACT, SIDE = 1.0, 0.3, 1.0
 FORCE = 4.0 / 3.0 * CONTACT**3 / RADIUS
 PEAK = 2.0 * CONTACT / (np.pi * RADIUS)
 TOLERANCE = 1e-8
-
-
-@dataclass(frozen=True)
-class Row:
-    """Time [s] and errors of one code on one grid; ``remark`` says why there are none."""
-
-    code: str
-    cells: int
-    seconds: float = np.nan
-    pressure_error: float = np.nan
-    load_error: float = np.nan
-    remark: str = ""
 
 
 def heights(cells: int) -> Array:
@@ -89,22 +76,19 @@ CODES: dict[str, tuple[str, Callable[[int], Array]]] = {
 """Name, package and solver of every code."""
 
 
-def measure(code: str, cells: int) -> Row:
-    """Return time and errors of one code; for a missing code, the remark says how to install it."""
+def measure(code: str, cells: int) -> dict[str, Any]:
+    """Return time [s] and errors of one code on one grid; for a missing code, the remark says how to install it."""
+    row = {"code": code, "cells": cells, "seconds": np.nan, "pressure_error": np.nan, "load_error": np.nan}
     package, solver = CODES[code]
     try:
         if package:
             importlib.import_module(package)
     except ImportError as error:
-        return Row(code, cells, remark=f"not measured ({error}): pip install {package}")
+        return row | {"remark": f"not measured ({error}): pip install {package}"}
     begun = time.perf_counter()
     pressure = solver(cells)
-    seconds = time.perf_counter() - begun
+    row["seconds"] = time.perf_counter() - begun
     exact = hertz(cells)
-    return Row(
-        code,
-        cells,
-        seconds,
-        float(np.linalg.norm(pressure - exact) / np.linalg.norm(exact)),
-        float(abs(np.sum(pressure) * (SIDE / cells) ** 2 / FORCE - 1.0)),
-    )
+    row["pressure_error"] = float(np.linalg.norm(pressure - exact) / np.linalg.norm(exact))
+    row["load_error"] = float(abs(np.sum(pressure) * (SIDE / cells) ** 2 / FORCE - 1.0))
+    return row | {"remark": ""}

@@ -131,7 +131,9 @@ def text(
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
         attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
-        part=max((h for h, law in laws.items() if law.ratio[0] <= 0.0), default=np.nan),
+        soft=min((h for h, law in laws.items() if law.softens), default=np.nan),
+        part=max((h for h, law in laws.items() if not law.softens), default=np.nan),
+        weaker={h: law for h, law in laws.items() if law.softens and law.ratio[0] <= 0.0},
         driven=_ends(done.row["force_over_load"] for done in free),
         contacts=_ends(done.row["coordination"] for done in free if done.outcome == "small groups"),
         ends=_ends(done.row["cluster_mean"] for done in gathered),
@@ -140,10 +142,7 @@ def text(
         both=_both([done for done in deep if done in ended]), deep=cases.DEEP, between=cases.BETWEEN,
         gathered=len(gathered), resting=sum(done.row["ended"] == "at rest" for done in gathered),
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
-        rows=[
-            {**done.row, "outcome": done.outcome}
-            for done in sorted(found, key=lambda d: (d.case.count, d.case.thickness, d.case.fraction, d.case.seed))
-        ],
+        rows=_starts(found),
         pairs=_pairs(laws), growth=_growth(free),
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
         begun=[
@@ -168,12 +167,52 @@ def _scenes(found: Sequence[Finished], outcome: str) -> str:
     return "; ".join(f"h = {h:g} R at {', '.join(phis)}" for h, phis in by_h.items()) or "none"
 
 
+AVERAGED = {
+    "mean cluster": "cluster_mean", "contacts per ball": "coordination", "T/Q at first, largest": "force_over_load",
+    "psi_6 at first": "hexatic_start", "psi_6 at the end": "hexatic_end", "nearest distance / R": "nearest_distance",
+    "path": "path", "steps": "steps", "seconds": "seconds",
+}  # fmt: skip
+
+
+def _starts(found: Sequence[Finished]) -> list[dict[str, Any]]:
+    """Return a row per scene: means over its starts, with half the range of the first two columns where there are more.
+
+    ``outcome`` and ``ended`` name every one that there is.
+    """
+    scenes: dict[tuple[int, float, float, float], list[Finished]] = {}
+    for done in found:
+        case = done.case
+        scenes.setdefault((case.count, case.thickness, case.fraction, case.rolling), []).append(done)
+    rows = []
+    for (count, h, phi, rolling), here in sorted(scenes.items()):
+        row: dict[str, Any] = {
+            "h/R": h,
+            "area fraction": phi,
+            "balls": count,
+            "starts": len(here),
+            "resistance": rolling,
+        }
+        row["outcome"], row["ended"] = (
+            ", ".join(sorted(set(said)))
+            for said in ([done.outcome for done in here], [str(done.row["ended"]) for done in here])
+        )
+        for name, key in AVERAGED.items():
+            values = [value for done in here if (value := done.row.get(key)) is not None]
+            mean = float(np.mean(values)) if values else None
+            several = len(values) > 1 and key in ("cluster_mean", "coordination")
+            row[name] = (mean, 0.5 * float(np.ptp(values))) if several else mean
+        rows.append(row)
+    return rows
+
+
 def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
     """Return what moves two balls on each layer."""
     return [
         {
             "h/R": h,
             "T/Q in touch": float(law.ratio[0]),
+            "least T/Q": float(law.ratio.min()),
+            "at (over R)": law.farthest_apart,
             "T changes sign at (over R)": ", ".join(f"{d:.3g}" for d in law.changes) or "no distance",
             "the same over h": ", ".join(f"{d / h:.2g}" for d in law.changes) or "-",
         }

@@ -90,6 +90,16 @@ class PairLaw:
     largest: float
     changes: tuple[float, ...]
 
+    @property
+    def farthest_apart(self) -> float:
+        """Distance over R at which T separates most."""
+        return float(DISTANCES[np.argmin(self.ratio)])
+
+    @property
+    def softens(self) -> bool:
+        """Whether T separates less in touch than farther apart, or attracts there."""
+        return self.farthest_apart > DISTANCES[0]
+
 
 def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = False) -> PairLaw:
     """Return what moves two balls on a layer; T > 0 attracts."""

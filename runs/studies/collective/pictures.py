@@ -8,7 +8,7 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from runs.display.numbers import number
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, PURPLE, blank, look, panels, save_figure
 from runs.evolution import saved_path
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
@@ -17,35 +17,39 @@ from runs.session.output_folder import PATH
 from runs.studies.collective.cases import DISTANCES, Case, PairLaw
 
 COLORS = {"gathers": BLUE, "small groups": PURPLE, "orders": GREEN, "stays": GREY}
-CURVES = (BLUE, ORANGE, GREEN, PURPLE, GREY)
+
+
+def _shades(thicknesses: Sequence[float]) -> dict[float, Any]:
+    """Return a colour for every thickness, from dark (thin) to light."""
+    from matplotlib import colormaps  # noqa: PLC0415  (slow to load)
+
+    return dict(zip(thicknesses, colormaps["viridis"](np.linspace(0.0, 0.9, len(thicknesses))), strict=True))
 
 
 @look()
 def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]], laws: Mapping[float, PairLaw]) -> None:
     """Write map.svg and .png: outcomes over thickness and area fraction, and the pair law of each thickness."""
     figure, (outcomes, pair) = panels(5.0, 5.0, height=3.9)
-    seen = set()
+    seen, thicknesses = set(), sorted(laws)
     for case, row, outcome in found:
         if case.seed != 1 or (case.thickness, case.fraction) in seen:
             continue
         seen.add((case.thickness, case.fraction))
-        outcomes.plot(case.thickness, case.fraction, "o", ms=9, color=COLORS[outcome])
+        place = thicknesses.index(case.thickness), case.fraction
+        outcomes.plot(*place, "o", ms=9, color=COLORS[outcome])
         grouped = outcome in ("gathers", "small groups")
         text = number(row["cluster_mean"], 3) if grouped else f"{row['hexatic_end']:.2f}"
-        outcomes.annotate(text, (case.thickness, case.fraction), xytext=(0, 9), textcoords="offset points",
-                          ha="center", fontsize=8)  # fmt: skip
+        outcomes.annotate(text, place, xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9)
     for name, color in COLORS.items():
         outcomes.plot([], [], "o", color=color, label=name)
-    thicknesses = sorted(laws)
     outcomes.set(
-        xscale="log", xlabel="h / R", ylabel="area fraction", xlim=(0.7 * thicknesses[0], 1.4 * thicknesses[-1]),
-        ylim=(0.0, 0.75), xticks=thicknesses, xticklabels=[f"{h:g}" for h in thicknesses],
+        xlabel="h / R", ylabel="area fraction", xlim=(-0.5, len(thicknesses) - 0.5), ylim=(0.0, 0.75),
+        xticks=range(len(thicknesses)), xticklabels=[f"{h:g}" for h in thicknesses],
     )  # fmt: skip
-    outcomes.minorticks_off()
     outcomes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 1.0))
     outcomes.set_title("Balls in a cluster, or |psi_6|, at the end", pad=14)
-    for (h, law), color in zip(laws.items(), CURVES, strict=False):
-        pair.plot(DISTANCES, 1e3 * law.ratio, color=color, label=f"h = {h:g} R")
+    for h, color in _shades(thicknesses).items():
+        pair.plot(DISTANCES, 1e3 * laws[h].ratio, color=color, label=f"h = {h:g} R")
     pair.axhline(0.0, color="0.55", lw=0.8, zorder=0)
     pair.set(xlabel="distance of two balls / R", ylabel="1000 T/Q", xlim=(2.0, 12.0))
     pair.set_title("Two balls: T > 0 attracts", pad=14)
@@ -58,7 +62,7 @@ def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
     """Write ends.png: the layer at the end of every run, a column per thickness."""
     columns = sorted({case.thickness for case, _ in found})
     lines = sorted({case.fraction for case, _ in found}, reverse=True)
-    figure = blank(2.3 * len(columns), 2.45 * len(lines))
+    figure = blank(1.7 * len(columns), 1.9 * len(lines))
     axes = figure.subplots(len(lines), len(columns), squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()
@@ -104,10 +108,10 @@ def _draw_cell(axis: Any, case: Case, positions: Array) -> None:
 def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, float]]]]) -> None:
     """Write growth.svg and .png: mean cluster and hexatic order over the path at one area fraction."""
     chosen = [(case, rows) for case, rows in found if case.fraction == 0.3 and case.seed == 1]
-    thicknesses = sorted({case.thickness for case, _ in chosen})
+    shades = _shades(sorted({case.thickness for case, _ in chosen}))
     figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
     for case, rows in sorted(chosen, key=lambda c: c[0].thickness):
-        color = CURVES[thicknesses.index(case.thickness) % len(CURVES)]
+        color = shades[case.thickness]
         path = np.array([row["cycle"] for row in rows])
         label = f"h = {case.thickness:g} R"
         clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], color=color, label=label)

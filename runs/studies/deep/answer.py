@@ -124,7 +124,7 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     """Return the figure: one row of panels over D for the thin pair's discretisations, and S_Q of all pairs."""
-    figure, axes = panels(4.2, 4.2, 4.2, height=4.0)
+    figure, axes = panels(3.6, 3.6, 3.6, height=4.0)
     first = next(iter(rows.values()), ())
     levels = list(dict.fromkeys(row["level"] for row in first))
     for color, level in zip(COLORS[: len(levels)], levels, strict=True):

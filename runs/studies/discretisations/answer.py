@@ -1,7 +1,6 @@
 """Error against processor time of every discretisation, with and without the small-strain pair."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,21 +29,19 @@ def _rows(case: Case, found: Found) -> list[dict[str, Any]]:
     sizes = [math.hypot(*ball["tangential_force"]) for ball in steps[-1]["balls"]]
     ball = sizes.index(max(sizes))
     truth = steps[-1]["balls"][ball]["tangential_force"]
-    return [_row(case, step, step["balls"][ball], truth, step is steps[-1]) for step in steps]
-
-
-def _row(
-    case: Case, step: Mapping[str, Any], ball: Mapping[str, Any], truth: list[float], is_finest: bool
-) -> dict[str, Any]:
-    record, size = step["record"], math.hypot(*truth)
-    off = math.dist(ball["tangential_force"], truth)
-    return {
-        "scene": case.labels["scene"],
-        **{key: record[key] for key in ("order", "fineness", "unknowns", "iterations", "tangents", "seconds")},
-        BY_ITSELF: 100.0 * math.dist(ball["tangential_force_routes"]["domain_without_pair"], truth) / size,
-        PAIRED: None if is_finest else 100.0 * off / size,
-        BAR: 100.0 * ball["tangential_force_error"] / size,
-    }
+    size = sizes[ball]
+    rows = []
+    for step in steps:
+        record, state = step["record"], step["balls"][ball]
+        off = math.dist(state["tangential_force"], truth)
+        rows.append({
+            "scene": case.labels["scene"],
+            **{key: record[key] for key in ("order", "fineness", "unknowns", "iterations", "tangents", "seconds")},
+            BY_ITSELF: 100.0 * math.dist(state["tangential_force_routes"]["domain_without_pair"], truth) / size,
+            PAIRED: None if step is steps[-1] else 100.0 * off / size,
+            BAR: 100.0 * state["tangential_force_error"] / size,
+        })  # fmt: skip
+    return rows
 
 
 STUDY = study_of_cases("discretisations", cases, present)

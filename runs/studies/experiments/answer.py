@@ -120,17 +120,14 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
     """Return one sentence per source of error."""
     lines = []
     for model, name in MODELS.items():
-        tables = {}
-        for document in found[model].values():
-            if document["pair_table"] is not None:
-                tables[str(document["pair_table"]["identity"]["radius"])] = document["pair_table"]["additivity"]
-        for radius, rows in tables.items():
+        known = [table for document in found[model].values() if (table := document["pair_table"]) is not None]
+        for radius, rows in {table["identity"]["radius"]: table["additivity"] for table in known}.items():
             text = "; ".join(
                 f"{row['arrangement']} {100 * row['coupled']:.2g} % (bare sum of pairs {100 * row['bare_sum']:.2g} %; "
                 f"own error of the full model {100 * row['tangential_force_error'] / row['tangential_force']:.1g} %)"
                 for row in rows
             )
-            lines.append(f"{name}, R = {1e3 * float(radius):g} mm: {text}")
+            lines.append(f"{name}, R = {1e3 * radius:g} mm: {text}")
         shares = [
             (row["share"], case, row["at"])
             for case, document in found[model].items()
@@ -237,16 +234,10 @@ def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:
         if document is None:
             continue
         cycle, distance = distances(document, 0, 1)
-        still = document["rest"]["at_rest"]
-        cycle = np.append(cycle, 200.0) if still else cycle
-        distance = np.append(distance, distance[-1]) if still else distance
-        axis.plot(
-            cycle,
-            1e3 * distance,
-            STYLES[model],
-            color=color,
-            label=f"{size} mm balls" if model == "linear_bem" else None,
-        )
+        if document["rest"]["at_rest"]:
+            cycle, distance = np.append(cycle, 200.0), np.append(distance, distance[-1])
+        label = f"{size} mm balls" if model == "linear_bem" else None
+        axis.plot(cycle, 1e3 * distance, STYLES[model], color=color, label=label)
 
 
 STUDY = Study("experiments", compute, page, ("experiments.svg", "gathering.svg"), saves="*-linear_bem")

@@ -115,17 +115,12 @@ def table(model: str, scene: Scene) -> PairTable:
     return table_of(MODELS[model], asked.problem, asked.tangential_force, TABLES, budget=budget)
 
 
-def has_table(case: Case, scene: Scene) -> bool:
-    """Return whether the finite-strain table of ``scene`` is complete."""
-    return table("finite_strain", finite(case, scene)).missing == 0
-
-
 def runs_of(case: Case, quick: bool) -> list[tuple[str, Scene]]:
     """Return the models that evolve a case, each with its scene; finite strain only if its table is complete."""
     scene = case.read(quick)
     found = [("linear_bem", scene)]
-    if case.finite is not None and has_table(case, scene):
-        found.append(("finite_strain", finite(case, scene)))
+    if case.finite is not None and table("finite_strain", strained := finite(case, scene)).missing == 0:
+        found.append(("finite_strain", strained))
     return found
 
 

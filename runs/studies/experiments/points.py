@@ -36,17 +36,13 @@ class Point:
     reason: str = ""
 
 
-def _share(document: Mapping[str, Any], shows: Callable[[Mapping[str, Any]], bool]) -> float:
-    members = document["ensemble"]
-    return sum(map(shows, members)) / len(members)
-
-
 def of_members(title: str, names: Sequence[str], decisive: int, shows: Callable[[Mapping[str, Any]], bool]) -> Point:
     """Return an observation that most members of the first ``decisive`` cases must show; the others are variants."""
 
     def judge(documents: Documents) -> Finding:
-        found = {name: _share(documents[name], shows) for name in names if name in documents}
-        shown = [f"{round(100 * share)} % of {len(documents[name]['ensemble'])}" for name, share in found.items()]
+        ensembles = {name: documents[name]["ensemble"] for name in names if name in documents}
+        found = {name: sum(map(shows, members)) / len(members) for name, members in ensembles.items()}
+        shown = [f"{round(100 * share)} % of {len(ensembles[name])}" for name, share in found.items()]
         if len(set(shown)) == 1 and len(shown) > 1:
             text = f"{shown[0]} members in each of {len(shown)} runs"
         else:

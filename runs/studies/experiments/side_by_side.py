@@ -66,16 +66,9 @@ def _compared(small: PairTable, finite: PairTable) -> Comparison:
     error = np.array([rows[d] for d in near]) / load[1]
     rests = [equilibria.of_pair(forces, touch, max(rows)) for forces in pairs]
     return Comparison(
-        radius=small.ball.radius,
-        thickness=small.problem.layer.thickness,
-        approach=small.approach,
-        small=pull[0] / load[0],
-        finite=pull[1] / load[1],
-        error=error,
-        strength=pull[1] / pull[0],
-        load=load[1] / load[0],
-        rests=rests,
-    )
+        small.ball.radius, small.problem.layer.thickness, small.approach, pull[0] / load[0], pull[1] / load[1], error,
+        pull[1] / pull[0], load[1] / load[0], rests,
+    )  # fmt: skip
 
 
 def _apart(distance: float) -> Array:
@@ -106,7 +99,8 @@ def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
             if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
                 cell += f" ({strength:.2f})"
             row[f"L = {place:g} L0"] = cell
-        row["T = 0 at L [mm]"] = " / ".join(_turns(rest, 2.0 * one.radius) for rest in one.rests)
+        beyond = ([r for r in rest if r[0] > 2.0 * one.radius * (1.0 + 1e-9)] for rest in one.rests)
+        row["T = 0 at L [mm]"] = " / ".join(", ".join(f"{1e3 * d:.1f} ({v})" for d, v in b) or "none" for b in beyond)
         rows.append(row)
     return rows
 
@@ -132,17 +126,12 @@ def _kind(one: Comparison) -> str:
     )
 
 
-def _turns(rests: Sequence[tuple[float, str]], touch: float) -> str:
-    turns = [f"{1e3 * distance:.1f} ({verdict})" for distance, verdict in rests if distance > touch * (1.0 + 1e-9)]
-    return ", ".join(turns) if turns else "none"
-
-
 def outcomes(small: Documents, finite: Documents) -> list[dict[str, str]]:
     """Return the outcome of each run that both models have."""
     shown = {
         "cycles to one group (median)": _grouped,
         "contacts at the end (all members)": _contacts,
-        "largest distance at the end [mm]": lambda document: f"{1e3 * _widest(document):.1f}",
+        "largest distance at the end [mm]": _widest,
     }
     return [
         {"run": name, **{head: f"{write(small[name])} / {write(finite[name])}" for head, write in shown.items()}}
@@ -160,10 +149,9 @@ def _grouped(document: Mapping[str, Any]) -> str:
 
 
 def _contacts(document: Mapping[str, Any]) -> str:
-    counts = sorted({m["contacts"] for m in document["ensemble"]})
-    return ", ".join(map(str, counts))
+    return ", ".join(map(str, sorted({m["contacts"] for m in document["ensemble"]})))
 
 
-def _widest(document: Mapping[str, Any]) -> float:
+def _widest(document: Mapping[str, Any]) -> str:
     x = np.array(document["path"][-1]["positions"])
-    return float(np.max(np.hypot(*(x[:, None] - x[None, :]).T)))
+    return f"{1e3 * np.max(np.hypot(*(x[:, None] - x[None, :]).T)):.1f}"

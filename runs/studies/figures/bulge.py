@@ -49,7 +49,7 @@ def compute(quick: bool) -> Findings:
     """Return w*, x* over h/a on the axis, the deepest bulge off the axis for thin layers, and their features."""
     thickness = np.geomspace(0.011, 20.0, 19 if quick else 70)
     axis = np.array([on_axis(float(h)) for h in thickness])
-    leaves = _leaving(5 if quick else 12)
+    leaves = 0.5 * sum(halved(0.05, 0.12, 5 if quick else 12, lambda h: anywhere(h)[1] > OFF_AXIS))
     near = leaves * (1.0 - np.linspace(0.0, 1.0, 5 if quick else 14)[1:] ** 2)  # y* starts like a square root
     thin = np.sort(np.concatenate([near[near > 0.02], [0.015, leaves, 1.1 * leaves, 1.25 * leaves]]))
     surface = np.array([anywhere(float(h)) for h in thin])
@@ -72,11 +72,6 @@ def compute(quick: bool) -> Findings:
     on_the_axis = dict(zip(("h_over_a", "x_over_a", "w_E1_over_a_q"), (thickness, *axis.T), strict=True))
     off = dict(zip(("h_over_a", "x_over_a", "y_over_a", "w_E1_over_a_q"), (thin, *surface.T), strict=True))
     return Findings({"axis": on_the_axis, "anywhere": off}, numbers)
-
-
-def _leaving(halvings: int) -> float:
-    """Return h/a below which the deepest bulge is off the axis."""
-    return 0.5 * sum(halved(0.05, 0.12, halvings, lambda h: anywhere(h)[1] > OFF_AXIS))
 
 
 def _vanishing() -> float:

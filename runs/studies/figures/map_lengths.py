@@ -23,7 +23,9 @@ CHECKED = (
 def compute(quick: bool) -> Findings:
     """Return T/T0 over (h', L'), the two critical values of L/h, and the check."""
     asked = at_features(quick)
-    law = _law()
+    base = Pair().problem()
+    assert base.substrate is not None
+    law = PointLaw(base.layer.poisson, base.layer.young / base.substrate.young, base.substrate.poisson)
     lower, upper = law.sign_changes()
     h, distance = np.geomspace(0.05, 50.0, 60 if quick else 181), np.geomspace(2.0, 100.0, 40 if quick else 121)
     ratio = law.attraction(np.clip(distance[:, None] / h, 0.25, 400.0))
@@ -47,12 +49,6 @@ def compute(quick: bool) -> Findings:
     }
     grid = {"h": np.tile(h, distance.size), "L": np.repeat(distance, h.size), "T_over_half_space": ratio.ravel()}
     return Findings({"map": grid, "check": check}, numbers)
-
-
-def _law() -> PointLaw:
-    base = Pair().problem()
-    assert base.substrate is not None
-    return PointLaw(base.layer.poisson, base.layer.young / base.substrate.young, base.substrate.poisson)
 
 
 def draw(found: Findings) -> Any:

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import linear_bem
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result
@@ -55,7 +56,12 @@ class Case:
     def key(self) -> str:
         """Return a digest that changes whenever a saved answer is no longer valid for this case."""
         varied = sorted({**self.constants, **self.numerics}.items())
-        code = _element_format() if self.parallel else _linear_code()
+        if self.parallel:
+            from finite_strain import FORMAT  # noqa: PLC0415  (finite-element cases only)
+
+            code = f"elements {FORMAT}"
+        else:
+            code = code_of(Path(linear_bem.__file__).parent)
         budget = sorted(self.budget.items())
         steps = None if self.steps is None else tuple(self.steps)
         said = repr((code, self.problem, self.model, self.accuracy, varied, steps, self.stop_after, budget, self.alone))
@@ -78,18 +84,6 @@ def varied(constants: Mapping[str, float]) -> Iterator[None]:
     finally:
         for module, name, value in reversed(before):
             setattr(module, name, value)
-
-
-def _element_format() -> str:
-    from finite_strain import FORMAT  # noqa: PLC0415  (finite-element cases only)
-
-    return f"elements {FORMAT}"
-
-
-def _linear_code() -> str:
-    import linear_bem  # noqa: PLC0415
-
-    return code_of(Path(linear_bem.__file__).parent)
 
 
 @cache

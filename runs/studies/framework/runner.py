@@ -111,7 +111,7 @@ class _Attempt:
         self.stop_after = case.stop_after
 
     def run(self) -> None:
-        """Solve the case and save the outcome; raises only what stops the whole study."""
+        """Solve the case and save the outcome (collective); raises only what stops the whole study."""
         state, reason, result = DONE, None, None
         try:
             with varied(self.case.constants):
@@ -123,10 +123,12 @@ class _Attempt:
         except ThirdBodyError as error:
             state, reason = "refused", str(error)
         except Exception as error:
-            if not self._all_failed():
+            # only if all ranks failed can they continue with the next case together
+            if self.comm is not None and self.comm.size > 1 and not ranks.all_arrive(self.comm):
                 raise
             state, reason = "failed", "".join(traceback.format_exception_only(error)).strip()
-        cpu = self._cpu_seconds()
+        mine = time.process_time() - self.began[0]
+        cpu = self.spent[0] + (mine if self.comm is None else self.comm.allreduce(mine))
         if self.folder is None:
             return
         record = self._record(state, cpu)
@@ -168,15 +170,6 @@ class _Attempt:
             "wall_seconds": self.spent[1] + time.monotonic() - self.began[1],
             "steps": [step.to_dict() for step in self.steps],
         }
-
-    def _cpu_seconds(self) -> float:
-        """Return the processor time [s] of all ranks on the case, interrupted runs included (collective)."""
-        mine = time.process_time() - self.began[0]
-        return self.spent[0] + (mine if self.comm is None else self.comm.allreduce(mine))
-
-    def _all_failed(self) -> bool:
-        """Return whether all ranks failed: only then can they continue with the next case together (collective)."""
-        return self.comm is None or self.comm.size == 1 or ranks.all_arrive(self.comm)
 
 
 class _Stopper(Progress):

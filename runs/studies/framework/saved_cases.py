@@ -97,16 +97,10 @@ class Found:
     def missing(self, answers: Collection[str] = (DONE,)) -> list[str]:
         """Return one sentence for every case whose state is not among ``answers``."""
         sentences = []
-        for case in self.cases:
-            state = self.state(case.name)
-            if state in answers:
-                continue
-            reached = len(self.steps(case.name))
-            words = [f"{case.name}: {state}"]
-            if reached:
-                words.append(f"after {reached} load step(s)")
-            reason = self.records.get(case.name, {}).get("reason")
-            sentences.append(" ".join(words) + (f": {reason}" if reason else ""))
+        for name in (case.name for case in self.cases if self.state(case.name) not in answers):
+            reached, reason = len(self.steps(name)), self.records.get(name, {}).get("reason")
+            where = f" after {reached} load step(s)" if reached else ""
+            sentences.append(f"{name}: {self.state(name)}{where}" + (f": {reason}" if reason else ""))
         return sentences
 
     def seconds(self) -> float:

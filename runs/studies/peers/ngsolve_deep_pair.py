@@ -9,9 +9,8 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve.meshes import MakeStructured3DMesh
 
-from runs.studies.peers.ngsolve_pair import FIXED
+from runs.studies.peers.ngsolve_pair import FIXED, mesh_of
 from runs.studies.peers.scene import EXTENT, POISSON, SOFT, THICKNESS, Array, moduli, report
 
 RAMP = 0.05
@@ -55,13 +54,7 @@ class Pair:
 
     def space(self, order: int, fineness: int) -> Any:
         """Return the displacements of an order on the grid of a fineness."""
-        grid = self.lines(fineness)
-
-        def place(*unit: float) -> tuple[float, ...]:
-            return tuple(float(np.interp(u * (len(g) - 1), range(len(g)), g)) for u, g in zip(unit, grid, strict=True))
-
-        mesh = MakeStructured3DMesh(True, *(len(g) - 1 for g in grid), mapping=place)
-        return ng.VectorH1(mesh, order=order, **FIXED)
+        return ng.VectorH1(mesh_of(self.lines(fineness)), order=order, **FIXED)
 
     def from_centre(self, u: Any, depth: Any) -> Any:
         """Return the vector from the ball's centre to a displaced point."""

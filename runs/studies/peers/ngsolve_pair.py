@@ -1,6 +1,6 @@
 """The pair in NGSolve (https://ngsolve.org): hexahedra of any order, layer and contact as symbolic energies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import ngsolve as ng
@@ -20,16 +20,19 @@ def energy(H: Any) -> Any:
     return SHEAR * (ng.InnerProduct(H, H) / 2 + ng.Trace(H) - ng.log(1 + j)) + LAME / 2 * j**2
 
 
-def main(approach: float, size: str) -> None:
-    """Solve with elements of order p on a grid of fineness n, where ``size`` is "pxn", and print the answer."""
-    order, fineness = map(int, size.split("x"))
-    grid = lines(approach, fineness)
+def mesh_of(grid: Sequence[Any]) -> Any:
+    """Return the mesh of hexahedra between grid planes in x, y and z."""
 
     def place(*unit: float) -> tuple[float, ...]:
         return tuple(float(np.interp(u * (len(g) - 1), range(len(g)), g)) for u, g in zip(unit, grid, strict=True))
 
-    mesh = MakeStructured3DMesh(True, *(len(g) - 1 for g in grid), mapping=place)
-    depth = ng.Parameter(0.0)
+    return MakeStructured3DMesh(True, *(len(g) - 1 for g in grid), mapping=place)
+
+
+def main(approach: float, size: str) -> None:
+    """Solve with elements of order p on a grid of fineness n, where ``size`` is "pxn", and print the answer."""
+    order, fineness = map(int, size.split("x"))
+    mesh, depth = mesh_of(lines(approach, fineness)), ng.Parameter(0.0)
 
     def pressure(u: Any, stiffness: float, multiplier: Any = 0) -> Any:
         found = multiplier + stiffness * (1 - ng.Norm(ng.CF((ng.x - 1, ng.y, ng.z - 1 + depth)) + u))

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from linear_bem.counts import grouped
+from linear_bem.errors import TooLarge
+from linear_bem.memory import require
 from runs.process import ranks, signals
 from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
@@ -15,7 +17,7 @@ from runs.studies.framework.study import Study
 from runs.studies.framework.tables import written
 from runs.studies.framework.template import render
 from runs.studies.scaling import whole_runs
-from runs.studies.scaling.measuring import FORMS, measure, pressed, too_large
+from runs.studies.scaling.measuring import BYTES, FORMS, measure, pressed
 
 SIZES = (12_000, 60_000, 120_000)
 """Target numbers of unknowns; meshes have up to a quarter less."""
@@ -42,7 +44,7 @@ def compute(folder: Path, options: Options) -> None:
         state = pressed(form, comm)
         for target in left:
             signals.check()
-            if not _fits(too_large(form, target), comm):
+            if not fits(BYTES[form] * target, f"a system of {grouped(target)} unknowns ({form} form)", comm):
                 continue
             for row in measure(form, target, state, comm):
                 rows.append(row)
@@ -54,14 +56,22 @@ def compute(folder: Path, options: Options) -> None:
         signals.check()
         saved = folder / f"whole_{target}.csv"
         known = ranks.share(saved.exists() and not options.fresh)
-        if not known and _fits(whole_runs.too_large(target), comm):
+        if not known and fits(whole_runs.BYTES * target, f"a run of {grouped(target)} unknowns", comm):
             found = whole_runs.run(target, comm)
             if comm.rank == 0:
                 write_csv(saved, found)
 
 
-def _fits(fault: str, comm: Any) -> bool:
-    """Return whether the first rank found no fault; print it otherwise (collective)."""
+def fits(needed: float, what: str, comm: Any) -> bool:
+    """Return whether so many bytes fit into the memory that is free on rank 0; print the fault otherwise (collective).
+
+    ``what`` needs them.
+    """
+    fault = ""
+    try:
+        require(needed, what, "take a larger machine")
+    except TooLarge as error:
+        fault = str(error)
     fault = ranks.share(fault)
     if fault and comm.rank == 0:
         print_status(f"left out: {fault}")

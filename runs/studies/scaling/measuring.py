@@ -17,9 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linear_bem import Elements
-from linear_bem.counts import grouped
-from linear_bem.errors import TooLarge
-from linear_bem.memory import require
 from runs.studies.framework.pair import pair
 
 if TYPE_CHECKING:
@@ -50,20 +47,6 @@ def pressed(form: str, comm: MPI.Comm) -> Snapshot:
     state = run.snapshot(PATH[-1])
     run.close()
     return state
-
-
-def too_large(form: str, target: int) -> str:
-    """Return why a measurement would not fit into the free memory; nothing if it would."""
-    return memory_fault(BYTES[form] * target, f"a system of {grouped(target)} unknowns ({form} form)")
-
-
-def memory_fault(needed: float, what: str) -> str:
-    """Return why something that needs so many bytes would not fit into the free memory; nothing if it would."""
-    try:
-        require(needed, what, "take a larger machine")
-    except TooLarge as error:
-        return str(error)
-    return ""
 
 
 def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator[dict[str, Any]]:

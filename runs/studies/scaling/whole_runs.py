@@ -7,12 +7,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from linear_bem import Elements
-from linear_bem.counts import grouped
 from runs.models import Run
 from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, forget_peak, memory_fault, peak_memory
+from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, forget_peak, peak_memory
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -24,11 +23,6 @@ ACCURACY = 0.02
 """Of the domain and of linear_bem; the mesh is given."""
 KEPT = ("unknowns", "fraction", "iterations", "tangents", "linear_iterations", "linear_fallbacks", "seconds")
 """What the rows have of a load step's record."""
-
-
-def too_large(target: int) -> str:
-    """Return why a run would not fit into the free memory; nothing if it would."""
-    return memory_fault(BYTES * target, f"a run of {grouped(target)} unknowns")
 
 
 def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
@@ -43,26 +37,22 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
     case = LevelCase("", problem, "finite_strain", ACCURACY, steps=STEPS, levels=_levels(problem, target))
     forget_peak()
     begun = time.process_time()
-    seen: list[dict[str, Any]] = []
     result = case.solve(Run(comm=comm, steps=STEPS))
     spent = comm.allreduce(time.process_time() - begun)
-    memory = peak_memory(comm)
-    for step in result.steps[-len(STEPS) :]:
-        ball = step.balls[0]
-        seen.append(
-            {
-                **{key: step.record[key] for key in KEPT if key in step.record},
-                "target": target,
-                "ranks": comm.size,
-                "processor_seconds": spent,
-                "gigabytes": memory / 1e9,
-                "normal_force": ball.normal_force,
-                "tangential_force": ball.tangential_force[0],
-                "error": ball.tangential_force_error,
-            }
-        )
-        if comm.rank == 0:
-            print_status(", ".join(f"{key} {value}" for key, value in seen[-1].items()))
+    whole = {"target": target, "ranks": comm.size, "processor_seconds": spent, "gigabytes": peak_memory(comm) / 1e9}
+    seen = [
+        {
+            **{key: step.record[key] for key in KEPT if key in step.record},
+            **whole,
+            "normal_force": step.balls[0].normal_force,
+            "tangential_force": step.balls[0].tangential_force[0],
+            "error": step.balls[0].tangential_force_error,
+        }
+        for step in result.steps[-len(STEPS) :]
+    ]
+    if comm.rank == 0:
+        for row in seen:
+            print_status(", ".join(f"{key} {value}" for key, value in row.items()))
     return seen
 
 

@@ -20,18 +20,10 @@ SIDES = {THIN: "thin", THICK: "thick"}
 
 def cases(quick: bool) -> list[Case]:
     """Return all cases, the ones that the answer leans on first."""
-    return _quick() if quick else _full()
-
-
-def _quick() -> list[Case]:
-    approaches, accuracy = (0.01, 0.02, 0.03), 0.2
-    return [
-        *(along("headline", h, approaches, accuracy) for h in SIDES),
-        along("paraboloid", THIN, approaches, accuracy, shape="paraboloid"),
-    ]
-
-
-def _full() -> list[Case]:
+    if quick:
+        light, rough = (0.01, 0.02, 0.03), 0.2
+        paraboloid = along("paraboloid", THIN, light, rough, shape="paraboloid")
+        return [*(along("headline", h, light, rough) for h in SIDES), paraboloid]
     found = [along("headline", h, APPROACHES, 0.002, unknowns=HEADLINE_UNKNOWNS[h]) for h in SIDES]
     found += [along("paraboloid", h, VARIED, 0.02, shape="paraboloid") for h in SIDES]
     for h in SIDES:

@@ -54,17 +54,14 @@ def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
     rows = []
     for row, step, plain in zip(compared, steps, paraboloids, strict=True):
         ball = step["balls"][0]
-
-        def toward(force: Sequence[float], step: Mapping[str, Any] = step) -> float:
-            return attraction(step["balls"], 0, force)
-
-        linear_t, plain_t = toward(row["tangential_linear"]), toward(plain["balls"][0]["tangential_force"])
+        forces = ball["tangential_force"], row["tangential_linear"], plain["balls"][0]["tangential_force"]
+        pull, linear_t, plain_t = (attraction(step["balls"], 0, force) for force in forces)
         rows.append(
             {
                 "D": ball["approach"],
                 "Q": ball["normal_force"],
                 "a": math.sqrt(ball["contact_area"] / math.pi),
-                "T": toward(ball["tangential_force"]),
+                "T": pull,
                 "T_error": ball["tangential_force_error"],
                 "T_linear": linear_t,
                 "T_paraboloid": plain_t,

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, Layer
@@ -49,14 +50,6 @@ def stiffness(steps: Sequence[dict[str, Any]]) -> tuple[float, float]:
     return math.sqrt(here["contact_area"] / math.pi), slope
 
 
-def _punches(quick: bool) -> list[Case]:
-    bodies = {"r2": "paraboloid"} if quick else {"r2": "paraboloid", "r4": Power(4)}
-    return [
-        punch_case("punch", f"{body}-nu{nu:g}-D{d:g}", Layer(1.0, nu, 1.0), d, shape=shape, nu=nu, body=body)
-        for nu in (0.0, 0.5) for body, shape in bodies.items() for d in (SLENDER[:2] if quick else SLENDER)
-    ]  # fmt: skip
-
-
 def _punch(references: Mapping[float, Reference]) -> Callable[[Found], Groups]:
     """Return the comparison with factors of a / h, by Poisson's ratio."""
 
@@ -76,18 +69,9 @@ def _punch(references: Mapping[float, Reference]) -> Callable[[Found], Groups]:
     return points
 
 
-def _garcia(found: Found) -> Groups:
-    paraboloids = layered({0.5: lambda chi: formulas.series(formulas.GARCIA, chi)}, CHI)(found)
-    return paraboloids | _punch({0.5: lambda x: formulas.series(formulas.GARCIA_PUNCH, x)})(found)
-
-
 def _coated(part: str, name: str, young: float, depth: float, ratio: float) -> Case:
     layer = Layer(young, 0.3, 1.0)
     return punch_case(part, name, layer, depth, substrate=Elastic(ratio, 0.3), ratio=ratio)
-
-
-def _alike() -> list[Case]:
-    return [_coated("gao", f"E{e:g}-D{d:g}", e, d, 1.0) for d in SLENDER for e in (0.95, 1.05)]
 
 
 def _gao(found: Found) -> Groups:
@@ -104,19 +88,6 @@ def _gao(found: Found) -> Groups:
             x, ours = 0.5 * (a + b), (stiff - soft) / 0.1
             points.append(Point(f"a / h = {x:.3g}", x, ours, RADIUS_BAR, formulas.gao_weight(x, 0.3)))
     return {"nu = 0.3": points}
-
-
-def _coatings(quick: bool) -> list[Case]:
-    """Return the punches, and by elements too where the fit is farthest off."""
-    every = [_coated("perriot", f"ratio{r:g}-D{d:g}", 1.0, d, r) for r in CONTRASTS for d in SLENDER]
-    if quick:
-        return every
-    elements = [
-        dataclasses.replace(case, name=f"{case.name}-elements", model=SMALL, accuracy=0.2, steps=(1.0,))
-        for case in every
-        if case.labels["ratio"] == CONTRASTS[0] and case.labels["x"] == SLENDER[1]
-    ]
-    return [*every, *elements]  # fmt: skip
 
 
 def _perriot(found: Found) -> Groups:
@@ -141,17 +112,28 @@ def _perriot(found: Found) -> Groups:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every scene once."""
-    return [*_punches(quick), *_alike(), *_coatings(quick)]
+    """Return every scene once; a coating by elements too where the fit is farthest off."""
+    bodies = {"r2": "paraboloid"} if quick else {"r2": "paraboloid", "r4": Power(4)}
+    punches = [
+        punch_case("punch", f"{body}-nu{nu:g}-D{d:g}", Layer(1.0, nu, 1.0), d, shape=shape, nu=nu, body=body)
+        for nu in (0.0, 0.5) for body, shape in bodies.items() for d in (SLENDER[:2] if quick else SLENDER)
+    ]  # fmt: skip
+    alike = [_coated("gao", f"E{e:g}-D{d:g}", e, d, 1.0) for d in SLENDER for e in (0.95, 1.05)]
+    coatings = [_coated("perriot", f"ratio{r:g}-D{d:g}", 1.0, d, r) for r in CONTRASTS for d in SLENDER]
+    elements = [
+        dataclasses.replace(case, name=f"{case.name}-elements", model=SMALL, accuracy=0.2, steps=(1.0,))
+        for case in coatings
+        if case.labels["ratio"] == CONTRASTS[0] and case.labels["x"] == SLENDER[1] and not quick
+    ]
+    return [*punches, *alike, *coatings, *elements]
 
 
 COATED = "flat punch on a coated half-space, nu = 0.3"
-PUNCH: Mapping[float, Reference] = {
-    0.0: lambda x: formulas.punch_factor(x, 0.0),
-    0.5: lambda x: formulas.punch_factor(x, 0.5),
-}
+PUNCH: Mapping[float, Reference] = {nu: partial(formulas.punch_factor, poisson=nu) for nu in (0.0, 0.5)}
+PARABOLOIDS = layered({0.5: lambda chi: formulas.series(formulas.GARCIA, chi)}, CHI)
+PUNCHES = _punch({0.5: lambda x: formulas.series(formulas.GARCIA_PUNCH, x)})
 COMPARISONS = (
-    Comparison("garcia", FACTOR, BONDED, LINEAR, _garcia),
+    Comparison("garcia", FACTOR, BONDED, LINEAR, lambda found: PARABOLOIDS(found) | PUNCHES(found)),
     Comparison("punch", FACTOR, BONDED, LINEAR, _punch(PUNCH)),
     Comparison("gao", "slope of the effective modulus by the coating's", COATED, LINEAR, _gao),
     Comparison("perriot", "effective modulus over the coating's", COATED, LINEAR, _perriot),

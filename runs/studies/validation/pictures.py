@@ -17,7 +17,7 @@ Groups = Mapping[str, Sequence[Point]]
 @look()
 def draw(every: Mapping[str, Groups], folder: Path) -> None:
     """Write validation.svg and .png; a panel without points says so."""
-    figure, axes = panels(4.4, 4.4, 4.4, height=4.0)
+    figure, axes = panels(3.6, 3.6, 3.6, height=3.9)
     _bonded(axes[0], every["lebedev"])
     _spheres(axes[1], {**every["long"], **every["shojaeifard"]}, every["lin"])
     _coated(axes[2], every["perriot"])
@@ -75,4 +75,4 @@ def _coated(axis: Any, groups: Groups) -> None:
     if groups:
         axis.set(xscale="log", yscale="log")
     axis.set(xlabel="a / h", ylabel="effective modulus over the coating's")
-    axis.set_title("coated half-space (bands: Perriot and Barthel)")
+    axis.set_title("coated half-space (Perriot 2004)")

@@ -76,14 +76,10 @@ def _spheres(quick: bool) -> list[Case]:
 
 
 def _sphere(reference: Reference, error: float) -> Callable[[Found], Groups]:
-    def points(found: Found) -> Groups:
-        return {
-            "half-space": _forces(
-                found.done("sphere"), found, lambda case: (reference(case.labels["x"]), error), "D / R"
-            )
-        }
+    def beside(case: Case) -> tuple[float, float]:
+        return reference(case.labels["x"]), error
 
-    return points
+    return lambda found: {"half-space": _forces(found.done("sphere"), found, beside, "D / R")}
 
 
 class Power:
@@ -104,27 +100,14 @@ def _powers() -> list[Case]:
     return [pressed("galin", f"n{n}", Ball((0.0, 0.0), 1.0, Power(n)), HALF_SPACE, 0.3, n=n) for n in (2, 4, 8)]
 
 
-def _galin(found: Found) -> Groups:
-    points = []
-    for case in found.done("galin"):
-        n, ours = case.labels["n"], _ball(case, found)["normal_force"]
-        theirs = formulas.power_force(0.3, n, HALF_SPACE.contact_modulus)
-        points.append(Point(f"n = {n}", n, ours, FORCE_BAR * ours, theirs))
-    return {"half-space": points}
+def _force(part: str, group: str, at: str, label: str, theirs: Reference) -> Callable[[Found], Groups]:
+    """Return the comparison of a part's forces [N] with those by one of its labels."""
 
+    def points(found: Found) -> Groups:
+        known = [(case.labels[label], _ball(case, found)["normal_force"]) for case in found.done(part)]
+        return {group: [Point(f"{at} = {x:g}", x, ours, FORCE_BAR * ours, theirs(x)) for x, ours in known]}
 
-def _hyperboloids() -> list[Case]:
-    cone = Ball((0.0, 0.0), shape=Cone(SLOPE, TIP))
-    return [pressed("hyperboloid", f"D{d:g}", cone, HALF_SPACE, d) for d in (0.01, 0.1, 0.5, 2.0)]
-
-
-def _hyperboloid(found: Found) -> Groups:
-    points = []
-    for case in found.done("hyperboloid"):
-        depth, ours = case.labels["x"], _ball(case, found)["normal_force"]
-        theirs = formulas.hyperboloid_force(depth, TIP, SLOPE, HALF_SPACE.contact_modulus)
-        points.append(Point(f"D = {depth:g}", depth, ours, FORCE_BAR * ours, theirs))
-    return {"slope 20 deg, tip radius 0.2": points}
+    return points
 
 
 def _layers(quick: bool) -> list[Case]:
@@ -181,11 +164,8 @@ def _carbone(found: Found) -> Groups:
     for case in found.done("carbone"):
         balls = found.steps(case.name)[-1]["balls"]
         value, bar = pull(balls)
-        radius, force, layer = (
-            math.sqrt(balls[0]["contact_area"] / math.pi),
-            balls[0]["normal_force"],
-            case.problem.layer,
-        )
+        radius, force = math.sqrt(balls[0]["contact_area"] / math.pi), balls[0]["normal_force"]
+        layer = case.problem.layer
         theirs, other = (formulas.carbone_force(force, radius, 2.0, layer, uniform) for uniform in (False, True))
         point = Point(f"Q = {force:.3g} E R^2", force, value, bar, theirs, abs(theirs - other))
         points.setdefault(f"T of two balls, h = {layer.thickness:g} R", []).append(point)
@@ -194,9 +174,11 @@ def _carbone(found: Found) -> Groups:
 
 def cases(quick: bool) -> list[Case]:
     """Return every scene once; several sources may be compared on one."""
+    cone = Ball((0.0, 0.0), shape=Cone(SLOPE, TIP))
+    hyperboloids = [pressed("hyperboloid", f"D{d:g}", cone, HALF_SPACE, d) for d in (0.01, 0.1, 0.5, 2.0)]
     of_hertz = pressed("hertz", "ball", Ball((0.0, 0.0), 0.05, "paraboloid"), Layer(2e10, 0.3, math.inf), 2e-3)
     return [
-        of_hertz, *_spheres(quick), *_powers(), *_hyperboloids(), *_layers(quick), *_pairs(),
+        of_hertz, *_spheres(quick), *_powers(), *hyperboloids, *_layers(quick), *_pairs(),
     ]  # fmt: skip
 
 
@@ -207,14 +189,20 @@ DIMITRIADIS: Mapping[float, Reference] = {
     0.5: lambda chi: formulas.series(formulas.DIMITRIADIS, chi),
     0.3: lambda chi: formulas.dimitriadis_factor(chi, 0.3),
 }
+E_STAR = HALF_SPACE.contact_modulus
+GALIN = _force("galin", "half-space", "n", "n", lambda n: formulas.power_force(0.3, n, E_STAR))
+HYPERBOLOID = _force(
+    "hyperboloid", "slope 20 deg, tip radius 0.2", "D", "x",
+    lambda depth: formulas.hyperboloid_force(depth, TIP, SLOPE, E_STAR),
+)  # fmt: skip
 COMPARISONS = (
     Comparison(
         "hertz", "peak pressure and contact radius", "half of the two spheres: paraboloid, R = 50 mm", LINEAR, _hertz
     ),
     Comparison("sneddon", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.sneddon_factor, 0.0)),
     Comparison("kontomaris", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.kontomaris_factor, NAN)),
-    Comparison("galin", "Q", "bodies r^n on a half-space, nu = 0.3, D = 0.3", LINEAR, _galin),
-    Comparison("hyperboloid", "Q", "rounded cone on a half-space, nu = 0.3", LINEAR, _hyperboloid),
+    Comparison("galin", "Q", "bodies r^n on a half-space, nu = 0.3, D = 0.3", LINEAR, GALIN),
+    Comparison("hyperboloid", "Q", "rounded cone on a half-space, nu = 0.3", LINEAR, HYPERBOLOID),
     Comparison("lebedev", FACTOR, BONDED, LINEAR, layered({0.5: formulas.lebedev_factor}, (*CHI, *FAR))),
     Comparison("dimitriadis", FACTOR, BONDED, LINEAR, layered(DIMITRIADIS, CHI)),
     Comparison("carbone", "response, and T of two balls", "bonded layer", LINEAR, _carbone),
