@@ -4,8 +4,6 @@ Gradients jump between cells. Each cell is weighted by its volume at the node, a
 lumped masses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations, product

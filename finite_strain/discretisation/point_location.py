@@ -1,7 +1,5 @@
 """Which cell of a mesh holds a point, and where in it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from finite_strain.discretisation.nodal_values import element_of, outside_by

@@ -64,7 +64,12 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
         return "the accuracy asked for is met"
     if len(records) >= MOST_LEVELS:
         return f"{MOST_LEVELS} discretisations did not reach it"
-    level = _next(asked, records) if last.resolved else _finer(records)
+    if last.resolved:
+        level = _next(asked, records)
+    elif records[-2].resolved:  # order and penalty do not help elements that are nearly turned inside out
+        level = replace(last.level, fineness=last.level.fineness + STEP)
+    else:
+        level = "elements nearly turned inside out, on a finer mesh as well"
     if isinstance(level, str):
         return f"what remains is {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
@@ -92,14 +97,6 @@ def coarser(records: Sequence[Record]) -> Record:
     """Return the record that the last one is compared with: the last one of a lower resolution."""
     *earlier, fine = records
     return next((r for r in reversed(earlier) if r.level.resolution < fine.level.resolution), earlier[-1])
-
-
-def _finer(records: Sequence[Record]) -> Discretisation | str:
-    """Return a finer mesh for elements that are nearly turned inside out: order and penalty do not help there."""
-    last, before = records[-1], records[-2]
-    if not before.resolved:
-        return "elements nearly turned inside out, on a finer mesh as well"
-    return replace(last.level, fineness=last.level.fineness + STEP)
 
 
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:

@@ -104,8 +104,7 @@ def rigid_motions(x: Array) -> Array:
     centred = x - x.mean(axis=0)
     size = max(float(np.max(np.abs(centred))), 1e-300)
     turn = np.stack([-centred[:, 1], centred[:, 0]], axis=1).ravel() / size
-    ones, zeros = np.ones(len(x)), np.zeros(len(x))
-    return np.stack([np.stack([ones, zeros], axis=1).ravel(), np.stack([zeros, ones], axis=1).ravel(), turn], axis=1)
+    return np.stack([np.tile([1.0, 0.0], len(x)), np.tile([0.0, 1.0], len(x)), turn], axis=1)
 
 
 def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIFFERENCE) -> Equilibrium:

@@ -97,12 +97,9 @@ def _interpolation_error(sigma: Array, x: Array) -> float:
 
 def momentum(moments: Sequence[Moment]) -> float:
     """Return the largest |sum of T| over the largest |T| on the path: the weighted centroid's drift."""
-    worst = 0.0
-    for moment in moments:
-        force = moment.state.tangential
-        largest = float(np.max(np.hypot(*force.T)))
-        worst = max(worst, float(np.hypot(*force.sum(axis=0))) / largest if largest > 0.0 else 0.0)
-    return worst
+    forces = (moment.state.tangential for moment in moments)
+    sizes = ((float(np.hypot(*force.sum(axis=0))), float(np.max(np.hypot(*force.T)))) for force in forces)
+    return max((total / largest for total, largest in sizes if largest > 0.0), default=0.0)
 
 
 def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> Document:

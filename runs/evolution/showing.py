@@ -1,5 +1,6 @@
 """What ``evolve`` prints and draws when it ends."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -97,9 +98,8 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
             f"two balls rest at no distance up to {outcome.FURTHEST:g} times the touching one: T separates throughout"
         )
     if len(members) > 1:
-        ends = sorted({(m["contacts"], tuple(m["groups"])) for m in members}, reverse=True)
-        for contacts, groups in ends:
-            count = sum((m["contacts"], tuple(m["groups"])) == (contacts, groups) for m in members)
+        ends = Counter((m["contacts"], tuple(m["groups"])) for m in members)
+        for (contacts, groups), count in sorted(ends.items(), reverse=True):
             lines.append(f"{count} of {len(members)} members end with {contacts} contacts in groups of {list(groups)}")
     return lines
 

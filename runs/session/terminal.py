@@ -1,20 +1,15 @@
 """Standard error: lines everywhere; on a terminal a bar and a spinner beside them, which show the time."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from runs.display.numbers import duration
 from runs.process import ranks
 from runs.session.clock import Clock
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as RichProgress
 
 FIRST, GROWTH = 5.0, 2.0
 """Seconds until the first progress message of a long computation, and the growth factor of the pauses after it."""
@@ -45,7 +40,7 @@ class Bar:
                 return Text(duration(clock.elapsed) + (f", about {duration(left)} left" if left else ""))
 
         words = TextColumn("{task.description}", markup=False)
-        self.bar: RichProgress = RichProgress(
+        self.bar = RichProgress(
             words, BarColumn(), Times(), console=Console(stderr=True), transient=True, refresh_per_second=2
         )
         self._clock, self._task = clock, self.bar.add_task("starting", total=1.0)

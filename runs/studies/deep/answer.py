@@ -143,9 +143,8 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
         error_bars(axes[2], points, forces, color=color, marker="o", ms=3, label=scene)
     axes[2].axhline(1.0, color="0.5", lw=0.8, zorder=0)
     axes[2].set_ylim(0.0, TALLEST)  # beyond it T at small strain is nearly zero, or of the other sign
-    for axis, title in zip(
-        axes, ("smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"), strict=True
-    ):
+    titles = "smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"
+    for axis, title in zip(axes, titles, strict=True):
         axis.set(xlabel="$D/R$", title=title)
         axis.legend()
     return figure

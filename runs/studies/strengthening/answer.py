@@ -31,7 +31,10 @@ def present(found: Found, folder: Path) -> str:
     paths, others = ([one for one in every if (one[0].labels["group"] in LAWS) is each] for each in (False, True))
     rows = {case.name: path for case, path in paths}
     main = {side: headline(rows, side) for side in SIDES.values()}
-    fits = {side: _fit(main[side], h) for h, side in SIDES.items()}
+    fits = {
+        side: fitting.best({x: fitting.points(main[side], x, h) for x in ("sqrt(D/R)", "D/R")})
+        for h, side in SIDES.items()
+    }
     pictures.draw(found, rows, fits, folder)
     return render(
         __file__,
@@ -76,10 +79,6 @@ def _stronger_from(main: Mapping[str, Rows]) -> list[str]:
 def headline(rows: Mapping[str, Rows], side: str, group: str = "headline") -> Rows:
     """Return the rows of the paper's pair on the thin or the thick layer."""
     return rows.get(f"{group}-{side}-L2-nu0.48", [])
-
-
-def _fit(path: Rows, h: float) -> fitting.Fit | None:
-    return fitting.best({x: fitting.points(path, x, h) for x in ("sqrt(D/R)", "D/R")})
 
 
 def _along(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -77,11 +77,8 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
         for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
             bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
-        finish(
-            axis,
-            [row for case in chosen for row in rows[case.name]],
-            f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R",
-        )
+        path = [row for case in chosen for row in rows[case.name]]
+        finish(axis, path, f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R")
     _sign(axes[2], found, rows)
     return figure
 
@@ -91,9 +88,8 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
         path = rows[case.name]
         x, color = [math.sqrt(row["D"]) for row in path], COLORS[i % 5]
         finite, error, linear = ([row[key] / row["Q"] ** 2 for row in path] for key in ("T", "T_error", "T_linear"))
-        axis.errorbar(
-            x, finite, error, color=color, marker=MARKS[i % 6], ms=4, capsize=2, label=f"h / R = {case.labels['h']:g}"
-        )
+        name = f"h / R = {case.labels['h']:g}"
+        axis.errorbar(x, finite, error, color=color, marker=MARKS[i % 6], ms=4, capsize=2, label=name)
         axis.plot(x, linear, color=color, ls=":", lw=1.2)
     legend_or_note(axis)
     zero_line(axis)

@@ -38,14 +38,8 @@ def case_of(thickness: float) -> Case:
     depths = DEPTHS[thickness]
     steps = tuple(d / depths[-1] for d in depths)
     labels = {"part": "half-space" if thickness == DEEP else "long", "h": thickness}
-    return Case(
-        f"sphere-h{thickness:g}",
-        single(depths[-1], thickness, 0.5, "sphere"),
-        FINITE,
-        COARSE,
-        labels=labels,
-        steps=steps,
-    )
+    problem = single(depths[-1], thickness, 0.5, "sphere")
+    return Case(f"sphere-h{thickness:g}", problem, FINITE, COARSE, labels=labels, steps=steps)
 
 
 def forces(found: Found, case: Case) -> list[tuple[float, float, float, float]]:

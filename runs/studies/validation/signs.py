@@ -2,8 +2,8 @@
 
 import math
 
-from linear_bem.problem import Ball, Layer, Load, Problem
 from runs.studies.framework.case import LINEAR, Case
+from runs.studies.framework.pair import as_seen_by, pair
 from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation.comparison import Comparison, Groups, Point
 
@@ -19,10 +19,8 @@ def cases() -> list[Case]:
     return [
         Case(
             f"karpitschka-h{h:g}-L{distance:g}",
-            Problem(
-                Layer(1.0, 0.5, h), (Ball((-distance / 2, 0.0), 1.0), Ball((distance / 2, 0.0), 1.0)),
-                Load("approach", (0.05, 0.05)),
-            ), LINEAR, 1e-4, labels={"part": "karpitschka", "h": h, "L": distance},
+            as_seen_by(LINEAR, pair(0.05, h, distance=distance, poisson=0.5, substrate=None)),
+            LINEAR, 1e-4, labels={"part": "karpitschka", "h": h, "L": distance},
         )
         for h, distances in DISTANCES.items() for distance in distances
     ]  # fmt: skip

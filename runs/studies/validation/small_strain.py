@@ -11,7 +11,7 @@ from linear_bem.indenter import Cone
 from linear_bem.layer.response import LayerResponse
 from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
 from runs.studies.framework.case import LINEAR, Case
-from runs.studies.framework.pair import PAPER_LOAD
+from runs.studies.framework.pair import PAPER_LOAD, THICK, THIN, as_seen_by, pair
 from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import Comparison, Groups, Point
@@ -140,13 +140,13 @@ def layered(references: Mapping[float, Reference], chis: Sequence[float]) -> Cal
 
 def _pairs() -> list[Case]:
     """Return the paper's pair under its load and under a hundredth of it, on a rigid base."""
-    balls = tuple(Ball((side, 0.0), 1.0, "paraboloid") for side in (-1.0, 1.0))
+    pairs = {h: as_seen_by(LINEAR, pair(1.0, h, substrate=None, shape="paraboloid")) for h in (THIN, THICK)}
     return [
         Case(
-            f"carbone-h{h:g}-Q{load:g}", Problem(Layer(1.0, 0.48, h), balls, Load("force", (load, load))), LINEAR,
-            ACCURACY, labels={"part": "carbone", "h": h, "Q": load},
+            f"carbone-h{h:g}-Q{load:g}", problem.with_load("force", (load, load)), LINEAR, ACCURACY,
+            labels={"part": "carbone", "h": h, "Q": load},
         )
-        for h in (1.16, 6.0) for load in (PAPER_LOAD, PAPER_LOAD / 100.0)
+        for h, problem in pairs.items() for load in (PAPER_LOAD, PAPER_LOAD / 100.0)
     ]  # fmt: skip
 
 

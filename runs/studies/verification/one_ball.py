@@ -34,21 +34,21 @@ Reference = tuple[str, float, float]
 
 def cases(quick: bool) -> list[Case]:
     """Return the limits at small strain, then the indentations at finite strain; the quick version has a coarse one."""
-    wanted = [
-        ("hertz", 0.045, 20.0, 0.48, 0.05),
-        ("thick", 0.1, 1.0, 0.48, 0.02),
-        ("thin-compressible", 0.0225, 0.05, 0.3, 0.005),
-        ("thin-incompressible", 0.0225, 0.05, 0.5, 0.005),
-    ]
     if quick:
         return [_small("thick", 0.1, 1.0, 0.48, COARSE)]
+    small = [
+        _small("hertz", 0.045, 20.0, 0.48, 0.05),
+        _small("thick", 0.1, 1.0, 0.48, 0.02),
+        _small("thin-compressible", 0.0225, 0.05, 0.3, 0.005),
+        _small("thin-incompressible", 0.0225, 0.05, 0.5, 0.005),
+    ]
     finite = [
         dataclasses.replace(
             of, name=f"{NAME}-{of.name}", labels={"part": NAME, "kind": "finite"}, same_as=("validation", of.name)
         )
         for of in map(case_of, AXISYMMETRIC)
     ]
-    return [*(_small(*each) for each in wanted), *finite]
+    return [*small, *finite]
 
 
 def _small(name: str, depth: float, h: float, nu: float, accuracy: float) -> Case:
@@ -106,14 +106,9 @@ def _row(case: Case, step: Mapping[str, Any], reference: Reference) -> dict[str,
 def _limit(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return Q over Hertz's extrapolated to no load, linearly in sqrt(R D) / h."""
     layer = case.problem.layer
-    depth, force, error = (
-        np.array([of(step) for step in (steps[0], steps[-1])])
-        for of in (
-            lambda s: s["balls"][0]["approach"],
-            lambda s: s["balls"][0]["normal_force"],
-            lambda s: s["record"]["normal_force_error"][0],
-        )
-    )
+    ends = steps[0], steps[-1]
+    depth, force = (np.array([s["balls"][0][key] for s in ends]) for key in ("approach", "normal_force"))
+    error = np.array([s["record"]["normal_force_error"][0] for s in ends])
     hertz = np.array([hertz_force(d, 1.0, layer.contact_modulus) for d in depth])
     weights = extrapolation_weights(depth**0.5)
     value, bar = float(weights @ (force / hertz)), float(np.abs(weights) @ (error / hertz))
