@@ -61,10 +61,10 @@ def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None
 
     ``force`` T (balls, 2) [N], ``weight`` Q (balls,) [N], ``rolling`` r (balls,) [N] or None.
     """
-    resisted = rolling is not None and bool(np.any(rolling > 0.0))
+    if rolling is not None and not np.any(rolling > 0.0):
+        rolling = None
     free = force / weight[:, None]
-    if resisted:
-        assert rolling is not None
+    if rolling is not None:
         size = np.hypot(*force.T)
         free = free * np.maximum(0.0, 1.0 - rolling / np.where(size > 0.0, size, np.inf))[:, None]
     count = len(contacts.pairs)
@@ -81,13 +81,11 @@ def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None
     jacobian = inner.jacobian(len(members))
     root: Array = np.repeat(np.sqrt(weight[members] / heavy), 2)
     driven = force[members].ravel() / (heavy * fast)
-    if resisted:
-        assert rolling is not None
-        found, pushes = _by_cones(jacobian, root**2, driven, inner.opening / fast, rolling[members] / (heavy * fast))
-    elif count <= DENSE:
+    if rolling is None and count <= DENSE:
         found, pushes = _by_least_squares(jacobian, root, driven, inner.opening / fast)
     else:
-        found, pushes = _by_cones(jacobian, root**2, driven, inner.opening / fast, None)
+        resisted = None if rolling is None else rolling[members] / (heavy * fast)
+        found, pushes = _by_cones(jacobian, root**2, driven, inner.opening / fast, resisted)
     velocity[members] = fast * found.reshape(-1, 2)
     return velocity, heavy * fast * pushes
 

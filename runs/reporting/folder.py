@@ -10,6 +10,7 @@ from typing import Any
 from linear_bem.errors import OutputUnusable
 from runs.process.locks import seen
 from runs.session.output_folder import LOCK, MARK
+from runs.studies.framework.study import command
 
 
 @dataclass(frozen=True)
@@ -43,23 +44,19 @@ class Folder:
 
     def repeat(self) -> str:
         """Return the command line that reproduces it."""
+        launcher = f"mpirun -n {ranks} " if (ranks := self.ranks()) > 1 else ""
         if self.command == "study":
-            quick = " --quick" if self.identity.get("quick") else ""
-            return f"{_launcher(self.ranks())}thirdbody study {self.identity['study']}{quick}"
+            return launcher + command(self.identity["study"], bool(self.identity.get("quick")))
         words = ["thirdbody", self.command, str(self.path / "scene.toml")]
         if self.command == "solve":
             words += ["--model", str(self.identity.get("model"))]
-        return _launcher(self.ranks()) + " ".join(words) + " --out NEW_FOLDER"
+        return launcher + " ".join(words) + " --out NEW_FOLDER"
 
     def ranks(self) -> int:
         """Return how many MPI ranks it was made with."""
         said = re.findall(r"on (\d+) rank\(s\)", self.log)
         recorded = [int(record.get("ranks", 1)) for record in self.cases()]
         return max([*recorded, int(said[-1]) if said else 1])
-
-
-def _launcher(ranks: int) -> str:
-    return f"mpirun -n {ranks} " if ranks > 1 else ""
 
 
 def read_folder(path: Path) -> Folder:

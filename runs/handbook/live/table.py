@@ -88,15 +88,12 @@ class LiveTable:
         ratio += float(interpolate((FINE_POISSON, REACH), self.data["point_ratio"], (poisson, reach)))
         return normal, ratio * reference(poisson, distance, normal)
 
-    def one_ball(self, poisson: float, thickness: float, approach: float) -> tuple[float, Array]:
-        """Return a / R of one ball alone, and w / D at the points `AROUND` outside of its contact."""
-        axis, tables = self.patch(thickness)
-        axes, at = (POISSON, axis, DEPTH), (poisson, thickness, approach / deepest(thickness))
-        return float(interpolate(axes, tables["radius"], at)), interpolate(axes, tables["around"], at)
-
     def dent(self, poisson: float, thickness: float, approach: float, r: float) -> float:
         """Return w / R at the distance ``r`` from the axis of one ball alone."""
-        radius, around = self.one_ball(poisson, thickness, approach)
+        axis, tables = self.patch(thickness)
+        axes, at = (POISSON, axis, DEPTH), (poisson, thickness, approach / deepest(thickness))
+        # a / R, and w / D at the points `AROUND` outside of the contact
+        radius, around = float(interpolate(axes, tables["radius"], at)), interpolate(axes, tables["around"], at)
         if r <= radius:
             return approach - 1.0 + math.sqrt(1.0 - r * r)
         return approach * float(interpolate((AROUND,), around, (min(r - radius, AROUND.high),)))
