@@ -41,9 +41,9 @@ FINEST = RULES[-1][0]
 """Least precision of pairs that a mesh has: below, all pairs would be summed."""
 LEFT = 0.5
 """Share of the error that the last change of the sweeps may make of T; above it, sweeps go on at the same degree."""
-UNSAMPLED = 3.0
-"""Error on any ball over the largest one in the sample, both over the neighbours' forces: measured up to 2.6, on 300 to
-1000 balls on layers of 0.2 to 0.3 R."""
+UNSAMPLED = 4.0
+"""Error on any ball over the largest one in the sample, both over the neighbours' forces: measured up to 2.6 on 300 to
+1000 balls on layers of 0.2 to 0.3 R, and up to 3.6 on 100 whose forces differ by up to 100 times."""
 ROUNDOFF = 1e-14
 """Error of T on any ball over the largest neighbours' force on one: what is left where a mesh adds up both."""
 FREE = {"approach": ("normal_force",), "force": ("approach",), "total_force": ("normal_force", "approach")}

@@ -27,7 +27,7 @@ from linear_bem.smooth.zone import stacked
 
 EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
 """Relative error of the displacement that residuals are recomputed with, and that of a sample of very many balls."""
-CHECKED, SAMPLED = 100, 16
+CHECKED, SAMPLED, NEIGHBOURS = 100, 16, 6
 """Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
 FRAME = 1.31
 """Largest distance of a contact from its frame's centre, over the frame's reach; see `Zone.pressure`."""
@@ -150,19 +150,21 @@ class SmoothContacts:
         """Places in ``touching`` of the balls whose equations are recomputed by direct sums: all, or some of very many.
 
         Of more than `CHECKED` balls, or with ``sampled``: so many, by default `SAMPLED`, at equal steps of their
-        number, and a quarter as many each with the largest T, the largest force, the widest contact, and the
-        nearest neighbour.
+        number, and a quarter as many each with the largest T, the largest force, the widest contact, that over the
+        ball's radius, and those that nearly meet a neighbour's contact.
         """
         nodes, count = self.smooth.nodes, self.sampled or SAMPLED
         if self.sampled is None and len(nodes) <= CHECKED:
             return tuple(range(len(nodes)))
-        centres = np.array([n.zone.centre for n in nodes])
+        centres, reach = np.array([n.zone.centre for n in nodes]), np.array([n.zone.reach for n in nodes])
+        away, near = cKDTree(centres).query(centres, min(NEIGHBOURS + 1, len(nodes)))
         touching = list(self.touching)
         sizes = (
             np.hypot(*self.mutual_force[touching].T),
             self.normal_forces[touching],
-            np.array([n.zone.reach for n in nodes]),
-            -cKDTree(centres).query(centres, 2)[0][:, 1],
+            reach,
+            reach / np.array([self.problem.balls[ball].radius for ball in touching]),
+            np.max((reach[:, None] + reach[near[:, 1:]]) / away[:, 1:], axis=1),
         )
         chosen = set(np.linspace(0, len(nodes) - 1, count).astype(int).tolist())
         for size in sizes:

@@ -320,6 +320,14 @@ def test_wide_contacts_begin_at_degree_six_and_small_forces_with_sharper_pairs(
     assert np.max(errors(result)) < 1e-3 * np.max(np.abs(forces(result)))
 
 
+def test_the_sample_has_the_balls_that_are_deepest_for_their_size():
+    places, radii = scattered(105, 20.0, low=0.1)
+    balls = tuple(Ball((x, y), r) for (x, y), r in zip(places.tolist(), radii.tolist(), strict=True))
+    contacts = solve_contact(Problem(Layer(1.0, 0.48, np.inf), balls, Load("total_force", (3.0,))), 1e-3).contacts
+    steep = [n.zone.reach / radii[k] for k, n in zip(contacts.touching, contacts.smooth.nodes, strict=True)]
+    assert set(np.argsort(steep)[-4:].tolist()) <= set(contacts.sample)
+
+
 @pytest.mark.parametrize("load", ["approach", "force"])
 def test_balls_of_the_sample_solved_together_are_those_solved_one_by_one(monkeypatch, load):
     def one_by_one(kernel, shapes, zones, approaches, groups, tolerance, *, apart):
