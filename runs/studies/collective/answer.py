@@ -229,7 +229,8 @@ def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict
         h, phi = done.case.thickness, done.case.fraction
         wave = laws[h].wave(phi) if done.case.seed == 1 and h in laws else None
         if wave is not None:
-            row = {"h/R": h, "area fraction": phi, "rate a cycle": wave.rate, "length / R": wave.length}
+            length = wave.length if wave.rate > 0.0 else None
+            row = {"h/R": h, "area fraction": phi, "rate a cycle": wave.rate, "length / R": length}
             rows.append({**row, "outcome": done.outcome})
     return sorted(rows, key=lambda row: (row["h/R"], row["area fraction"]))
 
