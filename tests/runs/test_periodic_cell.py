@@ -11,50 +11,16 @@ from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.coupled_point_loads import effective_approaches
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
+from runs.evolution.lattice_waves import around, growth_rates
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.pair_list import DENSE
 from runs.evolution.providers import provider
 from runs.models import MODELS
-from tests.runs.lattices import Array, in_cell, lattice, triangular
+from tests.runs.lattices import in_cell, lattice, triangular
 
 ROUNDOFF = 1e-9
 CLOSE, MESH = 1e-6, 3e-6
 """Accuracy of sums by a law of which half of that is left out, and of the mesh over the force of a neighbour."""
-
-
-def growth(pair: PairForces, r: Array, wave: Array) -> Array:
-    r"""Return the matrix (2, 2) of growth rates [1/m of path over friction] of a wave in a lattice.
-
-    ``r`` (neighbours, 2) [m] goes from one ball to all others. With all loads Q, displacements u_j = U exp(i q x_j)
-    and the pair law's k and c, the linearised balance of loads gives
-    (1/s + sum k exp(i q r)) dQ = -Q i sum k' n sin(q r) U, s = dF/dd, and
-
-        du/dsigma = Q [sum (c' n n + c/L (1 - n n)) (cos(q r) - 1) + (sum c n sin)(sum k' n sin)/(1/s + sum k exp)] U.
-    """
-    distance = np.hypot(*r.T)
-    n = r / distance[:, None]
-    (k, c), h = pair.law(distance), 1e-4
-    (k_up, c_up), (k_down, c_down) = pair.law(distance + h), pair.law(distance - h)
-    k_slope, c_slope = (k_up - k_down) / (2.0 * h), (c_up - c_down) / (2.0 * h)
-    single, approach = pair.singles[0], pair.problem.load.values[0]
-    load = single.force(np.array([approach]))[0]
-    for _ in range(200):  # the load that all balls share
-        load = 0.5 * load + 0.5 * single.force(np.array([approach - np.sum(k) * load]))[0]
-    slope = single.force_and_slope(np.array([approach - np.sum(k) * load]))[1][0]
-    phase = r @ wave
-    soft = 1.0 / slope + np.sum(k * np.cos(phase))
-    stiff = np.einsum("i,ia,ib->ab", (c_slope - c / distance) * (np.cos(phase) - 1.0), n, n)
-    stiff += np.eye(2) * np.sum(c / distance * (np.cos(phase) - 1.0))
-    turned = np.outer((c * np.sin(phase)) @ n, (k_slope * np.sin(phase)) @ n)
-    return np.asarray(load * (stiff + turned / soft))
-
-
-def around(first: Array, second: Array, reach: float) -> Array:
-    """Return the vectors [m] from a ball of a lattice of two steps [m] to all others within ``reach`` [m]."""
-    most = 2 * int(reach / np.hypot(*first)) + 1
-    steps = np.arange(-most, most + 1)
-    r = np.array([i * first + j * second for i in steps for j in steps if (i, j) != (0, 0)])
-    return np.asarray(r[np.hypot(*r.T) < reach])
 
 
 @pytest.mark.parametrize(("name", "spacing"), [("thin", 3.0), ("thick", 2.2), ("thick", 3.0)])
@@ -73,7 +39,8 @@ def test_a_lattice_has_no_force_and_a_wave_in_it_grows_as_the_linear_law_says(
     balls = HardBalls(np.ones(len(x)), cell)
     for number in (1, 3):
         wave = 2.0 * np.pi * number / cell[0]
-        rates = growth(pair, around(np.array([spacing, 0.0]), np.array([0.0, spacing]), 50.0), np.array([wave, 0.0]))
+        r = around(np.array([spacing, 0.0]), np.array([0.0, spacing]), 50.0)
+        rates = growth_rates(pair, r, np.array([[wave, 0.0]]))[0]
         for axis, rate in enumerate(np.diag(rates)):
             shape = np.sin(wave * x[:, 0])
             moved = x.copy()
@@ -108,7 +75,7 @@ def test_slow_waves_grow_as_the_law_without_a_cut_says(
             states = forces(x + step), forces(x - step)
             there, back = (state.tangential / state.normal[:, None] for state in states)
             measured[:, axis] = shape @ (there - back) / 2e-5 / (shape @ shape)
-        expected = np.sort(np.linalg.eigvals(growth(pair, r, wave)).real)
+        expected = np.sort(np.linalg.eigvals(growth_rates(pair, r, wave[None])[0]).real)
         assert np.sort(np.linalg.eigvals(measured).real) == pytest.approx(
             expected, abs=1e-5 * np.max(np.abs(expected)), rel=1e-4
         )

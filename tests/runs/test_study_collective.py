@@ -103,6 +103,22 @@ def test_layers_gather_where_separation_weakens_towards_contact() -> None:
     assert "On h = 1.5 R it separates them, but 0.82 as much as at a distance of 2.5 R" in text
 
 
+@pytest.mark.parametrize(("thickness", "fraction", "grows"), [(1.16, 0.5, False), (1.5, 0.3, False), (2.0, 0.5, True)])
+def test_a_uniform_lattice_is_unstable_where_layers_gather(
+    thickness: float, fraction: float, grows: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(cases, "MODEL", "point_load")
+    law = cases.pair_law(thickness)
+    wave = law.wave(fraction)
+    assert wave is not None
+    assert (wave.rate > 0.05) == grows
+    assert (wave.rate < 0.0) != grows
+    row = {"force_over_load": 1e-3, "ended": "at rest", "coordination": 0.0, "steps": 1, "seconds": 1.0}
+    path = [{"cycle": 1.0, "cluster_mean": 1.0}]
+    done = answer.Finished(Case(thickness, fraction, 200, 1), {**finished([]).row, **row}, path)
+    assert "**Waves in a uniform layer.**" in answer.text([done], {thickness: law}, [], quick=True)
+
+
 def test_rest_is_said_of_runs_with_resistance_alone() -> None:
     row = {"path": 53.6, "steps": 472, "seconds": 43.0, "cluster_mean": 14.0, "ended": "at rest"}
     row |= {"force_over_load": 4e-3, "coordination": 3.0}

@@ -127,7 +127,7 @@ def text(
     free = [done for done in found if done.case.rolling == 0.0]
     ended = [done for done in (*found, *deep) if done.row["ended"] != "interrupted"]
     gathered = [done for done in free if done in ended and done.outcome == "gathers"]
-    wanted = cases.cases(quick)
+    wanted, waves = cases.cases(quick), _waves(free, laws)
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
         attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
@@ -143,7 +143,9 @@ def text(
         gathered=len(gathered), resting=sum(done.row["ended"] == "at rest" for done in gathered),
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
         rows=_starts(found),
-        pairs=_pairs(laws), growth=_growth(free),
+        pairs=_pairs(laws), waves=waves,
+        rates={name: _ends(row["rate a cycle"] for row in waves if row["outcome"] == name) for name in pictures.COLORS},
+        growth=_growth(free),
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
         begun=[
             f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s"
@@ -218,6 +220,19 @@ def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
         }
         for h, law in laws.items()
     ]
+
+
+def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
+    """Return the wave that grows fastest in a uniform lattice of every scene, beside what its run came to."""
+    rows = []
+    for done in free:
+        h, phi = done.case.thickness, done.case.fraction
+        wave = laws[h].wave(phi) if done.case.seed == 1 and h in laws else None
+        if wave is not None:
+            length = wave.length if wave.rate > 0.0 else None
+            row = {"h/R": h, "area fraction": phi, "rate a cycle": wave.rate, "length / R": length}
+            rows.append({**row, "outcome": done.outcome})
+    return sorted(rows, key=lambda row: (row["h/R"], row["area fraction"]))
 
 
 def _both(deep: Sequence[Finished]) -> list[dict[str, Any]]:

@@ -10,7 +10,8 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.evolution.evolving import TABLES, Evolution, open_session
-from runs.evolution.forces import Forces
+from runs.evolution.lattice_waves import Wave, fastest
+from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import provider
 from runs.models import MODELS
 from runs.process.files import read_json, write_text
@@ -89,6 +90,17 @@ class PairLaw:
     ratio: Array
     largest: float
     changes: tuple[float, ...]
+    forces: PairForces | None = None
+
+    def wave(self, fraction: float) -> Wave | None:
+        """Return the wave that grows fastest in a triangular lattice; its rate [1/R] a cycle, None without `forces`.
+
+        ``fraction`` of the area is covered. In a cycle the largest T/Q of two balls moves one by R.
+        """
+        if self.forces is None:
+            return None
+        wave = fastest(self.forces, float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * fraction))))
+        return Wave(wave.rate / self.largest, wave.length)
 
     @property
     def farthest_apart(self) -> float:
@@ -106,7 +118,8 @@ def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = Fal
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
     effect = FiniteStrain() if finite else None
     problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (approach,) * 2), finite_strain=effect)
-    forces: Forces = provider(MODELS[FINITE if finite else MODEL], problem, None, "pairs", TABLES).forces
+    forces = provider(MODELS[FINITE if finite else MODEL], problem, None, "pairs", TABLES).forces
+    assert isinstance(forces, PairForces)
     states = [forces(np.array([[-0.5 * d, 0.0], [0.5 * d, 0.0]])) for d in DISTANCES]
     ratio = np.array([s.tangential[0, 0] / s.normal[0] for s in states])
     largest = float(np.max(np.abs(ratio)))
@@ -114,7 +127,7 @@ def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = Fal
     at, value = DISTANCES[seen], ratio[seen]
     turns = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
     roots = tuple(float(at[k] - value[k] * (at[k + 1] - at[k]) / (value[k + 1] - value[k])) for k in turns)
-    return PairLaw(ratio, largest, roots)
+    return PairLaw(ratio, largest, roots, forces)
 
 
 def random_start(case: Case) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from linear_bem.counts import grouped
 from linear_bem.errors import TooLarge
-from linear_bem.memory import require
+from linear_bem.memory import give_back, require
 from runs.process import ranks, signals
 from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
@@ -21,8 +21,10 @@ from runs.studies.scaling.measuring import BYTES, FORMS, measure, pressed
 
 SIZES = (12_000, 60_000, 120_000)
 """Target numbers of unknowns; meshes have up to a quarter less."""
-LARGE = (600_000, 1_250_000)
+LARGE = (600_000, 1_350_000)
 """The same on more than one rank, by multigrid alone: about 500 thousand and a million unknowns."""
+WHOLE = (600_000, 1_100_000)
+"""Target numbers of unknowns of whole runs, which keep two models."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
 AHEAD = (1e7, 1e8)
@@ -52,7 +54,7 @@ def compute(folder: Path, options: Options) -> None:
                     print_status(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
                 write_csv(file, rows)
-    for target in () if options.quick or comm.size == 1 else LARGE:
+    for target in () if options.quick or comm.size == 1 else WHOLE:
         signals.check()
         saved = folder / f"whole_{target}.csv"
         known = ranks.share(saved.exists() and not options.fresh)
@@ -68,6 +70,8 @@ def fits(needed: float, what: str, comm: Any) -> bool:
     ``what`` needs them.
     """
     fault = ""
+    give_back()
+    comm.barrier()
     try:
         require(needed, what, "take a larger machine")
     except TooLarge as error:
