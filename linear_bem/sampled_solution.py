@@ -6,6 +6,8 @@ is proportional to the ball's own force, too: where that is not given, its large
 same.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from linear_bem.error_estimate import errors_of_one, felt, least_error, pulls, quantities, reference_force
