@@ -526,6 +526,6 @@ def test_overlaps_among_many_balls_are_found():
 def test_a_sample_of_given_size_judges_fewer_balls():
     problem = scene("approach", count=25)
     found = solve_contact(problem, 1e-3, sample=4).result()
-    assert 4 <= len(found.solved.accuracy["sample"]) <= 8
+    assert 4 <= len(found.solved.accuracy["sample"]) <= 4 + 5  # at equal steps, and one by each measure
     exact = forces(solve(problem, 1e-5))
     assert np.max(np.abs(forces(found) - exact)) < 1e-3 * np.max(np.hypot(*exact.T))
