@@ -104,7 +104,7 @@ def solve_contact(
     """
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
-            "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
+            "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")

@@ -60,7 +60,10 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
     if not 0.0 < table.tolerance <= 1e-2:
         texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {table.tolerance:g}")
     if load != "approach":
-        texts.append(f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}")
+        texts.append(
+            f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}; `thirdbody solve` "
+            "without [reciprocation] prints the D of that load: give it as approach"
+        )
     if scene.load.steps is not None:
         texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
     if scene.balls.shape in ("ellipsoid", "cone"):
