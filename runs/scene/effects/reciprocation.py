@@ -9,7 +9,10 @@ from runs.scene.units import Direction, Length, Number, Table, Whole
 
 
 class ReciprocationTable(Table):
-    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`."""
+    """[reciprocation]: the plate slides to and fro, held at a level (load: approach), and the balls drift.
+
+    `evolve` computes it; see `runs.evolution`.
+    """
 
     amplitude: Length
     """Of the sliding, from the middle to one end: a cycle slides by four amplitudes."""
