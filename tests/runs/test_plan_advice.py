@@ -169,6 +169,7 @@ def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has() -> None:
     said = thirdbody("plan", "runs/scenes/paper_thin_pair.toml").stdout
     assert "finite strain changes T by" in said
     assert "add [finite_strain]" not in said
+    assert "states solved: 8" in said  # compare: two in each of four load steps
 
 
 def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tmp_path: Path) -> None:
