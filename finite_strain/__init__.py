@@ -23,7 +23,7 @@ from meshes.box import TAGS
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
 FORMAT = 22
-"""Format version of a run: raised when runs of older versions must not be resumed or shown as current."""
+"""Format version of a run; it is raised when runs of older versions must not be resumed or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Default relative accuracy of the tangential force."""
 Inspect = Callable[[Step, dict[str, Any]], None]
@@ -48,6 +48,8 @@ def solve(
     mesh: Any = None,
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
+
+    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
     Parameters
     ----------
@@ -91,8 +93,6 @@ def solve(
         there and the scene is its own mirror image. Sides in the planes of its bounding box slide in them, others are
         free. It is used with elements of order 2, 3 and at need 4, and never refined: the error bar of T comes from
         these orders.
-
-    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
 
     """
     check_arguments(

@@ -16,7 +16,7 @@ class Numerics:
     """
 
     contact_degree: int = 6
-    """Degree of the facet quadrature beyond 2p: the contact pressure has a kink inside a facet.
+    """Degree of the facet quadrature beyond 2p, as the contact pressure has a kink inside a facet.
     More changes T by less than 0.1 % (`thirdbody study accuracy`)."""
     growth: float = 1.0
     """Growth of element sizes, less one, over that of `meshes.box`; 2 gives equal results (study `stability`)."""
@@ -24,7 +24,7 @@ class Numerics:
     """Loads over the full one at which the discretisations are compared besides those of a run with fewer than three
     answers: at a single load two meshes may agree by chance (`python -m tests.finite_strain.bars`)."""
     largest_step: float = 0.07
-    """Largest increment of the approach over the radius: Newton's method converges, even from the undeformed layer.
+    """Largest increment of the approach over the radius; Newton's method converges, even from the undeformed layer.
     The answer does not depend on it (`thirdbody study accuracy`, and the whole load in one step in `stability`)."""
     shortest_step: float = 3e-3
     """Shortest load step over the goal, after eight halvings of a step that did not converge; then the path ends."""

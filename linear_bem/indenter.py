@@ -162,7 +162,7 @@ class Ellipsoid(Indenter):
 
     @property
     def apex_radius(self) -> float:
-        """A b / c [m], the geometric mean of the two."""
+        """Geometric mean a b / c [m] of the two."""
         a, b, c = self.semi_axes
         return a * b / c
 

@@ -86,7 +86,8 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     --------
     >>> from linear_bem import Ball, Layer, Load, Problem, solve
     >>> pair = (Ball((-8e-3, 0.0), 8e-3), Ball((8e-3, 0.0), 8e-3))
-    >>> result = solve(Problem(Layer(1e6, 0.48, 10e-3), pair, Load("approach", (1e-3, 1e-3))), accuracy=1e-3)
+    >>> scene = Problem(Layer(1e6, 0.48, 10e-3), pair, Load("approach", (1e-3, 1e-3)))
+    >>> result = solve(scene, accuracy=1e-3)
     >>> ball = result.balls[0]
     >>> print(f"Q = {ball.normal_force:.3f} N, T = {ball.tangential_force[0]:.4f} N")
     Q = 7.107 N, T = -0.0105 N
@@ -104,7 +105,7 @@ def solve_contact(
     """
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
-            "linear_bem: the effect finite_strain is not part of this model; use finite_strain, or drop the table"
+            "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")

@@ -97,7 +97,10 @@ def _of_unit_force(solution: Solution, r: Array, depth: float, name: str) -> Arr
 def _check_depth(solution: Solution, depth: float, what: str) -> None:
     problem = solved(solution, what).problem
     if isinstance(problem.layer, SurfaceResponse):
-        raise UnsupportedProblem(f"{what}: needs the materials inside; only the response of the surface is given")
+        raise UnsupportedProblem(
+            f"{what}: needs the materials inside; only the response of the surface is given (for one coating on a "
+            "half-space give Layer and substrate)"
+        )
     if problem.periodic is not None:
         raise UnsupportedProblem(f"{what}: is known for balls alone in the plane, not in a cell that repeats")
     if np.ndim(depth) != 0:

@@ -16,7 +16,7 @@ from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from runs.display.numbers import number, percent
-from runs.models import MODELS, Run, without
+from runs.models import MODELS, Run
 
 USUAL = 0.02
 """Relative accuracy of T with which a change is compared if the scene states none."""
@@ -55,8 +55,7 @@ class Adviser:
         self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...],
         patience: float = PATIENCE,
     ) -> None:  # fmt: skip
-        self.given = problem
-        self.problem = without(problem, ["finite_strain"])
+        self.problem = problem
         self.ahead = ahead
         self.effects, self.patience = effects, patience
         self.accuracy = accuracy or USUAL
@@ -115,7 +114,7 @@ class Adviser:
         return abs(change) > self.accuracy
 
     def _finite_strain(self) -> Advice:
-        present = self.given.finite_strain is not None
+        present = "finite_strain" in self.effects
         ball, scene_ball = self.ahead.balls[self.ball], self.problem.balls[self.ball]
         radius = scene_ball.radius
         approach, thickness = ball.approach / radius, self.problem.layer.thickness / radius

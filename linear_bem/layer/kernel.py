@@ -184,7 +184,7 @@ class LayeredKernel:
 
     @property
     def far_ratio(self) -> float:
-        """G(0): displacement far from a load over that of a half-space of the layer's material."""
+        """G(0), the displacement far from a load over that of a half-space of the layer's material."""
         return 1.0 if self.homogeneous else self._response.at_zero
 
     def response_at(self, k: Array) -> Array:

@@ -40,6 +40,7 @@ NAMES = {
     "compare": "in compare",
     "refused": "refused:",
     "load_steps": "load steps",
+    "states": "states solved",
 }
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
 """Share of the run's time that a plan of many balls may take; least (up to `CHECKED` balls) and largest time [s] of its

@@ -62,12 +62,12 @@ def is_narrow(out: Console) -> bool:
 def show_balls(
     out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
 ) -> None:
-    """Print the state of every ball; of more than `MANY` balls those with the largest T."""
+    """Print the state of every ball; of more than `MANY` balls those with the largest T, the largest first."""
     rows = ball_rows(balls, scale, periodic=periodic)
     if len(balls) > MANY:
         largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
-        rows = [rows[i] for i in sorted(largest)]
-        title += f": the {SHOWN} largest T of {len(balls)} balls; steps.csv and result.json have all"
+        rows = [rows[i] for i in largest]
+        title += f": the {SHOWN} largest T of {len(balls)} balls, in this order; steps.csv and result.json have all"
     _show(out, title, rows, DIGITS, scale)
 
 

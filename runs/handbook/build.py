@@ -1,7 +1,7 @@
 """The command that builds the handbook: ``python -m runs.handbook.build``, or ``bash runs/handbook/build.sh``.
 
 Pages in ``pages/`` are copied to a folder of sources. There, tutorials are run, and pages are added that are made from
-the code (scene file, command line, live page, sketch) or that have their place elsewhere in the project (studies,
+the code (scene file, command line, live page) or that have their place elsewhere in the project (studies,
 derivations, rules for contributors). Sphinx turns all of them into HTML; its warnings are errors.
 """
 
@@ -11,7 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from runs.handbook import command_reference, scene_reference, sketch
+from runs.handbook import command_reference, scene_reference
 from runs.handbook.live import widget
 from runs.handbook.notebook import notebook
 from runs.handbook.tutorials import ROOT, Tutorial
@@ -52,7 +52,6 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     validation = sources / "validation.md"
     text = validation.read_text(encoding="utf-8")
     validation.write_text(TABLE.sub(lambda _: study_table(), text), encoding="utf-8")
-    sketch.draw(sources)
     live = sources / "live.md"
     live.write_text(widget.with_errors(live.read_text(encoding="utf-8")), encoding="utf-8")
     (sources / "live_widget.html").write_text(widget.html(), encoding="utf-8")

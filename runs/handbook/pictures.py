@@ -1,4 +1,4 @@
-"""The pictures of README and gallery: ``python -m runs.handbook.pictures`` (minutes; needs DOLFINx and pyvista).
+"""The pictures of README, physics and gallery: ``python -m runs.handbook.pictures`` (minutes; DOLFINx and pyvista).
 
 Runs the paper's thin pair at finite strain and the nine balls of the tutorial, renders them, and writes small copies.
 """
@@ -11,6 +11,7 @@ from PIL import Image, ImageSequence
 from runs.commands.compare import compare_scene
 from runs.commands.render import RenderOptions, render_run
 from runs.evolution.evolving import evolve_scene
+from runs.handbook import sketch
 from runs.handbook.tutorials import ROOT
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
@@ -49,5 +50,6 @@ def draw_gathering() -> None:
 
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
+    sketch.draw(PICTURES)
     draw_gathering()
     draw_layer()

@@ -23,7 +23,7 @@ class BallsTable(Table):
     positions: Positions
     """Where the balls' axes stand, [x, y] of each."""
     shape: Literal["sphere", "paraboloid", "ellipsoid", "cone", "punch"] = "sphere"
-    """The body of all balls; it decides which of the keys below are needed."""
+    """The body of all balls (unlike bodies: in Python); it decides which of the keys below are needed."""
     radius: Lengths | None = None
     """Of a sphere or a punch; of a paraboloid at its apex."""
     semi_axes: ThreeLengths | None = None

@@ -248,7 +248,7 @@ def test_the_error_estimate_covers_a_contact_smaller_than_a_cell(monkeypatch):
 
 def test_unsupported_and_invalid_problems_are_refused():
     problem = pair(Layer(1.0, 0.48, 1.0))
-    with pytest.raises(UnsupportedProblem, match="finite_strain"):
+    with pytest.raises(UnsupportedProblem, match="or set it to None"):
         solve(Problem(problem.layer, problem.balls, problem.load, None, FiniteStrain()))
     with pytest.raises(InvalidProblem, match="between 0 and 1"):
         solve(problem, accuracy=0.0)

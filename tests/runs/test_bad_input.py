@@ -19,7 +19,7 @@ CHANGES = {
     "overlapping balls": ("[1.0, 0.0]", "[0.9, 0.0]", "overlap"),
     "two load keys": ("[load]", "[load]\napproach = 0.1", "exactly one of"),
     "no toml": ("[layer]", "[layer", "is not TOML"),
-    "sliding": ("[load]", "[reciprocation]\namplitude = 1\ncycles = 9\nfriction = 0.1\n\n[load]", "approach, not"),
+    "sliding": ("[load]", "[reciprocation]\namplitude = 1\ncycles = 9\nfriction = 0.1\n\n[load]", "it as approach"),
 }
 
 

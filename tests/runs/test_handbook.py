@@ -86,9 +86,23 @@ def test_every_command_and_path_that_the_pages_name_exists() -> None:
                 assert (page.parent / link).exists(), f"{page.name}: {link}"
 
 
+def test_every_picture_of_a_page_is_in_the_project() -> None:  # so that the page shows it where it is not built
+    for page in PAGES.rglob("*.md"):
+        for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / picture).exists(), f"{page.name}: {picture}"
+
+
 def test_no_value_of_a_page_is_broken_over_two_lines() -> None:
     for page in PAGES.rglob("*.md"):  # where it is, the built page shows the braces
         assert not re.search(r"{{[^}]*\n", page.read_text(encoding="utf-8")), page.name
+
+
+def test_code_on_the_pages_is_as_narrow_as_the_page() -> None:
+    pages = [*PAGES.rglob("*.md"), ROOT / "README.md", ROOT / "linear_bem" / "README.md"]
+    for page in pages:  # the rest of a wider line is out of sight until the reader scrolls
+        for block in re.findall(r"^```\w.*?^```", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL):
+            for line in block.splitlines():
+                assert len(line) <= 106, f"{page.name}: {line}"
 
 
 BUILD = """

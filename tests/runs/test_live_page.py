@@ -62,7 +62,7 @@ for (const values of %s) {
   document.getElementById("live").dispatchEvent(new CustomEvent("set-values", {detail: values}));
   const text = (name) => document.querySelector(`[data-shows="${name}"]`).textContent;
   answers.push({...JSON.parse(document.getElementById("live").dataset.values),
-    shown: text("tangential"), kind: text("kind"), factor: text("strengthening")});
+    shown: text("tangential"), share: text("share"), kind: text("kind"), factor: text("strengthening")});
 }
 document.body.innerHTML = "<pre id=answers></pre>";
 document.getElementById("answers").textContent = JSON.stringify(answers);
@@ -132,6 +132,15 @@ def test_number_fields_set_values_exactly_and_t_has_the_sign_and_digits_of_its_k
     assert re.fullmatch(r"\u2212\d+(\.\d+)? \u00b1 \d+(\.\d+)? [mµn]?N", thin["shown"])
     value, error = thin["shown"].split(" ")[::2]
     assert len(value.partition(".")[2]) == len(error.partition(".")[2])
+
+
+def test_forces_that_are_small_or_not_resolved_are_shown_in_few_digits(tmp_path: Path) -> None:
+    far = {"radius": 0.5, "young": 0.02, "poisson": 0.0, "thickness": 0.25, "distance": 4.0, "approach": 0.11}
+    unresolved, light = in_browser([far, {**far, "distance": 1.0, "approach": 0.0022}], tmp_path)
+    assert re.fullmatch(r"0 \u00b1 \d nN", unresolved["shown"])
+    assert unresolved["share"] == "not resolved"
+    assert re.fullmatch(r"\u22120\.7 \u00b1 0\.\d pN", light["shown"])
+    assert re.fullmatch(r"\u2212\d(\.\d+)?e\u22127", light["share"])
 
 
 def test_the_drift_of_the_live_page_is_that_of_the_forces(tmp_path: Path) -> None:

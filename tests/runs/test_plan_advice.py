@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from linear_bem import Ball, Elastic, FiniteStrain, Layer, Load, Problem, solve
+from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
 from runs.advice import Advice, Adviser
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from tests.launch import thirdbody
@@ -50,7 +50,7 @@ def pair(
 
 
 def advice(problem: Problem, accuracy: float | None = None, *effects: str) -> dict[str, Advice]:
-    ahead = solve(dataclasses.replace(problem, finite_strain=None), 1e-2)
+    ahead = solve(problem, 1e-2)
     return {item.effect: item for item in Adviser(problem, ahead, accuracy, effects).advise()}
 
 
@@ -80,8 +80,7 @@ def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> N
 
 
 def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
-    scene = dataclasses.replace(pair(0.02), finite_strain=FiniteStrain())
-    found = advice(scene, 0.05)["finite_strain"]
+    found = advice(pair(0.02), 0.05, "finite_strain")["finite_strain"]
     assert found.present
     assert found.matters is False
     assert found.text.endswith("the scene can do without")
@@ -164,6 +163,13 @@ def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
     assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
     for item in items:
         assert item["text"] in said.stdout
+
+
+def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has() -> None:
+    said = thirdbody("plan", "runs/scenes/paper_thin_pair.toml").stdout
+    assert "finite strain changes T by" in said
+    assert "add [finite_strain]" not in said
+    assert "states solved: 8" in said  # compare: two in each of four load steps
 
 
 def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tmp_path: Path) -> None:

@@ -114,11 +114,12 @@ const liveModel = (() => {
     useGrouping: false}));
   const withError = (x, error) => {  // the value to the one digit of its error
     const bar = Number(error.toPrecision(1)), places = Math.max(0, -Math.floor(Math.log10(bar) + 1e-9));
-    return `${x.toFixed(places)} ± ${bar.toFixed(places)}`.replace("-", "−");
+    return `${x.toFixed(places)} ± ${bar.toFixed(places)}`.replace(/^-(?=0(\.0*)? )/, "").replace("-", "−");
   };
   function withUnit(x, unit, error) {
-    const size = Math.abs(x);
-    const [factor, prefix] = size >= 1 || size === 0 ? [1, ""] : size >= 1e-3 ? [1e3, "m"] : size >= 1e-6 ? [1e6, "µ"] : [1e9, "n"];
+    const size = Math.max(Math.abs(x), error ?? 0);
+    const [factor, prefix] = size >= 1 || size === 0 ? [1, ""] : size >= 1e-3 ? [1e3, "m"] : size >= 1e-6 ? [1e6, "µ"]
+      : size >= 1e-9 ? [1e9, "n"] : [1e12, "p"];
     return `${error === undefined ? digits(x * factor) : withError(x * factor, error * factor)} ${prefix}${unit}`;
   }
 
@@ -142,7 +143,9 @@ const liveModel = (() => {
     shown.tangential.textContent = withUnit(T, "N", error);
     shown.kind.textContent = resolved ? (T > 0 ? "attraction" : "separation") : "neither: T is below its error";
     shown.kind.dataset.kind = resolved ? (T > 0 ? "attraction" : "separation") : "neither";
-    shown.share.textContent = digits(found.tangential / found.normal, 3).replace("-", "−");
+    const share = found.tangential / found.normal, power = Math.floor(Math.log10(Math.abs(share)));
+    const written = power < -3 ? `${digits(share / 10 ** power)}e${power}` : digits(share);
+    shown.share.textContent = resolved ? written.replaceAll("-", "−") : "not resolved";
     const S = model.strengthening(...at);
     shown.strengthening.textContent = S ? withError(S.factor, S.error) : "not known here";
     shown.drift.textContent = resolved ? driftText(model.drift(...at), T > 0, R, f) : "no motion that the table resolves";

@@ -10,10 +10,7 @@ from runs.scene.units import Number, Numbers, Table
 
 
 class FiniteStrainTable(Table):
-    """[finite_strain]: hyperelastic layer, contact in the deformed configuration.
-
-    ``law`` and its dimensionless numbers, all of one law and none of another; their energies are in `linear_bem.law`.
-    """
+    """[finite_strain]: ``law`` and its dimensionless numbers, of one law alone; energies: `linear_bem.law`."""
 
     law: str = "neo_hookean"
     """One of `neo_hookean` (takes no numbers), `mooney_rivlin`, `yeoh`, `gent`, `ogden`, `hyperfoam`."""

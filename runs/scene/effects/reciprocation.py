@@ -9,7 +9,10 @@ from runs.scene.units import Direction, Length, Number, Table, Whole
 
 
 class ReciprocationTable(Table):
-    """[reciprocation]: the plate slides to and fro, and the balls drift; see `runs.evolution`."""
+    """[reciprocation]: the plate slides to and fro, held at a level (load: approach), and the balls drift.
+
+    `evolve` computes it; see `runs.evolution`.
+    """
 
     amplitude: Length
     """Of the sliding, from the middle to one end: a cycle slides by four amplitudes."""
@@ -60,7 +63,10 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
     if not 0.0 < table.tolerance <= 1e-2:
         texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {table.tolerance:g}")
     if load != "approach":
-        texts.append(f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}")
+        texts.append(
+            f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}; `thirdbody solve` "
+            "without [reciprocation] prints the D of that load: give it as approach"
+        )
     if scene.load.steps is not None:
         texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
     if scene.balls.shape in ("ellipsoid", "cone"):

@@ -78,7 +78,8 @@ def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
             bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
         path = [row for case in chosen for row in rows[case.name]]
-        finish(axis, path, f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R")
+        place = "lower left" if key == "nu" else "upper left"  # a curve of nu leaves the panel at the top
+        finish(axis, path, f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R", place)
     _sign(axes[2], found, rows)
     return figure
 
@@ -104,9 +105,9 @@ def bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, sh
     error_bars(axis, points, [row["T"] for row in known], color=color, marker=marker, capsize=2.5, lw=1.2, label=name)
 
 
-def finish(axis: Any, path: Rows, title: str) -> None:
+def finish(axis: Any, path: Rows, title: str, corner: str = "upper left") -> None:
     """Finish a panel of factors: legend, axes and their range from the rows of its curves."""
-    legend_or_note(axis, loc="upper left")
+    legend_or_note(axis, loc=corner)
     axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     axis.set_xlabel("√(D/R)")
     axis.set_xlim(left=0.0)

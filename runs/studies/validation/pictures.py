@@ -57,6 +57,7 @@ def _spheres(axis: Any, groups: Groups, half_space: Groups) -> None:
         _bars(axis, points, GREY, "half-space, finite_strain")
     axis.set(xlabel="D / R", ylabel="Q / Q Hertz")
     axis.set_title("sphere, finite strain, nu = 0.5")
+    axis.set_ylim(top=1.4 * axis.get_ylim()[1])  # the legend is above the points
 
 
 def _bars(axis: Any, points: Sequence[Point], color: str, label: str) -> None:
