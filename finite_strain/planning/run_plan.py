@@ -18,7 +18,7 @@ from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, HIGHEST, PATH_FINDER, Budget
 from linear_bem.closed_forms import Indentation
 from linear_bem.counts import grouped
-from linear_bem.errors import InvalidProblem, UnsupportedProblem
+from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
@@ -139,15 +139,26 @@ class RunPlan:
         return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 
     def unknowns(self, level: Discretisation) -> float:
-        """Estimate the unknowns of a discretisation, within about 30 %."""
-        forms = describe_forms(self.problem).values()
-        pressures = sum(form == "mixed" for form in forms) * ((level.order - 1.0) / level.order) ** 3
+        """Count the unknowns of a discretisation by its mesh in the plane; without gmsh, estimate them within 30 %."""
+        p, pressures = level.order, sum(form == "mixed" for form in describe_forms(self.problem).values())
         if self.given is None:
-            cells = self.box(level).estimated_hexahedra()
+            box = self.box(level)
+            cells = box.estimated_hexahedra()
         else:
             cells = self.given.cells / (6.0 if self.given.simplices else 1.0)
-        nodes = _SHARED_NODES * level.order**3 * cells
-        return nodes * (3.0 + pressures)
+        estimate = _SHARED_NODES * cells * (3.0 * p**3 + pressures * (p - 1.0) ** 3)
+        if self.given is not None or estimate > MOST_AT_FIRST:
+            return estimate
+        try:
+            from meshes.layer import counted  # noqa: PLC0415  (imports gmsh)
+
+            quads, rim = counted(box)
+        except (ImportError, ThirdBodyError):
+            return estimate
+        layers = sum(max(len(heights) - 1, 0) for heights in box.levels())
+        # Euler's formula, for the nodes of displacements and of pressures
+        nodes = [(q * q * quads + q * rim / 2.0 + 1.0) * (q * layers + 1.0) for q in (p, p - 1)]
+        return 3.0 * nodes[0] + pressures * nodes[1]
 
     @property
     def likely(self) -> tuple[Discretisation, ...]:
