@@ -24,7 +24,7 @@ BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
 ALONE = 0.48
 """Memory of small strain, which has no pair, over that of two models."""
 ALONE_SECONDS = 0.85
-"""A load step at small strain over one at finite strain: the bulk's tangent is constant (three scenes: 0.83 to 1.13)."""
+"""A load step of small strain over one of finite strain: constant tangent of the bulk (three scenes: 0.83 to 1.13)."""
 MIXED_SECONDS, STRETCHES_SECONDS, FORCE_SECONDS = 1.24, 1.9, 0.1
 """Factors on a load step's time: displacements and pressures instead of as many unknowns that are displacements alone;
 a law in principal stretches; and, added to one, for each approach that is not given."""
