@@ -153,6 +153,11 @@ class Box:
             return layer, np.empty(0)
         return layer, graded(-self.thickness, -self.thickness - self.substrate, size)
 
+    @property
+    def layers(self) -> int:
+        """Number of elements through layer and substrate."""
+        return sum(max(len(heights) - 1, 0) for heights in self.levels())
+
     def size(self, points: np.ndarray) -> np.ndarray:
         """Return the width [m] of elements outside the blocks at points (..., 2) [m]."""
         answer = np.full(points.shape[:-1], self.coarsest)
@@ -175,8 +180,7 @@ class Box:
         outside = np.all([self.beyond(zone, middles) > 0.0 for zone in self.zones], axis=0)
         cell = (axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0])
         filler = np.sum(outside * cell / self.size(middles) ** 2) * (1.35 + 0.8 / n)  # fitted to counts in 60 meshes
-        layer, substrate = self.levels()
-        return float(plane + filler) * (len(layer) - 1 + max(len(substrate) - 1, 0))
+        return float(plane + filler) * self.layers
 
 
 def half_widths(

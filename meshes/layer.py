@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import gmsh
@@ -9,7 +10,7 @@ import numpy as np
 
 from linear_bem.errors import ThirdBodyError, UnsupportedProblem
 from meshes.box import TAGS, Box
-from meshes.plane import plane_mesh
+from meshes.plane import open_edges, plane_mesh
 
 HEXAHEDRON, QUADRILATERAL = 12, 10
 """gmsh's element types: of second order, with 27 and 9 nodes."""
@@ -36,20 +37,9 @@ def gmsh_session() -> Iterator[None]:
 
 def write_layer_mesh(box: Box, path: Path) -> int:
     """Mesh the box, write it with its physical groups (`TAGS`) to a .msh file; return the number of hexahedra."""
-    # gmsh's geometric tolerances are absolute, so it meshes in units of the problem and the points are scaled back
-    unit = max(zone.half_width for zone in box.zones)
+    unit = _unit(box)
     scaled = box.in_units_of(unit)
-    with gmsh_session():
-        try:
-            plane, quads = plane_mesh(scaled)
-        except Exception as error:  # gmsh raises the base class itself
-            if isinstance(error, ThirdBodyError):
-                raise
-            raise UnsupportedProblem(
-                f"gmsh makes no mesh of this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
-                f"{min(zone.contact_radius for zone in box.zones):.3g} m, a box {box.x[1] - box.x[0]:.3g} m wide; "
-                "lengths that differ by more than a thousand times are better left to linear_bem"
-            ) from error
+    plane, quads = _plane(box)
     layer, substrate = scaled.levels()
     levels = np.concatenate([layer, substrate[1:]])
     heights = np.interp(np.arange(2 * len(levels) - 1) / 2.0, np.arange(len(levels)), levels)
@@ -61,6 +51,33 @@ def write_layer_mesh(box: Box, path: Path) -> int:
     with gmsh_session():
         _write(scaled, unit, points, cells, in_layer, path)
     return len(cells)
+
+
+@lru_cache(maxsize=32)
+def counted(box: Box) -> tuple[int, int]:
+    """Mesh the box in the plane; return its numbers of quadrilaterals and of edges along its sides."""
+    quads = _plane(box)[1]
+    return len(quads), len(open_edges(quads[:, :4]))
+
+
+def _unit(box: Box) -> float:
+    """Return the length [m] to mesh in: gmsh's geometric tolerances are absolute."""
+    return max(zone.half_width for zone in box.zones)
+
+
+def _plane(box: Box) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mesh of a box in the plane, see `plane_mesh`, in units of `_unit`."""
+    with gmsh_session():
+        try:
+            return plane_mesh(box.in_units_of(_unit(box)))
+        except Exception as error:  # gmsh raises the base class itself
+            if isinstance(error, ThirdBodyError):
+                raise
+            raise UnsupportedProblem(
+                f"gmsh makes no mesh of this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
+                f"{min(zone.contact_radius for zone in box.zones):.3g} m, a box {box.x[1] - box.x[0]:.3g} m wide; "
+                "lengths that differ by more than a thousand times are better left to linear_bem"
+            ) from error
 
 
 def _check(box: Box, points: np.ndarray, cells: np.ndarray) -> None:

@@ -136,7 +136,7 @@ def _merged(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return flat[first], inverse.reshape(quads.shape[:2])
 
 
-def _open_edges(cells: np.ndarray) -> np.ndarray:
+def open_edges(cells: np.ndarray) -> np.ndarray:
     """Return the directed edges (n, 2) of polygons that have no neighbour (no reversed edge)."""
     edges = np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
     known = set(map(tuple, edges.tolist()))
@@ -233,7 +233,7 @@ def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
     Each is half as fine as the edges that it meets, so that its segments conform after subdivision.
     """
     points, cells = _merged(quads)
-    pieces = [points[_open_edges(cells)[:, ::-1]]]
+    pieces = [points[open_edges(cells)[:, ::-1]]]
     for axis, value in _sides(box):
         pieces[0] = pieces[0][np.any(pieces[0][..., axis] != value, axis=1)]
     for axis, value in _sides(box):

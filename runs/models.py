@@ -221,7 +221,8 @@ def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dic
     """Return the plan of a model with time, ``seconds``, and memory of the command around it."""
     more = dict.fromkeys(("seconds", "processor_seconds"), seconds)
     more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
-    return {**plan} | {key: plan[key] + value for key, value in more.items() if key in plan}
+    others = {key: [as_command(other, seconds) for other in plan[key]] for key in ("perhaps",) if key in plan}
+    return {**plan, **others} | {key: plan[key] + value for key, value in more.items() if key in plan}
 
 
 def standing(scene: Scene) -> Scene:

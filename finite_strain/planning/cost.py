@@ -1,29 +1,33 @@
 """Processor time and memory of a run before it starts, by powers of its unknowns.
 
-All constants are fitted to what ``python -m runs.studies.scaling.plan_calibration`` prints: one process, meshes of 2 to
-39 thousand unknowns, forms compiled before (the first run of its kind takes half a minute more). A solution by factors
-costs about n^1.5 there and keeps about n^1.28: assembly and the elements' data grow as n, factors by nested dissection
-as n^2 and n^(4/3).
+Times are fitted to each mesh of 45 runs by one process, those of ``python -m runs.studies.scaling.plan_calibration``
+and like ones (2 to 45 thousand unknowns, 0.05 R to 0.4 R deep). They lie within a factor 1.7, whole runs within 1.45.
+Forms are compiled before (the first run of its kind takes half a minute more). Memory is that of the calibration's
+cases: elements' data grow as n, factors by nested dissection as n^(4/3).
 """
 
+import math
 from dataclasses import dataclass
 
 UNIT = 1e4
 """Unknowns that the constants refer to."""
-STEP_SECONDS, STEP_POWER = 0.88, 1.5
-"""An answered load step with order 3, which the coarser mesh's state predicts, without its pair."""
-SEARCH_SECONDS = 2.3
-"""A load step of the path finder, order 2, which finds the contact's edge by more iterations."""
-START_SECONDS, MESH_SECONDS = 1.4, 0.25
-"""Start of a run; mesh, spaces and output of each mesh, as the unknowns."""
+SECONDS, ACROSS = {2: 0.82, 3: 0.74, 4: 1.1}, 50.0
+"""A load step, or its pair, by order on `ACROSS` elements in the plane: it grows as n and their fourth root. Order 2
+finds the contact's edge; the others begin with the state of the coarser mesh."""
+DEPTH, DEEPEST = 0.85, 0.3
+"""Growth of the logarithm of `SECONDS` with the approach over the radius, for each order beyond 2; approach over the
+radius from which on it does not grow, by the runs of the study `strengthening`."""
+START_SECONDS = 0.8
+"""Start of a run."""
 BASE_BYTES, PAIRED_BYTES, MEMORY_POWER = 2.5e8, 2.37e8, 1.28
 """A process with its libraries; matrix, factors and elements' data of both models with order 3."""
 ALONE = 0.48
 """Memory of small strain, which has no pair, over that of two models."""
-ALONE_SECONDS = 0.5
-"""A load step at small strain over one at finite strain: the bulk's tangent is constant (two scenes: 0.42, 0.54)."""
-MIXED_SECONDS = 1.3
-"""A load step with displacements and pressures over one with as many unknowns that are displacements alone."""
+ALONE_SECONDS = 0.85
+"""A load step of small strain over one of finite strain: constant tangent of the bulk (three scenes: 0.83 to 1.13)."""
+MIXED_SECONDS, STRETCHES_SECONDS, FORCE_SECONDS = 1.24, 1.9, 0.1
+"""Factors on a load step's time: displacements and pressures instead of as many unknowns that are displacements alone;
+a law in principal stretches; and, added to one, for each approach that is not given."""
 KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.85e8
 """An answered step and its pair, and the memory of both, by multigrid, above the range of the factors; as n.
 
@@ -36,17 +40,21 @@ SPEEDUP = 1.6
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of a run: unknowns, element order (2: path finder), number of load steps, of pairs, kind of solver.
+    """A mesh of a run: unknowns, order (2: path finder), elements through the thickness, load steps, pairs, solver.
 
-    ``direct``: by factors; ``mixed``: elements with pressures.
+    ``direct``: by factors; ``free``: approaches that are not given; ``depth``: the largest approach over the radius.
     """
 
     unknowns: float
     order: int
+    layers: int
     steps: int
     pairs: int
     direct: bool
     mixed: bool = False
+    stretches: bool = False
+    free: int = 0
+    depth: float = 0.1
 
     @property
     def seconds(self) -> float:
@@ -54,9 +62,12 @@ class Mesh:
         share = self.unknowns / UNIT
         if not self.direct:
             return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
-        each = SEARCH_SECONDS if self.order == 2 else STEP_SECONDS * self.order / 3.0
+        p, depth = self.order, min(self.depth, DEEPEST)
+        across = self.unknowns / (3.0 * p**2 * (p * self.layers + 1.0) * ACROSS)
+        each = SECONDS[p] * share * across**0.25 * math.exp(DEPTH * (p - 2) * depth)
         steps = self.steps + self.pairs if self.pairs else ALONE_SECONDS * self.steps
-        return MESH_SECONDS * share + (MIXED_SECONDS if self.mixed else 1.0) * steps * each * share**STEP_POWER
+        steps *= (MIXED_SECONDS if self.mixed else 1.0) * (STRETCHES_SECONDS if self.stretches else 1.0)
+        return steps * (1.0 + FORCE_SECONDS * self.free) * each
 
     def memory_bytes(self, ranks: int) -> float:
         """Return the memory of all processes."""

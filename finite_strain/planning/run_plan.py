@@ -15,11 +15,11 @@ from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
 from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
-from finite_strain.planning.refinement import FIRST, HIGHEST, PATH_FINDER, Budget
+from finite_strain.planning.refinement import FIRST, HIGHEST, ORDER, PATH_FINDER, STEP, Budget
 from linear_bem.closed_forms import Indentation
 from linear_bem.counts import grouped
-from linear_bem.errors import InvalidProblem, UnsupportedProblem
-from linear_bem.law import Law
+from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
+from linear_bem.law import Hyperfoam, Law, Ogden
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
@@ -30,8 +30,13 @@ LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
-FINE, SECOND = 0.005, replace(FIRST, order=HIGHEST)
-"""Required accuracy up to which a plan counts on order 4, too."""
+REACHED, MIXED_REACHED, ALONE_REACHED, WITHIN = 0.11, 0.5, 0.4, 1.5
+"""Constant of `RunPlan.first_error`, by 117 runs of 0.02 R to 1.4 R, those of studies `stability` and `strengthening`
+among them (two in three within a factor 2; ``python -m runs.studies.scaling.plan_calibration`` prints it over what was
+reached); factors on it in the mixed form, and for one ball, whose force or approach counts; factor up to which it does
+not decide the number of meshes: 16 of 38 runs within it took another one, 1 of 79 beyond it."""
+HIGHER = 0.27
+"""Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 ENOUGH, NEARBY = 3, 0.5
 """Number of nearby load steps with output from which on their changes alone show the error at full load. Nearby are
 loads with contacts at least half as wide by Hertz's law."""
@@ -139,54 +144,94 @@ class RunPlan:
         return Box(sides[0], sides[1], problem.layer.thickness, depth, zones, level.fineness, growth)
 
     def unknowns(self, level: Discretisation) -> float:
-        """Estimate the unknowns of a discretisation, within about 30 %."""
-        forms = describe_forms(self.problem).values()
-        pressures = sum(form == "mixed" for form in forms) * ((level.order - 1.0) / level.order) ** 3
+        """Count the unknowns of a discretisation by its mesh in the plane; without gmsh, estimate them within 30 %."""
+        p, pressures = level.order, sum(form == "mixed" for form in describe_forms(self.problem).values())
         if self.given is None:
-            cells = self.box(level).estimated_hexahedra()
+            box = self.box(level)
+            cells = box.estimated_hexahedra()
         else:
             cells = self.given.cells / (6.0 if self.given.simplices else 1.0)
-        nodes = _SHARED_NODES * level.order**3 * cells
-        return nodes * (3.0 + pressures)
+        estimate = _SHARED_NODES * cells * (3.0 * p**3 + pressures * (p - 1.0) ** 3)
+        if self.given is not None or estimate > MOST_AT_FIRST:
+            return estimate
+        try:
+            from meshes.layer import counted  # noqa: PLC0415  (imports gmsh)
+
+            quads, rim = counted(box)
+        except (ImportError, ThirdBodyError):
+            return estimate
+        # Euler's formula, for the nodes of displacements and of pressures
+        nodes = [(q * q * quads + q * rim / 2.0 + 1.0) * (q * box.layers + 1.0) for q in (p, p - 1)]
+        return 3.0 * nodes[0] + pressures * nodes[1]
 
     @property
-    def likely(self) -> tuple[Discretisation, ...]:
-        """The discretisations that the accuracy will probably take: an answer of order 3 seldom reaches `FINE`."""
-        levels = (PATH_FINDER, FIRST)
-        if self.accuracy > FINE or self.unknowns(SECOND) > self.budget.most_unknowns:
-            return levels
-        return (*levels, SECOND)
+    def first_error(self) -> float:
+        """The error of T that `FIRST` will reach: large if contacts come near the sides of their blocks."""
+        box = self.box(FIRST)
+        room = min(1.0 - zone.contact_radius / zone.half_width for zone in box.zones)
+        constant = REACHED * (ALONE_REACHED if self.problem.size == 1 else 1.0)
+        constant *= MIXED_REACHED if "mixed" in describe_forms(self.problem).values() else 1.0
+        return float(constant * self.deepest ** (2.0 / 3.0) / (room * (len(box.levels()[0]) - 1) ** 2))
+
+    def likely(self, share: float = 1.0) -> tuple[Discretisation, ...]:
+        """Return the discretisations that the accuracy takes if `FIRST` reaches ``share`` times `first_error`."""
+        levels, error = [PATH_FINDER, FIRST], share * self.first_error
+        while error > self.accuracy and (levels[-1].order < HIGHEST or self.given is None):
+            last, finer = levels[-1], levels[-1].fineness + STEP
+            rises = last.order < HIGHEST
+            level = replace(last, order=HIGHEST) if rises else replace(last, fineness=finer)
+            if self.unknowns(level) > self.budget.most_unknowns:
+                break
+            levels.append(level)
+            error *= HIGHER if rises else (last.fineness / finer) ** ORDER
+        return tuple(levels)
 
     def describe(self, ranks: int = RANKS) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
         ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are those of each discretisation.
+        ``perhaps`` has the cost of other numbers of meshes, where an error `WITHIN` of the estimated one takes them.
         """
         most, box, forms = self.budget.most_unknowns, self.box(PATH_FINDER), describe_forms(self.problem)
         mixed, given = "mixed" in forms.values(), given_in(os.environ.get("PETSC_OPTIONS", ""))
         pairs = len(self.loads) * self.is_paired
+        free = len(self.reduction.balls) * prescribed(self.problem).forces_given
+        effect = self.problem.finite_strain
+        stretches = effect is not None and isinstance(effect.chosen, Ogden | Hyperfoam)
 
-        def mesh(unknowns: float, order: int) -> Mesh:
-            steps = self.path if order == PATH_FINDER.order else self.loads
-            return Mesh(unknowns, order, len(steps), pairs, choose(unknowns, mixed, given, order).direct, mixed)
+        def mesh(unknowns: float, level: Discretisation) -> Mesh:
+            steps = self.path if level == PATH_FINDER else self.loads
+            direct = choose(unknowns, mixed, given, level.order).direct
+            layers = self.box(level).layers
+            return Mesh(
+                unknowns, level.order, layers, len(steps), pairs, direct, mixed, stretches, free, self.deepest
+            )  # fmt: skip
 
-        meshes = [mesh(self.unknowns(level), level.order) for level in self.likely]
-        last, largest = meshes[-1], mesh(most, HIGHEST)
-        speed = ranks ** math.log2(SPEEDUP)
+        levels = self.likely(WITHIN)
+        meshes = [mesh(self.unknowns(level), level) for level in levels]
+        number = len(self.likely())
+        others = sorted({len(self.likely(1.0 / WITHIN)), len(levels)} - {number})
         seconds = [each.seconds for each in meshes]
         seconds[0] += START_SECONDS
+        speed = ranks ** math.log2(SPEEDUP)
+
+        def cost(number: int) -> dict[str, float]:
+            spent = sum(seconds[:number])
+            memory = meshes[number - 1].memory_bytes(ranks)
+            return {"seconds": spent / speed, "processor_seconds": spent, "memory_bytes": memory}
+
+        last, largest = meshes[number - 1], mesh(most, replace(FIRST, order=HIGHEST))
         return {
             "forms": forms,
             "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(last.unknowns),
-            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in self.likely]
+            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in levels[:number]]
             + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
-            "memory_bytes": last.memory_bytes(ranks),
+            **cost(number),
             "memory_bytes_at_most": largest.memory_bytes(ranks),
-            "seconds": sum(seconds) / speed,
-            "processor_seconds": sum(seconds),
-            "seconds_of_meshes": [value / speed for value in seconds],
+            "seconds_of_meshes": [value / speed for value in seconds[:number]],
+            **({"perhaps": [{"meshes": other, **cost(other)} for other in others]} if others else {}),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "load_steps": len(self.goals),
             "accuracy": {"asked": self.accuracy, "unknowns_at_most": most, "seconds_at_most": self.budget.seconds},

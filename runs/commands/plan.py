@@ -38,6 +38,7 @@ NAMES = {
     "meshes": "meshes",
     "accuracy": "refined until",
     "compare": "in compare",
+    "perhaps": "or perhaps",
     "refused": "refused:",
     "load_steps": "load steps",
     "states": "states solved",

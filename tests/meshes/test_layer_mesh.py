@@ -117,6 +117,20 @@ def test_the_number_of_hexahedra_is_predicted_within_the_stated_error(written: B
     assert mesh.box.estimated_hexahedra() == pytest.approx(mesh.reported, rel=0.3)
 
 
+@every_scene
+@every_fineness
+def test_elements_in_the_plane_are_counted_as_the_file_has_them(written: Build, name: str, elements: int) -> None:
+    from meshes.layer import counted  # noqa: PLC0415
+
+    mesh = written(name, elements)
+    quads, rim = counted(mesh.box)
+    layers, substrate = mesh.box.levels()
+    count = len(layers) - 1 + max(len(substrate) - 1, 0)
+    assert (quads, quads * count) == (len(mesh.quadrilaterals["top"]), mesh.reported)
+    assert rim * count == sum(len(mesh.quadrilaterals[side]) for side in ("x_low", "x_high", "y_low", "y_high"))
+    assert len(mesh.points) == (4 * quads + rim + 1) * (2 * count + 1)  # of order 2
+
+
 @pytest.mark.parametrize(("elements", "most"), [(1, 35), (2, 125), (3, 240)])
 def test_the_quarter_of_a_touching_pair_needs_few_elements(written: Build, elements: int, most: int) -> None:
     assert len(written("touching pair on a substrate, quarter", elements).quadrilaterals["top"]) <= most

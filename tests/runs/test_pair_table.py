@@ -108,7 +108,7 @@ def test_a_budget_too_small_for_the_last_run_is_refused_before_the_first(tmp_pat
     problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("approach", (0.3,) * 2), finite_strain=FiniteStrain())
     finite = MODELS["finite_strain"]
     assert finite.plan is not None
-    budget = {"unknowns": 1.5 * finite.plan(problem, 0.1, {}, (1.0,))["unknowns"]}
+    budget = {"unknowns": 1.1 * finite.plan(problem, 0.1, {}, (1.0,))["unknowns"]}
     finite.plan(problem, 0.1, budget, (1.0,))  # enough for a pair
 
     def solve(one: Problem, run: Run) -> Result:

@@ -11,7 +11,7 @@ import pytest
 from linear_bem.errors import UnsupportedProblem
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
-from runs.models import MODELS, planned_runs
+from runs.models import MODELS, as_command, planned_runs
 from runs.process import machine
 from runs.scene.scene_file import Scene, read_scene
 from runs.session import session
@@ -60,6 +60,12 @@ def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
     three = {"seconds": 3.0 * one["seconds"], "memory_bytes": one["memory_bytes"]}
     assert planned_runs(model, [problem] * 3, None, {}) == pytest.approx(three)
     assert planned_runs(MODELS["linear_bem"], [problem], None, {}) is None
+
+
+def test_the_command_around_a_run_takes_its_time_with_any_number_of_meshes() -> None:
+    plan = as_command({"seconds": 1.0, "perhaps": [{"meshes": 3, "seconds": 2.0}]})
+    assert plan["perhaps"] == [{"meshes": 3, "seconds": plan["seconds"] + 1.0}]
+    assert "perhaps" not in as_command({"seconds": 1.0})
 
 
 def test_a_budget_beyond_the_memory_is_refused_before_any_work(tmp_path: Path) -> None:
