@@ -41,7 +41,7 @@ def test_what_does_not_fit_the_memory_is_left_out_with_its_size(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("linear_bem.memory.free_memory", lambda: 1e9)
-    alone = SimpleNamespace(rank=0)
+    alone = SimpleNamespace(rank=0, barrier=lambda: None)
     assert answer.fits(whole_runs.BYTES * 1_000, "a run of 1 000 unknowns", alone)
     assert capsys.readouterr().err == ""
     assert not answer.fits(answer.BYTES["mixed"] * 600_000, "a system of 600 000 unknowns (mixed form)", alone)
