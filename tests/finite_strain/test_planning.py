@@ -123,7 +123,7 @@ def test_higher_orders_finer_meshes_and_wider_domains_have_more_unknowns() -> No
     assert wide.x[1] - 1.0 == pytest.approx(2.0 * (boxes[0].x[1] - 1.0))
 
 
-@pytest.mark.parametrize(("share", "meshes", "others"), [(1.6, 2, []), (1.2, 2, [3]), (0.8, 3, [2]), (0.5, 3, [])])
+@pytest.mark.parametrize(("share", "meshes", "others"), [(2.2, 2, []), (1.2, 2, [3]), (0.8, 3, [2]), (0.4, 3, [4])])
 def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what_was_asked(
     share: float, meshes: int, others: list[int]
 ) -> None:
