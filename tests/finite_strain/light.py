@@ -16,7 +16,7 @@ def press(ranks: int, folder: Path, *names: str) -> Any:
     """Return what each run of `tests.finite_strain.press` said."""
     done = mpirun(ranks, "-m", "tests.finite_strain.press", folder, *names, timeout=300.0)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(done.stdout.splitlines()[0])  # PETSc 3.22 lists the options that a stopped run did not use
 
 
 def solve(folder: Path, observer: Any) -> Any:

@@ -11,6 +11,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import ufl
+from dolfinx.mesh import create_unit_square
+from mpi4py import MPI
 
 import finite_strain
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
@@ -58,7 +60,7 @@ def test_every_function_has_the_value_and_slope_of_the_form_language(function: n
     place = 0.7, 0.4
     one, none = np.ones(1), np.zeros(1)
     dual = Dual(np.array([place[0]]), one, none), Dual(np.array([place[1]]), none, one)
-    x = ufl.SpatialCoordinate(ufl.triangle)
+    x = ufl.SpatialCoordinate(create_unit_square(MPI.COMM_SELF, 1, 1))
     operands: list[Any] = [dual[0], Symbolic(x[0])], [dual[1], Symbolic(x[1])]
     if function is np.power:
         operands[1][:] = 2.5, 2.5
