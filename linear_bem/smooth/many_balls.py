@@ -69,14 +69,11 @@ def sweep_zones(
     stack = stacked(zones)
     rule = Rule.of(stack, kernel.thickness)
     nodes = NodeStack.of(stack, rule)
-    interaction: Interaction | None = None
-    influence: Influence = np.zeros((len(zones), len(zones)))
-    if not apart:
-        said = seldom(report, f"degree {stack.degree}: ")
-        interaction = Interaction(kernel, stack, pair_precision or tolerance, said)
-        influence = interaction.influence
+    said = seldom(report, f"degree {stack.degree}: ")
+    interaction = None if apart else Interaction(kernel, stack, pair_precision or tolerance, said)
+    influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
     equations = OwnEquations(kernel, rule, pair_precision or tolerance)
-    forces, renewed = nodes.forces, RENEWED
+    forces = nodes.forces
     for members, force in groups:
         if len(members) == 1:
             forces[members[0]] = force
@@ -95,7 +92,7 @@ def sweep_zones(
             outside = interaction.displacement()
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {stack.degree}, sweep {sweep + 1}: "
-        steps = equations.step(nodes, outside, profile, forces, sizes > renewed, seldom(report, step))
+        steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
         before, found = nodes.zones, steps.approaches
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
