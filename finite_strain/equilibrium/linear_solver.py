@@ -19,7 +19,7 @@ from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.regions import nothing_where_idle
 from finite_strain.equilibrium.order_levels import set_levels
-from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, across, choose, factor_bytes
+from finite_strain.equilibrium.solver_options import DISPLACEMENT, FACTORS, PREFIX, Choice, along, choose, factor_bytes
 from finite_strain.mechanics.volumetric import Mixed
 from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, NotConverged
@@ -136,7 +136,7 @@ class LinearSolver:
 
     def _set_levels(self, preconditioner: PETSc.PC, prefix: str = "") -> None:
         if self.choice.options[f"{prefix}pc_type"] == "mg":
-            set_levels(preconditioner, self.model, across(self.model.unknowns, self.model.order))
+            set_levels(preconditioner, self.model, along(self.model.unknowns, self.model.order, self.model.is_mixed))
 
     def _rigid_motions(self) -> PETSc.NullSpace:
         """Return the six rigid motions of the undeformed nodes."""

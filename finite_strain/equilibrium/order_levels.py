@@ -4,6 +4,7 @@ Upright hexahedra of order p have two levels: order p, and order 1 along the lay
 solves by factors: 1/p^2 of the unknowns. The mesh is as fine at depth as at the contact's edge, so that elements there
 are up to 25 times as tall as wide. Errors that vary with the depth alone then have little energy, and no smoother by
 nodes removes them; a level of order 1 in all directions does not hold them, one of order p across the layer does.
+The mixed form has a level of order 2 along the layer in between: without it iterations grow with the mesh.
 
 Other meshes, and systems whose second level would be too large for factors, have levels of orders p, 2 and 1.
 
@@ -12,6 +13,7 @@ Galerkin's [Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.100
 A component that is constrained at a level keeps a row of its own there, which no other row or column touches.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,13 +45,13 @@ class Coarse:
     numbers: np.ndarray
 
 
-def set_levels(preconditioner: PETSc.PC, model: Model, across: bool) -> None:
+def set_levels(preconditioner: PETSc.PC, model: Model, along: Sequence[int]) -> None:
     """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective).
 
-    ``across``: the lower level keeps its order across the layer, where the mesh has upright hexahedra.
+    ``along``: the lower levels' orders along the layer where they keep their order across it and the mesh has upright
+    hexahedra; none for levels of lower order in all directions.
     """
-    coarse = upright(model.space) if across else None
-    levels = [coarse] if coarse is not None else orders(model)
+    levels = upright(model.space, [order for order in along if order < model.order]) or orders(model)
     preconditioner.setType("mg")
     preconditioner.setMGLevels(len(levels) + 1)
     fixed, owned = model.constrained, model.space.dofmap.index_map.size_local
@@ -78,10 +80,11 @@ def of_order(fine: Any, space: Any) -> Coarse:
     return Coarse(_shapes(fine, space), nodes.size_local, numbers)
 
 
-def upright(fine: Any) -> Coarse | None:
-    """Return the level of order 1 along the layer and the space's own order across it (collective).
+def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
+    """Return levels of orders 2 or 1 along the layer and the space's own order across it (collective).
 
-    Its nodes are the fine ones above and below the mesh's vertices. None if some cell is no upright hexahedron.
+    Their nodes are fine ones above and below the mesh's vertices and, at order 2, one of each edge's and each face's
+    inner nodes. Empty if some cell is no upright hexahedron.
     """
     comm, dofs = fine.mesh.comm, compat.cell_dofs(fine)
     element = element_of(dofs.shape[1])
@@ -94,33 +97,64 @@ def upright(fine: Any) -> Coarse | None:
         axes = tilt.argmin(axis=1)
         is_upright = bool(tilt.min(axis=1).max() < _UPRIGHT)
     if not comm.allreduce(is_upright, op=MPI.LAND):
-        return None
+        return []
     index_map = fine.dofmap.index_map
     size = index_map.size_local + index_map.num_ghosts
-    rows, columns, values = [], [], []
-    for axis in range(3):
-        others = [k for k in range(3) if k != axis]
-        at_corner = np.all(np.minimum(places[:, others], 1.0 - places[:, others]) < _ROUNDOFF, axis=1)
-        kept = np.flatnonzero(at_corner)
-        weights = np.isclose(places[:, None, axis], places[None, kept, axis]).astype(float)
-        for k in others:  # bilinear along the layer
-            weights *= np.where(places[kept, k] > 0.5, places[:, None, k], 1.0 - places[:, None, k])
-        i, j = np.nonzero(weights > _ROUNDOFF)
-        cells = dofs[axes == axis]
-        rows.append(cells[:, i].ravel())
-        columns.append(cells[:, kept[j]].ravel())
-        values.append(np.tile(weights[i, j], len(cells)))
-    row, column, value = (np.concatenate(parts) for parts in (rows, columns, values))
-    nodes, place = np.unique(column, return_inverse=True)
-    _, first = np.unique(row.astype(np.int64) * size + column, return_index=True)  # cells share nodes
-    shapes = sparse.csr_matrix((value[first], (row[first], place[first])), shape=(size, len(nodes)))
-    owned = int(np.searchsorted(nodes, index_map.size_local))
-    before = comm.exscan(owned) or 0
+    everywhere = index_map.local_to_global(np.arange(size, dtype=np.int32))
     number = dolfinx.fem.Function(fine)  # the owner sends it to the other ranks
     entries = number.x.array.reshape(size, fine.dofmap.index_map_bs)
-    entries[nodes[:owned], 0] = before + np.arange(owned)
-    number.x.scatter_forward()
-    return Coarse(shapes, owned, np.rint(entries[nodes, 0].real).astype(np.int64))
+    upper = [(places, dofs[axes == axis]) for axis in range(3)]
+    above, levels = np.arange(size), []
+    for order in orders:
+        lower, parts = [], []
+        for axis, (points, cells) in enumerate(upper):
+            along = [k for k in range(3) if k != axis]
+            coarse = _lattice(places[:, axis], axis, order)
+            nodes = _inner(places, dofs[axes == axis], coarse, everywhere)
+            weights = np.isclose(points[:, None, axis], coarse[None, :, axis]).astype(float)
+            for k in along:
+                weights *= _along(points[:, None, k], coarse[None, :, k], order)
+            i, j = np.nonzero(np.abs(weights) > _ROUNDOFF)
+            parts.append((cells[:, i].ravel(), nodes[:, j].ravel(), np.tile(weights[i, j], len(cells))))
+            lower.append((coarse, nodes))
+        row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
+        kept, place = np.unique(column, return_inverse=True)
+        _, first = np.unique(row.astype(np.int64) * size + column, return_index=True)  # cells share nodes
+        entry = value[first], (np.searchsorted(above, row[first]), place[first])
+        owned = int(np.searchsorted(kept, index_map.size_local))
+        before = comm.exscan(owned) or 0
+        entries[kept[:owned], 0] = before + np.arange(owned)
+        number.x.scatter_forward()
+        numbers = np.rint(entries[kept, 0].real).astype(np.int64)
+        levels.append(Coarse(sparse.csr_matrix(entry, shape=(len(above), len(kept))), owned, numbers))
+        upper, above = lower, kept
+    return levels
+
+
+def _lattice(across: np.ndarray, axis: int, order: int) -> np.ndarray:
+    """Return places (n, 3) at the heights of a cell's nodes and at the thirds, halves, ... of an order along it."""
+    heights = np.unique(across.round(12))
+    lines = [heights if k == axis else np.linspace(0.0, 1.0, order + 1) for k in range(3)]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _inner(places: np.ndarray, dofs: np.ndarray, coarse: np.ndarray, everywhere: np.ndarray) -> np.ndarray:
+    """Return the fine node (cells, coarse places) that stands for each coarse place, the same from all its cells."""
+    found = np.empty((len(dofs), len(coarse)), dtype=dofs.dtype)
+    for number, place in enumerate(coarse):
+        same = np.isclose(places, place)
+        inside = (place == 0.5) & (places > _ROUNDOFF) & (places < 1.0 - _ROUNDOFF)
+        near = dofs[:, np.all(same | inside, axis=1)]
+        found[:, number] = np.take_along_axis(near, everywhere[near].argmin(axis=1)[:, None], axis=1)[:, 0]
+    return found
+
+
+def _along(at: np.ndarray, node: np.ndarray, order: int) -> np.ndarray:
+    """Return the shape functions of order 1 or 2 of nodes of [0, 1]."""
+    linear = np.where(node > 0.5, at, 1.0 - at)
+    if order == 1:
+        return linear
+    return np.where(node == 0.5, 4.0 * at * (1.0 - at), linear * (2.0 * linear - 1.0))
 
 
 def interpolation(level: Coarse, fixed: np.ndarray, own_fine: int, comm: MPI.Comm) -> tuple[PETSc.Mat, np.ndarray]:

@@ -119,9 +119,12 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str], order: int = 
     return Choice(usual | {key: value for key, value in given.items() if key != "direct_up_to"}, direct, why)
 
 
-def across(unknowns: float, order: int) -> bool:
-    """Return whether factors solve multigrid's lower level if it keeps its order across the layer."""
-    return unknowns / order**2 <= DIRECT_UP_TO
+def along(unknowns: float, order: int, mixed: bool) -> tuple[int, ...]:
+    """Return the orders along the layer of multigrid's lower levels that keep their order across it.
+
+    None if factors would not solve the lowest of them.
+    """
+    return () if unknowns / order**2 > DIRECT_UP_TO else (2, 1) if mixed else (1,)
 
 
 def _multigrid(mixed: bool, lowest: float) -> dict[str, str]:
