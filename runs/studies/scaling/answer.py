@@ -19,12 +19,10 @@ from runs.studies.framework.template import render
 from runs.studies.scaling import whole_runs
 from runs.studies.scaling.measuring import BYTES, FORMS, measure, pressed
 
-SIZES = (12_000, 60_000, 120_000)
-"""Target numbers of unknowns; meshes have up to a quarter less."""
-LARGE = (600_000, 1_350_000)
-"""The same on more than one rank, by multigrid alone: about 500 thousand and a million unknowns."""
-WHOLE = (600_000, 1_100_000)
-"""Target numbers of unknowns of whole runs, which keep two models."""
+SIZES = (12_000, 50_000, 100_000)
+"""Numbers of unknowns; the nearest mesh is taken."""
+LARGE = (500_000, 1_050_000)
+"""The same on more than one rank, by multigrid alone, and of whole runs, which keep two models."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
 AHEAD = (1e7, 1e8)
@@ -54,7 +52,7 @@ def compute(folder: Path, options: Options) -> None:
                     print_status(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
                 write_csv(file, rows)
-    for target in () if options.quick or comm.size == 1 else WHOLE:
+    for target in () if options.quick or comm.size == 1 else LARGE:
         signals.check()
         saved = folder / f"whole_{target}.csv"
         known = ranks.share(saved.exists() and not options.fresh)

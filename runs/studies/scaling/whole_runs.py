@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 STEPS = (0.5, 1.0)
-BYTES = 1.85e4
+BYTES = 1.9e4
 """Memory on all ranks per unknown asked for: both models keep their matrix and levels."""
 ACCURACY = 0.02
 """Of the domain and of linear_bem; the mesh is given."""
