@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from linear_bem.arrays import Array
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import HeightFunction, Indenter
 
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
@@ -38,24 +38,28 @@ def height_faults(shapes: Iterable[object]) -> list[str]:
 
 
 def _faults_of(body: Indenter) -> list[str]:
-    name, aside = f"balls.shape: {type(body).__name__}.height", np.array([0.01 * body.apex_radius])
+    plain = isinstance(body, HeightFunction)
+    name = getattr(body.function, "__name__", "f") if plain else f"{type(body).__name__}.height"
+    aside = np.array([0.01 * body.apex_radius])
     at = Dual(aside, np.ones(1), np.zeros(1))
     try:
         expression = isinstance(body.height(at, at), Dual)
-    except TypeError as fault:
-        if Dual.__name__ not in str(fault):  # a fault of the user's own
-            raise
+    except Exception:  # whatever a user's function raises
+        body.height(aside, aside)  # a fault of the user's own
         expression = False
     if not expression:
+        as_it_is = "it" if plain else "any as a plain function f(x, y): Ball(..., shape=f)"
         return [
-            f"{name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
+            f"balls.shape: {name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
             "differentiate, got another function; np.where may jump: write a kink by np.maximum or np.minimum; the "
-            "linear model takes any as a plain function f(x, y): Ball(..., shape=f)"
+            f"linear model takes {as_it_is}"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])
     if abs(apex) <= APEX * body.apex_radius:
         return []
-    return [f"{name} must be 0 at the axis, from which approaches are measured, got {apex:g} m; subtract it"]
+    return [
+        f"balls.shape: {name} must be 0 at the axis, from which approaches are measured, got {apex:g} m; subtract it"
+    ]
 
 
 @dataclass(frozen=True)
