@@ -38,8 +38,9 @@ def height_faults(shapes: Iterable[object]) -> list[str]:
 
 
 def _faults_of(body: Indenter) -> list[str]:
-    plain = isinstance(body, HeightFunction)
-    name = getattr(body.function, "__name__", "f") if plain else f"{type(body).__name__}.height"
+    name, as_it_is = f"{type(body).__name__}.height", "any as a plain function f(x, y): Ball(..., shape=f)"
+    if isinstance(body, HeightFunction):
+        name, as_it_is = getattr(body.function, "__name__", "f"), "it"
     aside = np.array([0.01 * body.apex_radius])
     at = Dual(aside, np.ones(1), np.zeros(1))
     try:
@@ -48,7 +49,6 @@ def _faults_of(body: Indenter) -> list[str]:
         body.height(aside, aside)  # a fault of the user's own
         expression = False
     if not expression:
-        as_it_is = "it" if plain else "any as a plain function f(x, y): Ball(..., shape=f)"
         return [
             f"balls.shape: {name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
             "differentiate, got another function; np.where may jump: write a kink by np.maximum or np.minimum; the "
