@@ -14,6 +14,8 @@ from linear_bem.indenter import HeightFunction, Indenter
 
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
+POINTED = 1e-3
+"""Slope at a distance of 1e-9 radii from the axis that only a pointed tip exceeds."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
 """Functions of numpy in `SLOPES`; np.where is none, because it may jump, which no error estimate would notice."""
 
@@ -55,11 +57,15 @@ def _faults_of(body: Indenter) -> list[str]:
             f"linear model takes {as_it_is}"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])
-    if abs(apex) <= APEX * body.apex_radius:
-        return []
-    return [
-        f"balls.shape: {name} must be 0 at the axis, from which approaches are measured, got {apex:g} m; subtract it"
-    ]
+    if not abs(apex) <= APEX * body.apex_radius:
+        rule = "must be 0 at the axis, from which approaches are measured"
+        return [f"balls.shape: {name} {rule}, got {apex:g} m; subtract it"]
+    if isinstance(body, HeightFunction):
+        steep = float(np.hypot(*slope(body, 1e-7 * aside, 1e-7 * aside))[0])
+        if not steep <= POINTED:
+            rule = f"must have no pointed tip, whose pressure has no limit, got a slope of {steep:g} next to the axis"
+            return [f"balls.shape: {name} {rule}; round it: np.sqrt(x**2 + y**2 + t**2) - t"]
+    return []
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def _pixels(line: Any) -> Any:
 def _filled(text: Any) -> Any:
     """Return points all over a text."""
     box = text.get_window_extent()
-    x, y = np.linspace(*box.intervalx, 30), np.linspace(*box.intervaly, 6)
+    x, y = np.linspace(box.x0, box.x1, 30), np.linspace(box.y0, box.y1, 6)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
