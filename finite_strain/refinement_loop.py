@@ -59,7 +59,7 @@ class Refinement:
         )  # fmt: skip
         if plan.given is not None:
             parts = (*parts, plan.given)
-        if plan.has_own_energy:  # a function's name does not say what it computes: never resumed
+        if plan.has_own_functions:  # a function's name does not say what it computes: never resumed
             parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
         self.records: list[Record]

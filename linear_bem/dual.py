@@ -10,10 +10,12 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from linear_bem.arrays import Array
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import HeightFunction, Indenter
 
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
+POINTED = 1e-3
+"""Slope at a distance of 1e-9 radii from the axis that only a pointed tip exceeds."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
 """Functions of numpy in `SLOPES`; np.where is none, because it may jump, which no error estimate would notice."""
 
@@ -38,24 +40,32 @@ def height_faults(shapes: Iterable[object]) -> list[str]:
 
 
 def _faults_of(body: Indenter) -> list[str]:
-    name, aside = f"balls.shape: {type(body).__name__}.height", np.array([0.01 * body.apex_radius])
+    name, as_it_is = f"{type(body).__name__}.height", "any as a plain function f(x, y): Ball(..., shape=f)"
+    if isinstance(body, HeightFunction):
+        name, as_it_is = getattr(body.function, "__name__", "f"), "it"
+    aside = np.array([0.01 * body.apex_radius])
     at = Dual(aside, np.ones(1), np.zeros(1))
     try:
         expression = isinstance(body.height(at, at), Dual)
-    except TypeError as fault:
-        if Dual.__name__ not in str(fault):  # a fault of the user's own
-            raise
+    except Exception:  # whatever a user's function raises
+        body.height(aside, aside)  # a fault of the user's own
         expression = False
     if not expression:
         return [
-            f"{name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
+            f"balls.shape: {name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
             "differentiate, got another function; np.where may jump: write a kink by np.maximum or np.minimum; the "
-            "linear model takes any as a plain function f(x, y): Ball(..., shape=f)"
+            f"linear model takes {as_it_is}"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])
-    if abs(apex) <= APEX * body.apex_radius:
-        return []
-    return [f"{name} must be 0 at the axis, from which approaches are measured, got {apex:g} m; subtract it"]
+    if not abs(apex) <= APEX * body.apex_radius:
+        rule = "must be 0 at the axis, from which approaches are measured"
+        return [f"balls.shape: {name} {rule}, got {apex:g} m; subtract it"]
+    if isinstance(body, HeightFunction):
+        steep = float(np.hypot(*slope(body, 1e-7 * aside, 1e-7 * aside))[0])
+        if not steep <= POINTED:
+            rule = f"must have no pointed tip, whose pressure has no limit, got a slope of {steep:g} next to the axis"
+            return [f"balls.shape: {name} {rule}; round it: np.sqrt(x**2 + y**2 + t**2) - t"]
+    return []
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -38,9 +39,10 @@ def _cap(squared: Any, steep: float = 1.0) -> Any:
 class Indenter:
     """A rigid surface with its lowest point at the origin; lengths in m.
 
-    An own body is a frozen dataclass derived from this one, with the property ``apex_radius`` and ``height(x, y)``: an
-    expression of ``+ - * / **``, abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum and minimum,
-    0 at the origin, which all models take. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
+    An own body is a function f(x, y), or, with an edge (``reach``) or sides (``gap``), a frozen dataclass derived from
+    this one with the property ``apex_radius`` and ``height(x, y)``. All models take an expression of ``+ - * / **``,
+    abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum and minimum, 0 at the origin. Its slope
+    must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
 
     A kink, such as ``np.maximum`` makes, costs accuracy where it lies in a contact: both models take more unknowns.
     Forces converge; errors that polynomials (`linear_bem`) state under such a body are widened by what was measured,
@@ -111,6 +113,20 @@ class _OfRadius(Indenter):
     def apex_radius(self) -> float:
         """The radius [m]."""
         return self.radius
+
+
+@dataclass(frozen=True)
+class HeightFunction(_OfRadius):
+    """The body of a function f(x, y) that is an expression as `Indenter` takes it; ``radius`` is that of its `Ball`."""
+
+    function: Callable[..., Any]
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        return [] if key == "function" else super()._faults_of(key, value)
+
+    def height(self, x: Any, y: Any) -> Any:
+        """Return the height [m]."""
+        return self.function(x, y)
 
 
 @dataclass(frozen=True)

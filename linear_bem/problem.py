@@ -34,7 +34,8 @@ class Ball:
     """A rigid indenter: axis position (x, y) [m], radius of curvature at its apex [m], and shape.
 
     ``shape`` is "sphere", "paraboloid" (the paper's r^2 / 2R), an `Indenter` such as ``Cone(slope, tip_radius)``, which
-    sets the radius, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that takes and returns numpy arrays.
+    sets the radius, or a convex profile ``f(x, y)`` with f(0, 0) = 0 that takes and returns numpy arrays; for finite
+    elements it must be an expression such as `Indenter` describes.
 
     A body is whole by default: it must not overlap others. An ``asperity`` is a cap on a rigid surface, of which
     only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross the

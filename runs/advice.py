@@ -125,8 +125,8 @@ class Adviser:
         )
         change = strengthening_at_force(approach, thickness) - 1.0
         beyond = outside(approach, thickness, distance / radius, self.problem.layer.poisson)
-        if not isinstance(scene_ball.indenter, Sphere | Paraboloid):
-            beyond = [*beyond, "its shape is no ball"]
+        if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
+            beyond = [*beyond, "not all bodies are balls"]
         error = fit_error(approach)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:

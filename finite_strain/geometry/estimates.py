@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.closed_forms import Indentation, indentation_of_layer
+from linear_bem.dual import height_faults
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.indenter import Indenter, Paraboloid, Sphere
+from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball, Problem
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ def alone(
 ) -> Indentation:
     """Return the state of a single ball at an approach [m] or a force [N], as a paraboloid of the radius seen.
 
-    Without load all its values are zero. Raises `UnsupportedProblem`, see `known_shape`.
+    Without load all its values are zero.
     """
     layer, substrate, shape = problem.layer, problem.substrate, known_shape(ball)
     if not (approach or normal_force or 0.0) > 0.0:
@@ -69,14 +71,24 @@ def alone(
     return indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
 
 
-def known_shape(ball: Ball | ModelBall) -> str | Indenter:
-    """Return the shape of a ball, which must be a name or an `Indenter`; raises `UnsupportedProblem`."""
-    if isinstance(ball.shape, str | Indenter):
-        return ball.shape
-    raise UnsupportedProblem(
-        "balls.shape: the finite-element models take a name or a linear_bem.Indenter, whose height is an expression "
-        "that they differentiate; got a function of numpy arrays. Derive a class from linear_bem.Indenter"
+def with_expressions(problem: Problem) -> Problem:
+    """Return the problem with an `Indenter` for each function f(x, y); raises `UnsupportedProblem` if it is none."""
+    balls = tuple(
+        ball if isinstance(ball.shape, str | Indenter) else replace(ball, shape=HeightFunction(ball.radius, ball.shape))
+        for ball in problem.balls
     )
+    if balls == problem.balls:
+        return problem
+    faults = height_faults(ball.shape for ball in balls)
+    if faults:
+        raise UnsupportedProblem("\n".join(faults))
+    return replace(problem, balls=balls)
+
+
+def known_shape(ball: Ball | ModelBall) -> str | Indenter:
+    """Return the shape of a ball, a name or an `Indenter`; see `with_expressions`."""
+    assert isinstance(ball.shape, str | Indenter)
+    return ball.shape
 
 
 def edge_of(shape: str | Indenter) -> tuple[float, float] | None:

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
-from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of
+from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, with_expressions
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -20,6 +20,7 @@ from finite_strain.planning.refinement import FIRST, HIGHEST, ORDER, PATH_FINDER
 from linear_bem.closed_forms import Indentation
 from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
+from linear_bem.indenter import HeightFunction
 from linear_bem.law import Hyperfoam, Law, Ogden
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
@@ -90,10 +91,11 @@ class RunPlan:
         return self.problem.finite_strain is not None
 
     @property
-    def has_own_energy(self) -> bool:
-        """Whether the layer's law is a function psi(F)."""
+    def has_own_functions(self) -> bool:
+        """Whether the layer's law is a function psi(F), or a body a function f(x, y)."""
         effect = self.problem.finite_strain
-        return effect is not None and not isinstance(effect.chosen, Law)
+        of_bodies = any(isinstance(ball.shape, HeightFunction) for ball in self.problem.balls)
+        return of_bodies or (effect is not None and not isinstance(effect.chosen, Law))
 
     @property
     def deepest(self) -> float:
@@ -256,6 +258,7 @@ def plan_run(
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    problem = with_expressions(problem)
     _check_supported(problem, model)
     load = prescribed(problem)
     goals = load.answered_fractions() if steps is None else tuple(steps)

@@ -65,19 +65,17 @@ def draw_top_views(
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
     cycles = chosen_cycles(path, 6, balls)
-    figure, axes = grid(len(cycles), *_size(_frame(path, radii), 2.3))
+    figure, axes = grid(len(cycles), *_size(_frame(path, radii), 2.0))
     largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
     force = 1.6 * min(radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
         _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
         _set_frame(axis, path, radii)
-        axis.set_title(f"{nearest['cycle']:.3g} cycles", fontsize=9)
+        axis.set_title(f"{nearest['cycle']:.3g} cycles")
     _draw_direction(axes[0], direction)
-    figure.suptitle(
-        "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion",
-        fontsize=9, x=0.01, ha="left",
-    )  # fmt: skip
+    words = "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion"
+    figure.suptitle(words, fontsize=10, x=0.01, ha="left")
     save_figure(figure, folder, stem)
 
 
@@ -180,7 +178,7 @@ def _draw_balls(
         axis.add_patch(Circle(1e3 * place, 1e3 * radius, facecolor=STEEL, edgecolor=EDGE, lw=0.8))
         # behind the tail of the arrow, where no arrow covers it
         behind = -0.55 * radius * force_at[number] / np.hypot(*force_at[number]) if long[number] else np.zeros(2)
-        axis.text(*(1e3 * (place + behind)), str(number), ha="center", va="center", fontsize=7, color=EDGE, zorder=5)
+        axis.text(*(1e3 * (place + behind)), str(number), ha="center", va="center", fontsize=8.5, color=EDGE, zorder=5)
     if moment is None:
         return
     for i, j in moment["contacts"]:
@@ -217,10 +215,7 @@ def _frame(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> tuple[A
 
 def _set_frame(axis: Any, path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> None:
     low, high = _frame(path, radii)
-    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axis.set_xlabel("x [mm]", fontsize=8)
-    axis.set_ylabel("y [mm]", fontsize=8)
-    axis.tick_params(labelsize=7)
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
 
 
 def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:

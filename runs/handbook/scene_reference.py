@@ -12,7 +12,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from runs.scene import units
+from runs.scene import balls, units
 from runs.scene.effects import EFFECTS
 from runs.scene.messages import EXAMPLES, RARER_EXAMPLES, tables_of
 from runs.scene.scene_file import Tables
@@ -26,8 +26,10 @@ NAMED = {
     "Direction": "list of two numbers",
     "Positions": "list of [x, y] (m)",
     "Listed": "list of loads",
+    "SemiAxes": "three lengths (m), or a list with three per ball",
+    "Shapes": " or ".join(map('`"{}"`'.format, balls.SHAPE_KEYS)) + ", or a list with one per ball",
 }
-"""Words for types of `runs.scene.units` whose names do not say what to write."""
+"""Words for types of a scene whose names do not say what to write."""
 
 
 def page() -> str:
@@ -90,8 +92,8 @@ def _of(kind: Any) -> str:
 
 
 def _types() -> list[tuple[str, Any]]:
-    """Return the types of `runs.scene.units` that parse what a scene has written."""
-    return [(name, kind) for name, kind in vars(units).items() if hasattr(kind, "__metadata__")]
+    """Return the types that parse what a scene has written."""
+    return [(name, kind) for name, kind in (vars(units) | vars(balls)).items() if hasattr(kind, "__metadata__")]
 
 
 def _words(name: str) -> str:

@@ -1,12 +1,17 @@
 """The scene's table [balls]: the keys that each shape takes, and the balls that they describe."""
 
-from typing import Literal
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Annotated, Any, TypeVar
+
+from pydantic import PlainValidator
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Punch
 from linear_bem.problem import Ball
-from runs.scene.units import Angle, Length, Lengths, OneOrMany, Positions, Table, ThreeLengths
+from runs.scene.units import Angles, Lengths, Positions, SemiAxes, Table, named, one_or_many
 
+T = TypeVar("T")
 SHAPE_KEYS = {
     "sphere": ("radius",),
     "paraboloid": ("radius",),
@@ -15,67 +20,96 @@ SHAPE_KEYS = {
     "punch": ("radius", "edge_radius"),
 }
 """Keys that each shape needs, besides positions; it takes no others."""
+Shapes = Annotated[
+    str | tuple[str, ...], PlainValidator(partial(one_or_many, parse=partial(named, names=tuple(SHAPE_KEYS))))
+]
+BODIES: dict[str, Callable[..., Indenter]] = {"ellipsoid": Ellipsoid, "cone": Cone, "punch": Punch}
+"""Bodies that set the radius of their `Ball` themselves, made of the keys' values in their order."""
 
 
 class BallsTable(Table):
-    """[balls]: axis positions, shape, and the keys that the shape takes; one radius or one per ball."""
+    """[balls]: axis positions, shapes, and the keys that they take.
+
+    One shape, or one per ball: bodies may be unlike. A key is needed if a shape takes it, and refused if none does: one
+    value, or a list with one per ball whose shape takes the key, in the order of the balls.
+    """
 
     positions: Positions
     """Where the balls' axes stand, [x, y] of each."""
-    shape: Literal["sphere", "paraboloid", "ellipsoid", "cone", "punch"] = "sphere"
-    """The body of all balls (unlike bodies: in Python); it decides which of the keys below are needed."""
+    shape: Shapes = "sphere"
+    """The body of all balls, or of each; it decides which of the keys below are needed."""
     radius: Lengths | None = None
     """Of a sphere or a punch; of a paraboloid at its apex."""
-    semi_axes: ThreeLengths | None = None
+    semi_axes: SemiAxes | None = None
     """Of an ellipsoid, along x, y and z."""
-    slope: Angle | None = None
+    slope: Angles | None = None
     """Angle between a cone's flank and the surface."""
-    tip_radius: Length | None = None
+    tip_radius: Lengths | None = None
     """Of a cone's rounded tip."""
-    edge_radius: Length | None = None
+    edge_radius: Lengths | None = None
     """Of a punch's rounded edge."""
 
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """One name per ball."""
+        return per_ball(self.shape, len(self.positions))
+
     def balls(self) -> tuple[Ball, ...]:
-        """Return the balls; raises `InvalidProblem` where the keys are not those of the shape."""
-        needed = SHAPE_KEYS[self.shape]
+        """Return the balls; raises `InvalidProblem` where the keys are not those of their shapes."""
+        size, shapes = len(self.positions), self.shapes
+        if len(shapes) != size:
+            raise InvalidProblem(f"balls.shape: needs one name or one per ball ({size}), got {len(shapes)}")
+        values: list[dict[str, Any]] = [{} for _ in shapes]
         texts = []
         for key in dict.fromkeys(k for keys in SHAPE_KEYS.values() for k in keys):
+            takers = [i for i, shape in enumerate(shapes) if key in SHAPE_KEYS[shape]]
             value = getattr(self, key)
-            if value is None and key in needed:
-                texts.append(f"balls.{key}: is missing")
-            elif value is not None and key not in needed:
-                others = " or ".join(f'"{name}"' for name, keys in SHAPE_KEYS.items() if key in keys)
-                texts.append(
-                    f'balls.{key}: is not for shape = "{self.shape}", which takes {" and ".join(needed)}, got {value}; '
-                    f"leave it out, or take shape = {others}"
-                )
-        size = len(self.positions)
-        radii = per_ball(self.radius or 0.0, size)
-        if len(radii) != size:
-            texts.append(f"balls.radius: needs one value or one per ball ({size}), got {len(radii)}")
+            if value is None or not takers:
+                texts += self._without_value_or_taker(key)
+                continue
+            single = not isinstance(value[0], tuple) if key == "semi_axes" else not isinstance(value, tuple)
+            each = (value,) * len(takers) if single else value
+            if len(each) != len(takers):
+                which = "" if len(takers) == size else f" of {_or(shapes[i] for i in takers)}"
+                texts.append(f"balls.{key}: needs one value or one per ball{which} ({len(takers)}), got {len(each)}")
+            for i, own in zip(takers, each, strict=False):
+                values[i][key] = own
         if texts:
             raise InvalidProblem(*texts)
-        return tuple(Ball(place, *self._body(radius)) for place, radius in zip(self.positions, radii, strict=True))
+        balls = []
+        for i, (place, shape) in enumerate(zip(self.positions, shapes, strict=True)):
+            try:
+                balls.append(_ball(place, shape, values[i]))
+            except InvalidProblem as error:
+                texts += [text.replace(":", f"[{i}]:", 1) for text in error.faults]
+        if texts:
+            raise InvalidProblem(*texts)
+        return tuple(balls)
 
-    def _body(self, radius: float) -> tuple[float, str | Indenter]:
-        """Return radius [m] and shape of a `Ball`."""
-        body: Indenter
-        match self.shape:
-            case "ellipsoid":
-                assert self.semi_axes is not None
-                body = Ellipsoid(self.semi_axes)
-            case "cone":
-                assert self.slope is not None
-                assert self.tip_radius is not None
-                body = Cone(self.slope, self.tip_radius)
-            case "punch":
-                assert self.edge_radius is not None
-                body = Punch(radius, self.edge_radius)
-            case _:
-                return radius, self.shape
-        return body.apex_radius, body
+    def _without_value_or_taker(self, key: str) -> list[str]:
+        """Return the fault of a key without a value that shapes of the scene take, or with one that none takes."""
+        value, taking = getattr(self, key), [name for name, keys in SHAPE_KEYS.items() if key in keys]
+        present = dict.fromkeys(self.shapes)
+        if value is None:
+            needing = [name for name in present if name in taking]
+            return [f"balls.{key}: is missing, which shape = {_or(needing)} takes"] if needing else []
+        taken = dict.fromkeys(k for name in present for k in SHAPE_KEYS[name])
+        return [
+            f"balls.{key}: is not for shape = {_or(present)}, which takes {' and '.join(taken)}, got {value}; "
+            f"leave it out, or take shape = {_or(taking)}"
+        ]
 
 
-def per_ball(value: OneOrMany, size: int) -> tuple[float, ...]:
+def _ball(place: tuple[float, float], shape: str, values: dict[str, Any]) -> Ball:
+    if shape in BODIES:
+        return Ball(place, shape=BODIES[shape](*(values[key] for key in SHAPE_KEYS[shape])))
+    return Ball(place, values["radius"], shape)
+
+
+def _or(names: Iterable[str]) -> str:
+    return " or ".join(f'"{name}"' for name in dict.fromkeys(names))
+
+
+def per_ball(value: T | tuple[T, ...], size: int) -> tuple[T, ...]:
     """Return one value per ball."""
     return value if isinstance(value, tuple) else (value,) * size

@@ -29,9 +29,6 @@ RARER_EXAMPLES: dict[str, dict[str, Any]] = {
     "finite_strain": {"share": 0.2, "ratios": [0.01, 0.001], "limit": 30, "exponents": [2, -2], "weights": [0.8, 0.2]},
 }
 """The same for keys that only some scenes take."""
-UNLIKE_BODIES = (
-    "unlike bodies in one problem need Python: Ball((x, y), shape=Ellipsoid(...)), Ball(..., shape=Cone(...))"
-)
 INSTEAD = {
     "diameter": "give radius, half of it",
     "shear_modulus": "give young, 2 (1 + poisson) times it",
@@ -56,8 +53,6 @@ def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
             return f"{where}: must be a table, got {_written(error['input'])}; {_example(table, '')}"
         case "literal_error":
             rule = f"must be {error['ctx']['expected']}".replace("'", '"')
-            if (table, key) == ("balls", "shape") and isinstance(error["input"], list):
-                return f"{where}: {rule}, one for all balls of a scene, got {_written(error['input'])}; {UNLIKE_BODIES}"
         case "string_type":
             rule = "must be a string"
         case _:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from linear_bem.magnitudes import is_number
 
+T = TypeVar("T")
 NUMBER_AND_UNIT = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(?P<unit>[^\d\s+\-.,][^+,]*)?\s*", re.DOTALL
 )
@@ -161,11 +162,27 @@ def _dimension(unit: Any) -> str:
     return f"of dimension {unit.dimensionality}"
 
 
-def one_or_many(value: object, parse: Callable[[object], float]) -> float | tuple[float, ...]:
-    """Return one parsed number, or a tuple of them for a list: one per ball."""
+def one_or_many(value: object, parse: Callable[[object], T]) -> T | tuple[T, ...]:
+    """Return one parsed value, or a tuple of them for a list: one per ball."""
     if isinstance(value, list):
-        return tuple(_items(value, parse))
+        return tuple(_items(value, parse, of="value"))
     return parse(value)
+
+
+def named(value: object, names: Sequence[str]) -> str:
+    """Return a value that is one of some names."""
+    if not isinstance(value, str) or value not in names:
+        *others, last = (f'"{name}"' for name in names)
+        raise fault(f"must be {', '.join(others)} or {last}")
+    return value
+
+
+def one_or_many_axes(value: object) -> tuple[float, ...] | tuple[tuple[float, ...], ...]:
+    """Return three lengths [m], or a tuple of three of each of several bodies."""
+    three = partial(lengths, count=3, rule=THREE)
+    if isinstance(value, list) and any(isinstance(item, list) for item in value):
+        return tuple(_items(value, three, of="value"))
+    return three(value)
 
 
 def listed(value: object) -> tuple[object, ...]:
@@ -200,8 +217,8 @@ def numbers(value: object) -> tuple[float, ...]:
     return tuple(_items(list(listed(value)), number, of="number"))
 
 
-def _items(values: list[object], parse: Callable[[object], float], per_ball: int = 1, of: str = "ball") -> list[float]:
-    parsed, faults = [], []
+def _items(values: list[object], parse: Callable[[object], T], per_ball: int = 1, of: str = "ball") -> list[T]:
+    parsed, faults = list[T](), []
     for index, value in enumerate(values):
         try:
             parsed.append(parse(value))
@@ -219,15 +236,15 @@ Whole = Annotated[int, PlainValidator(whole)]
 Direction = Annotated[tuple[float, float], PlainValidator(direction)]
 Length = Annotated[float, PlainValidator(partial(quantity, unit="m"))]
 Pressure = Annotated[float, PlainValidator(partial(quantity, unit="Pa"))]
-Angle = Annotated[float, PlainValidator(partial(quantity, unit="rad"))]
 Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
 OneOrMany = float | tuple[float, ...]
 Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
+Angles = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="rad")))]
 Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
 TWO = "must be two lengths, along x and y"
 TwoLengths = Annotated[tuple[float, float], PlainValidator(partial(lengths, count=2, rule=TWO))]
 THREE = 'must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]'
-ThreeLengths = Annotated[tuple[float, float, float], PlainValidator(partial(lengths, count=3, rule=THREE))]
+SemiAxes = Annotated[tuple[Any, ...], PlainValidator(one_or_many_axes)]
 Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]
 
 

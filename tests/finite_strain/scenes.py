@@ -15,6 +15,7 @@ from finite_strain.numerics import Numerics
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import RunPlan, plan_run
 from linear_bem import Ball, Elastic, Elements, FiniteStrain, Indenter, Layer, Load, Problem
+from linear_bem.problem import Profile
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +41,7 @@ def relatively(value: Any, tolerance: float) -> Any:
 
 
 def balls_at(
-    *positions: tuple[float, float], radius: float = 1.0, shape: str | Indenter = "sphere"
+    *positions: tuple[float, float], radius: float = 1.0, shape: str | Indenter | Profile = "sphere"
 ) -> tuple[Ball, ...]:
     if isinstance(shape, Indenter):  # which has its own radius
         return tuple(Ball(position, shape=shape) for position in positions)
@@ -69,7 +70,7 @@ def pair(
     distance: float = 2.0,
     thickness: float = 1.16,
     substrate: Elastic | None = None,
-    shape: str | Indenter = "sphere",
+    shape: str | Indenter | Profile = "sphere",
     angle: float = 0.0,
     poisson: float = 0.48,
 ) -> Problem:

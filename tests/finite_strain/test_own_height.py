@@ -16,7 +16,9 @@ from mpi4py import MPI
 
 import finite_strain
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
-from linear_bem import solve
+from finite_strain.observer import Silence
+from finite_strain.refinement_loop import Refinement
+from linear_bem import UnsupportedProblem, solve
 from linear_bem.dual import SLOPES, Dual
 from linear_bem.indenter import Indenter
 from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair
@@ -72,13 +74,19 @@ def test_every_function_has_the_value_and_slope_of_the_form_language(function: n
     assert set(FUNCTIONS) == set(SLOPES)
 
 
+def written_as_a_function(x: Any, y: Any) -> Any:
+    return WrittenOtherwise().height(x, y)
+
+
 @pytest.mark.parametrize(
-    "bodies", [(WrittenOtherwise(), Bowl()), (Kinked(), KinkedOtherwise())], ids=["smooth", "kink"]
+    "bodies",
+    [(WrittenOtherwise(), Bowl()), (Kinked(), KinkedOtherwise()), (written_as_a_function, Bowl())],
+    ids=["smooth", "kink", "function"],
 )
-def test_a_height_of_numpy_functions_presses_like_the_same_body(bodies: tuple[Bowl, Bowl], tmp_path: Path) -> None:
+def test_a_height_of_numpy_functions_presses_like_the_same_body(bodies: tuple[Any, Bowl], tmp_path: Path) -> None:
     forces = []
-    for shape in bodies:
-        (folder := tmp_path / type(shape).__name__).mkdir()
+    for number, shape in enumerate(bodies):
+        (folder := tmp_path / f"{number}").mkdir()
         model = coarse_rig(coarse_plan(pair(0.1, shape=shape, poisson=0.3)), folder).model
         model.contact.set_approaches(np.array([0.1]))
         model.contact.set_penalties(np.array([30.0]))
@@ -94,3 +102,29 @@ def test_the_pull_of_kinked_bodies_at_small_strain_is_that_of_the_linear_model_w
     assert abs(found.tangential_force[0] - known.tangential_force[0]) < found.tangential_force_error
     assert found.tangential_force_error < 0.05 * abs(known.tangential_force[0])
     assert found.normal_force == pytest.approx(known.normal_force, rel=0.02)
+
+
+def stepped(x: Any, y: Any) -> Any:
+    return np.where(x > 0.1, 0.1, 0.0) + 0.5 * (x**2 + y**2)
+
+
+def summed(x: Any, y: Any) -> Any:
+    return 0.5 * np.stack([x, y]).reshape(2, -1).T @ np.ones(2)
+
+
+@pytest.mark.parametrize("function", [stepped, summed])
+def test_a_function_that_cannot_be_differentiated_is_named_with_what_it_must_be(function: Any) -> None:
+    with pytest.raises(
+        UnsupportedProblem, match=rf"balls\.shape: {function.__name__} must be an expression of .*linear"
+    ):
+        finite_strain.plan(pair(0.1, shape=function))
+
+
+def test_a_run_of_an_own_function_is_never_resumed(tmp_path: Path) -> None:
+    """Its name does not say what it computes."""
+    plans = [coarse_plan(pair(0.1, shape=shape)) for shape in ("sphere", written_as_a_function)]
+    keys = [
+        [Refinement(plan, tmp_path, MPI.COMM_SELF, Silence(), None, keep=False).key for _ in range(2)] for plan in plans
+    ]
+    assert len(set(keys[0])) == 1
+    assert len(set(keys[1])) == 2

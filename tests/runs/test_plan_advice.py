@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
+from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
 from runs.advice import Advice, Adviser
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from tests.launch import thirdbody
@@ -56,6 +56,13 @@ def advice(problem: Problem, accuracy: float | None = None, *effects: str) -> di
 
 def force(problem: Problem) -> float:
     return solve(problem, 1e-3).balls[0].tangential_force[0]
+
+
+def test_balls_beside_another_body_are_outside_the_fit_of_pairs() -> None:
+    balls = (*pair(0.1).balls, Ball((6.0, 0.0), shape=Cone(0.3, 1.0)))
+    found = advice(Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (0.1,) * 3)))["finite_strain"]
+    assert found.change is None
+    assert "not all bodies are balls" in found.text
 
 
 def test_the_fit_meets_what_is_known_within_its_error() -> None:

@@ -152,6 +152,30 @@ def test_every_punch_of_a_list_is_as_wide_as_stated(tmp_path: Path) -> None:
     assert [ball.shape for ball in problem.balls] == [Punch(0.008, 0.0005), Punch(0.004, 0.0005)]
 
 
+def test_unlike_bodies_take_the_keys_of_their_own_shapes_in_the_order_of_the_balls(tmp_path: Path) -> None:
+    keys = """
+shape = ["ellipsoid", "sphere", "cone", "ellipsoid", "punch"]
+semi_axes = [["8 mm", "6 mm", "8 mm"], ["4 mm", "4 mm", "2 mm"]]
+radius = ["7 mm", "5 mm"]
+slope = "20 deg"
+tip_radius = ["1 mm"]
+edge_radius = "0.5 mm"
+positions = [[0, 0], ["20 mm", 0], ["40 mm", 0], ["60 mm", 0], ["80 mm", 0]]
+"""
+    text = PAIR.replace('radius = "8 mm"\npositions = [["-8 mm", 0], ["0.8 cm", 0]]', keys)
+    found = read_scene(write(tmp_path, text)).problem.balls
+    assert [(ball.position[0], ball.radius, ball.shape) for ball in found] == [
+        (0.0, pytest.approx(0.006), Ellipsoid((0.008, 0.006, 0.008))),
+        (0.02, 0.007, "sphere"),
+        (0.04, 0.001, Cone(math.radians(20.0), 0.001)),
+        (0.06, pytest.approx(0.008), Ellipsoid((0.004, 0.004, 0.002))),
+        (0.08, 0.005, Punch(0.005, 0.0005)),
+    ]
+    one = keys.replace('[["8 mm", "6 mm", "8 mm"], ["4 mm", "4 mm", "2 mm"]]', '["8 mm", "6 mm", "8 mm"]')
+    balls = read_scene(write(tmp_path, text.replace(keys, one))).problem.balls
+    assert balls[0].shape == balls[3].shape == Ellipsoid((0.008, 0.006, 0.008))
+
+
 def test_a_total_force_is_one_value_for_all_balls(tmp_path: Path) -> None:
     problem = read_scene(write(tmp_path, PAIR.replace('approach = "1.5 mm"', 'total_force = "3 N"'))).problem
     assert problem.load == Load("total_force", (3.0,))
@@ -188,7 +212,7 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ("[load]", '[load]\nforce = "2 N"', ["[load]", "exactly one", "approach, force"]),
         ('approach = "1.5 mm"', "", ["[load]", "exactly one", "none of them"]),
         ('approach = "1.5 mm"', 'approach = ["1 mm", "1 mm", "1 mm"]', ["[load] approach", "needs 2 value(s), got 3"]),
-        ('approach = "1.5 mm"', 'approach = ["1 mm", "1 N"]', ["[load] approach", "ball 1", "is a force"]),
+        ('approach = "1.5 mm"', 'approach = ["1 mm", "1 N"]', ["[load] approach", "value 1", "is a force"]),
         ('approach = "1.5 mm"', "approach = 0", ["[load] approach", "pressed in"]),
         ('approach = "1.5 mm"', "force = -1", ["[load] force", "negative"]),
         ('approach = "1.5 mm"', "total_force = [1, 1]", ["[load] total_force", "number"]),
@@ -238,8 +262,38 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ),
         (
             'radius = "8 mm"',
-            'shape = ["ellipsoid", "cone"]',
-            ["[balls] shape", "one for all balls", '["ellipsoid", "cone"]', "need Python"],
+            'shape = ["cone", "torus"]\nradius = "8 mm"',
+            ["[balls] shape: value 1: must be", '"cone" or "punch"', '["cone", "torus"]'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = ["sphere", "sphere", "sphere"]\nradius = "8 mm"',
+            ["[balls] shape: needs one name or one per ball (2), got 3"],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = ["sphere", "punch"]\nradius = "8 mm"',
+            ['[balls] edge_radius: is missing, which shape = "punch" takes', 'edge_radius = "0.5 mm"'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = ["sphere", "punch"]\nradius = "8 mm"\nedge_radius = "1 mm"\nslope = "20 deg"',
+            [
+                '[balls] slope: is not for shape = "sphere" or "punch", which takes radius and edge_radius',
+                '"20 deg"',
+                'leave it out, or take shape = "cone"',
+            ],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = ["punch", "cone"]\nradius = ["8 mm", "7 mm"]\nedge_radius = "1 mm"\n'
+            'slope = "20 deg"\ntip_radius = "1 mm"',
+            ['[balls] radius: needs one value or one per ball of "punch" (1), got 2'],
+        ),
+        (
+            'radius = "8 mm"',
+            'shape = ["sphere", "cone"]\nradius = "8 mm"\nslope = ["95 deg"]\ntip_radius = "1 mm"',
+            ["[balls] slope of ball 1: must lie between 0 and 90 deg"],
         ),
         (
             'radius = "8 mm"',

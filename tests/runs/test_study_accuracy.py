@@ -7,12 +7,14 @@ import inspect
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import finite_strain
 import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
+from runs.display.style import panels
 from runs.studies.accuracy import picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
@@ -143,11 +145,25 @@ def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> 
     assert "linear_bem" in present(Found(found.cases, without), tmp_path)  # and no empty picture fails
 
 
-def test_a_label_stands_below_its_point_where_the_next_point_would_be_behind_it() -> None:
+def test_labels_cover_no_whisker_no_point_and_no_other_label() -> None:
     rows = [{"value": value} for value in (0.1, 0.02, 0.005, 0.001)]
-    labels = picture._labels(rows, [2.0, 2.1, 50.0, 80.0], [5e-3, 5e-3, 2.3e-4, 2.8e-4])
+    places = [2.0, 2.1, 8.0, 11.0], [5e-3, 5e-3, 2.3e-4, 2.8e-4]
+    labels = picture._labels(rows, *places)
     assert [text for text, _, _ in labels] == ["0.1 to 0.02", "0.005", "0.001"]
-    assert [offset[1] > 0 for _, _, offset in labels] == [True, False, True]
+    figure, (axis,) = panels(5.0)
+    axis.set(xscale="log", yscale="log", xlim=(0.5, 100.0), ylim=(1e-5, 1e-1))
+    axis.plot(*places, "o")
+    axis.plot([11.0, 11.0], [2.8e-4, 2e-3])  # a whisker
+    for text, x, y in labels:
+        axis.annotate(text, (x, y), picture.SIDES[0], textcoords="offset points", va="center", fontsize=8)
+    figure.draw_without_rendering()
+    picture.move_labels(axis)
+    boxes = [text.get_window_extent() for text in axis.texts]
+    whisker = axis.transData.transform([(11.0, 10.0**power) for power in np.linspace(-3.5, -2.7, 50)])
+    points = axis.transData.transform(np.transpose(places))
+    for i, box in enumerate(boxes):
+        assert box.count_contains(np.vstack([whisker, points])) == 0
+        assert box.count_overlaps(boxes[:i]) == 0
 
 
 def test_every_model_is_measured_against_a_reference_that_is_a_case() -> None:

@@ -69,9 +69,10 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
         )
     if scene.load.steps is not None:
         texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
-    if scene.balls.shape in ("ellipsoid", "cone"):
+    angular = [shape for shape in ("ellipsoid", "cone") if shape in scene.balls.shapes]
+    if angular:
         texts.append(
-            f'balls.shape: balls that drift apart until they touch must be round, got "{scene.balls.shape}"; '
+            f'balls.shape: balls that drift apart until they touch must be round, got "{angular[0]}"; '
             'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
         )
     return texts

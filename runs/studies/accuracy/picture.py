@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.studies.accuracy.matrix import LADDER, OWN, TRUE
 
@@ -17,8 +19,10 @@ STYLES = {
 TITLES = {OWN: "against a better solution of the same model", TRUE: "against the finite-strain answer"}
 LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 """Lower limits of the plot: the process clock does not resolve shorter times; smaller errors are drawn here."""
-LABEL = 5.0
-"""Ratio of processor times at both ends of a label."""
+SIDES = sorted(
+    ((x, y) for x in (8.0, -8.0, 12.0, -12.0) for y in (4.0, -4.0, 9.0, -9.0, 14.0, -14.0)), key=np.hypot.reduce
+)
+"""Places [points] of a label beside its point, in the order in which equally clear ones are taken."""
 
 
 @look()
@@ -36,7 +40,8 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
         groups = [(color, [model]) for model, (color, _) in STYLES.items()]
         for color, models in groups if column == OWN else [(GREY, list(STYLES))]:
             best = front([row for row in known if row["model"] in models], column)
-            axis.plot(*_places(best, column, known=True), color=color, lw=1.0, drawstyle="steps-post", zorder=0)
+            x, y = _places(best, column, known=True)
+            axis.plot(np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1], color=color, lw=1.0, zorder=0)
         _mark_reference(axis, known, column)
         axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
         axis.set_title(TITLES[column])
@@ -47,6 +52,9 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
     handles, names = axes[0].get_legend_handles_labels()
     key.legend(handles, names, fontsize=8, loc="center left", title=words, title_fontsize=8, alignment="left")
+    figure.draw_without_rendering()  # sizes of panels and labels
+    for axis in axes:
+        move_labels(axis)
     save_figure(figure, folder, "pareto")
 
 
@@ -81,32 +89,62 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
     if others:
         axis.plot(*_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics")
     named = [row for row in chosen if row["value"] != ""]
-    for text, place, offset in _labels(named, *_places(named, column)):
-        paper = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
-        axis.annotate(text, place, offset, textcoords="offset points", fontsize=8, color=color, bbox=paper)
+    for text, x, y in _labels(named, *_places(named, column)):
+        axis.annotate(text, (x, y), SIDES[0], textcoords="offset points", va="center", fontsize=8, color=color)
 
 
 def _labels(
     rows: Sequence[Mapping[str, Any]], seconds: Sequence[float], errors: Sequence[float]
-) -> list[tuple[str, tuple[float, float], tuple[float, float]]]:
-    """Return labels (requested accuracy) with places and offsets [points]; overlapping cases share one.
-
-    A label stands above its point, or below it where the next point to the right would be behind the label.
-    """
+) -> list[tuple[str, float, float]]:
+    """Return labels (requested accuracy) with the places of their points; overlapping points share one."""
     groups: list[list[tuple[float, float, float]]] = []
     for row, x, y in zip(rows, seconds, errors, strict=True):
         near = [g for g in groups if abs(math.log(x / g[0][1])) < 0.3 and abs(math.log(y / g[0][2])) < 0.3]
         if not near:
             groups.append([])
         (near or groups[-1:])[0].append((row["value"], x, y))
-    labels: list[tuple[str, tuple[float, float], tuple[float, float]]] = []
+    labels = []
     for group in groups:
-        values, x, y = [value for value, _, _ in group], max(x for _, x, _ in group), max(y for _, _, y in group)
-        places = zip(seconds, errors, strict=True)
-        hides = any(1.0 < other / x < LABEL and abs(math.log(at / y)) < 1.0 for other, at in places)
-        text = f"{max(values):g}" + (f" to {min(values):g}" if len(values) > 1 else "")
-        labels.append((text, (x, y), (2, -13) if hides else (8, 3)))
+        values, *places = zip(*group, strict=True)
+        x, y = np.exp(np.mean(np.log(places), axis=1))
+        labels.append((f"{max(values):g}" + (f" to {min(values):g}" if len(values) > 1 else ""), float(x), float(y)))
     return labels
+
+
+def move_labels(axis: Any) -> None:
+    """Move every label to the side of its point where it covers least of lines, points and other texts."""
+    labels = [text for text in axis.texts if text.get_position() == SIDES[0]]
+    drawn = [_pixels(line) for line in axis.lines if line.get_linestyle() != ":"]
+    drawn += [_filled(text) for text in axis.texts if text not in labels]
+    for label in labels:
+
+        def covered(side: tuple[float, float], label: Any = label) -> int:
+            label.set(position=side, ha="left" if side[0] > 0.0 else "right")
+            box = label.get_window_extent()
+            outside = sum(not axis.bbox.contains(*corner) for corner in box.corners())
+            return 1000 * outside + int(box.padded(3.0).count_contains(np.concatenate(drawn)))
+
+        best = min(SIDES, key=covered)
+        covered(best)
+        drawn.append(_filled(label))
+
+
+def _pixels(line: Any) -> Any:
+    """Return points along a line, or about its markers."""
+    corners = line.get_transform().transform(line.get_xydata())
+    if line.get_linestyle() == "None":
+        half = 0.5 * line.get_markersize() * line.figure.dpi / 72.0
+        around = half * np.stack(np.meshgrid((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)), axis=-1).reshape(-1, 1, 2)
+        return (corners + around).reshape(-1, 2)
+    shares = np.linspace(0.0, 1.0, 200)[:, None, None]
+    return ((1.0 - shares) * corners[:-1] + shares * corners[1:]).reshape(-1, 2)
+
+
+def _filled(text: Any) -> Any:
+    """Return points all over a text."""
+    box = text.get_window_extent()
+    x, y = np.linspace(box.x0, box.x1, 30), np.linspace(box.y0, box.y1, 6)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -> None:
