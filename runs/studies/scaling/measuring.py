@@ -31,7 +31,7 @@ SOLVERS = {"MUMPS": {"direct_up_to": "1e12"}, "multigrid": {"direct_up_to": "0",
 """Options of the prefix by solver."""
 MOST_BY_FACTORS, TWICE_UP_TO = 100_000, 250_000
 """Largest systems that factors solve here, and that are solved twice."""
-BYTES = {"displacement": 1.05e4, "mixed": 1.6e4}
+BYTES = {"displacement": 1.05e4, "mixed": 1.9e4}
 """Memory per unknown on all ranks that a measurement by multigrid needs to begin."""
 DEPTH = 0.1
 FINENESSES = np.arange(1.0, 16.1, 0.25).tolist()
