@@ -204,23 +204,21 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 def planned_runs(
     model: Model, problems: Sequence[Problem], accuracy: float | None, budget: Mapping[str, float]
 ) -> dict[str, float] | None:
-    """Return time [s] and largest memory [bytes] of runs to full load, None without a run or a plan of it.
+    """Return times [s] and largest memories [bytes] of runs to full load, None without a run or a plan of it.
 
     Raises what the plan raises.
     """
     if model.plan is None or not problems:
         return None
     plans = [model.plan(problem, accuracy, budget, (1.0,)) for problem in problems]
-    return {
-        "seconds": sum(float(plan["seconds"]) for plan in plans),
-        "memory_bytes": max(float(plan["memory_bytes"]) for plan in plans),
-    }
+    times = {key: sum(plan[key] for plan in plans) for key in ("seconds", "processor_seconds")}
+    return times | {key: max(plan[key] for plan in plans) for key in ("memory_bytes", "processor_memory_bytes")}
 
 
 def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dict[str, Any]:
     """Return the plan of a model with time, ``seconds``, and memory of the command around it."""
     more = dict.fromkeys(("seconds", "processor_seconds"), seconds)
-    more |= dict.fromkeys(("memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
+    more |= dict.fromkeys(("memory_bytes", "processor_memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
     others = {key: [as_command(other, seconds) for other in plan[key]] for key in ("perhaps",) if key in plan}
     return {**plan, **others} | {key: plan[key] + value for key, value in more.items() if key in plan}
 

@@ -36,10 +36,9 @@ DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
 REACHED, MIXED_REACHED, ALONE_REACHED, WITHIN = 0.11, 0.5, 0.4, 2.0
 """Constant of `RunPlan.first_error`, by 117 runs of 0.02 R to 1.4 R, those of studies `stability` and `strengthening`
-among them (two in three within a factor 2; ``python -m runs.studies.scaling.plan_calibration`` prints it over what was
-reached); factors on it in the mixed form, and for one ball, whose force or approach counts; factor up to which it does
-not decide the number of meshes: 16 of 38 runs within 1.5 of it took another one, and one of 79 beyond, as did one of
-three new ones (1.9)."""
+among them (two in three within a factor 2); factors on it in the mixed form, and for one ball, whose force or approach
+counts; factor up to which it does not decide the number of meshes: 16 of 38 runs within 1.5 of it took another one, and
+one of 79 beyond, as did one of three new ones (1.9). `plan_errors` of ``runs.studies.scaling`` measures it."""
 HIGHER = 0.27
 """Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 ENOUGH, NEARBY = 3, 0.5
@@ -195,7 +194,7 @@ class RunPlan:
     def describe(self, ranks: int = RANKS) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
-        ``processor_seconds`` are those of one process; ``seconds_of_meshes`` are those of each discretisation.
+        ``processor_`` is what one process takes alone; ``seconds_of_meshes`` are those of each discretisation.
         ``perhaps`` has the cost of other numbers of meshes, where an error `WITHIN` of the estimated one takes them.
         """
         most, box, forms = self.budget.most_unknowns, self.box(PATH_FINDER), describe_forms(self.problem)
@@ -222,9 +221,11 @@ class RunPlan:
         speed = ranks ** math.log2(SPEEDUP)
 
         def cost(number: int) -> dict[str, float]:
-            spent = sum(seconds[:number])
-            memory = meshes[number - 1].memory_bytes(ranks)
-            return {"seconds": spent / speed, "processor_seconds": spent, "memory_bytes": memory}
+            spent, last = sum(seconds[:number]), meshes[number - 1]
+            return {
+                "seconds": spent / speed, "processor_seconds": spent, "memory_bytes": last.memory_bytes(ranks),
+                "processor_memory_bytes": last.memory_bytes(1),
+            }  # fmt: skip
 
         last, largest = meshes[number - 1], mesh(most, replace(FIRST, order=HIGHEST))
         return {

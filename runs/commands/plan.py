@@ -31,6 +31,7 @@ NAMES = {
     "forms": "form of the elements",
     "linear_solver": "linear solver of the finest mesh planned",
     "memory_bytes": "memory",
+    "processor_memory_bytes": "memory on one",
     "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
     "seconds": "time on two idle cores",
     "processor_seconds": "time on one",
@@ -216,8 +217,12 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     if table is not None:
         cost = ""
         if table["seconds"] is not None:
-            cores = "two idle cores" if "processor_seconds" in document["models"][0] else "one idle core"
-            cost = f", about {duration(table['seconds'])} on {cores}, {_memory(table['memory_bytes'])}"
+            alone = "processor_seconds" not in table
+            cost = f", about {duration(table['seconds'])} on {'one idle core' if alone else 'two idle cores'}"
+            cost += f", {_memory(table['memory_bytes'])}"
+            if not alone:
+                cost += f"; on one about {duration(table['processor_seconds'])}, "
+                cost += _memory(table["processor_memory_bytes"])
         say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{cost}")
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
@@ -273,7 +278,7 @@ def _memory(value: float) -> str:
 def _word(key: str, value: Any) -> str:
     if key in ("seconds", "processor_seconds"):
         return f"about {duration(float(value))}"
-    if key.startswith("memory_bytes"):
+    if "memory_bytes" in key:
         return _memory(float(value))
     if key == "accuracy":
         return _goal(value)

@@ -28,6 +28,7 @@ KEYS = {
     "accuracy",
     "memory_bytes",
     "memory_bytes_at_most",
+    "processor_memory_bytes",
     "seconds",
     "processor_seconds",
     "seconds_of_meshes",
@@ -131,7 +132,7 @@ def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what
     assert len(said["seconds_of_meshes"]) == meshes
     assert [other["meshes"] for other in said.get("perhaps", [])] == others
     for other in said.get("perhaps", []):
-        for key in ("seconds", "processor_seconds", "memory_bytes"):
+        for key in ("seconds", "processor_seconds", "memory_bytes", "processor_memory_bytes"):
             assert (other[key] > said[key]) == (other["meshes"] > meshes)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from finite_strain.planning.cost import Mesh
 from runs.studies.scaling.plan_calibration import CASES, planned
+from runs.studies.scaling.plan_errors import judged, scene
 
 MEASURED = {
     "one": (6150, 4.4, 374e6),
@@ -50,3 +51,14 @@ def test_more_steps_pairs_orders_and_unknowns_cost_more() -> None:
         assert dearer.memory_bytes(1) >= mesh.memory_bytes(1)
     assert replace(mesh, order=2).seconds > mesh.seconds  # the path finder searches the contact's edge
     assert replace(mesh, pairs=0).memory_bytes(1) < mesh.memory_bytes(1) < mesh.memory_bytes(2)
+
+
+def test_random_scenes_are_the_same_each_time_and_unlike_each_other() -> None:
+    assert [scene(number) for number in range(9)] == [scene(number) for number in range(9)]
+    assert len({str(scene(number)) for number in range(9)}) == 9
+
+
+def test_expected_errors_are_judged_by_their_scatter_and_by_the_meshes_that_they_name() -> None:
+    said = judged([(0.01, 0.01), (0.003, 0.05), (0.001, 0.0025), (0.1, 0.25)])  # beyond what is asked only the second
+    assert said.startswith("4 scenes: reached over expected 2.50 in the median")
+    assert "25% within a factor 2; another number of meshes for 25% of accuracies" in said

@@ -47,8 +47,8 @@ COMMANDS = {
     "evolve": (scene(2.0, 0.3, 0.2, PAIR, "approach = 0.15", RUBBER + SLIDING), 120.3, 857e6),
 }  # fmt: skip
 """Scene, processor time [s] and memory [bytes] of the command on one rank, forms compiled before, both cores busy."""
-SPEEDUP, A_RANK = 1.6, 2.5e8
-"""Of the second of two ranks that a plan is for: the time it saves, and the memory it takes."""
+SPEEDUP = 1.6
+"""By the second of two ranks that the plan of ``compare`` is for."""
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -65,10 +65,9 @@ def test_a_plan_estimates_what_commands_take(
     plan_scene(read_scene(path), "small_strain" if name == "small strain" else None, as_json=True)
     document = json.loads(capsys.readouterr().out)
     model = document["models"][0]
-    said, needed = model["processor_seconds"], model["memory_bytes"]
+    told = document["evolution"] if name == "evolve" else model
+    said, needed = told["processor_seconds"], told["processor_memory_bytes"]
     if name == "compare":
         said = SPEEDUP * model["compare"]["seconds"]
-    if name == "evolve":
-        said, needed = SPEEDUP * document["evolution"]["seconds"], document["evolution"]["memory_bytes"]
     assert seconds / 1.5 < said < 1.5 * seconds
-    assert memory / 1.3 < needed - A_RANK < 1.3 * memory
+    assert memory / 1.3 < needed < 1.3 * memory
