@@ -70,9 +70,9 @@ def test_a_dense_random_heap_has_equal_forces_by_both_routes():
 
 
 def test_the_certificate_detects_a_wrong_pressure_under_any_ball():
-    contacts = solve_contact(block(Load("force", (PAPER_LOAD,) * 49), count=7), 1e-2).contacts
+    contacts = solve_contact(block(Load("force", (PAPER_LOAD,) * 25), count=5), 1e-2).contacts
     assert max(contacts.certificate.values()) < 1e-4
-    for k in range(0, 49, 6):
+    for k in range(0, 25, 6):
         nodes = list(contacts.smooth.nodes)
         zone = replace(nodes[k].zone, coefficients=1.01 * nodes[k].zone.coefficients)
         nodes[k] = replace(nodes[k], zone=zone, pressure=np.sqrt(1.01) * nodes[k].pressure)
