@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,6 +34,8 @@ _DEGREE = 6
 
 TOGETHER = 500_000
 """Products of points and nodes that `zone_displacement` takes together: 4 MB a table."""
+NEAR = 1.5
+"""Distance over the edge's up to which a zone's 1/r needs more nodes than the rest of the kernel."""
 AT_ONCE = 2000
 """Points that a sum over a contact's nodes takes together, to bound its memory: 5 MB at 60 nodes."""
 
@@ -247,7 +250,7 @@ class DirectSums:
 def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:
     """Return the displacement [m] at any surface points from one zone, relative error below about 1e-8.
 
-    Inside: chords through the point. Outside: nodes refined with the distance to the edge.
+    Inside: chords through the point. Outside: nodes refined with the distance to the edge, near it for 1/r alone.
     """
     zone = n.zone
     xi, eta = zone.frame(x, y)
@@ -257,23 +260,25 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
     ratio = np.where(rho > 1e-12, rho / edge, 0.0)
     total = np.zeros(x.shape)
     rule = Rule.of([zone], kernel.thickness, more=4)
-    bands = ((0.0, 1.0), (1.0, 1.02), (1.02, 1.1), (1.1, 1.2), (1.2, 1.5), (1.5, 4.0), (4.0, np.inf))
-    for low, high in bands:
-        chosen = np.flatnonzero((ratio >= low) & (ratio < high))
-        inside = high == 1.0
-        radial, angular = rule.radial, rule.angular
-        if not inside:
-            # the nearest singularity is log(ratio) away from the angle's axis and sqrt(2 log(ratio)) from the ray's
-            away = np.log(max(low, 1.004))
-            angular = max(angular, int(22.0 / away))
-            radial = max(radial, int(4.0 + 9.0 / np.sqrt(2.0 * away)))
-        if not chosen.size:
-            continue
+
+    def add(chosen: Indices, radial: int, angular: int, function: Callable[[Array], Array]) -> None:
         q_xi, q_eta, w, p = zone.quadrature(radial, angular)
         qx, qy = zone.points(q_xi, q_eta)
         for part in np.array_split(chosen, chosen.size // max(1, min(64, TOGETHER // qx.size)) + 1):
-            if inside:
-                total[part] += zone.half_space(xi[part], eta[part], rule.directions + 8, rule.along + 4)[0]
             r = np.hypot(x[part][:, None] - qx, y[part][:, None] - qy)
-            total[part] += (kernel.smooth(r) if inside else kernel.scaled(r)) @ (w * p)
+            total[part] += function(r) @ (w * p)
+
+    inside, near = np.flatnonzero(ratio < 1.0), np.flatnonzero(ratio < NEAR)
+    for part in np.array_split(inside, inside.size // 64 + 1) if inside.size else ():
+        total[part] += zone.half_space(xi[part], eta[part], rule.directions + 8, rule.along + 4)[0]
+    if near.size and not kernel.homogeneous:
+        add(near, rule.radial, rule.angular, kernel.smooth)
+    for low, high in pairwise((1.0, 1.02, 1.1, 1.2, NEAR, 4.0, np.inf)):
+        chosen = np.flatnonzero((ratio >= low) & (ratio < high))
+        if chosen.size:
+            # the nearest singularity is log(ratio) away from the angle's axis and sqrt(2 log(ratio)) from the ray's
+            away = np.log(max(np.min(ratio[chosen]), 1.004))
+            angular = max(rule.angular, int(22.0 / away))
+            radial = max(rule.radial, int(4.0 + 9.0 / np.sqrt(2.0 * away)))
+            add(chosen, radial, angular, np.reciprocal if high <= NEAR else kernel.scaled)
     return total

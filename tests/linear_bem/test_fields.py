@@ -17,6 +17,7 @@ from linear_bem import (
 from linear_bem.interaction_energy import energy_force
 from linear_bem.layer.interior import half_space_state, interior_state
 from linear_bem.layer.response import LayerResponse
+from linear_bem.smooth.displacement import zone_displacement
 from linear_bem.stress import interior_displacement, stress, vertical_stress
 
 
@@ -163,6 +164,24 @@ def test_stresses_are_in_equilibrium_and_follow_hookes_law(unlike, depth):
     assert found == pytest.approx(hooke, abs=2e-3 * size)
     change = np.array(derivatives(stress))  # [axis, i, j, point]
     assert np.einsum("iijp->jp", change) == pytest.approx(np.zeros((3, 3)), abs=5e-3 * np.max(np.abs(change)))
+
+
+def test_near_an_edge_the_layers_part_of_the_displacement_takes_few_nodes_and_loses_nothing(unlike, monkeypatch):
+    kernel, nodes = unlike.contacts.kernel, unlike.contacts.smooth.nodes[0]
+    zone, products, smooth = nodes.zone, [], kernel.smooth
+    x, y = (c + 1.03 * (o - c) for c, o in zip(zone.centre, zone.outline(7), strict=True))
+
+    def counted(r):
+        products.append(np.size(r))
+        return smooth(r)
+
+    monkeypatch.setattr(kernel, "smooth", counted)
+    found = zone_displacement(kernel, nodes, x, y)
+    assert sum(products) < 7 * 2000
+    xi, eta, weights, pressure = zone.quadrature(80, 1500)
+    at_x, at_y = zone.points(xi, eta)
+    direct = kernel.scaled(np.hypot(x[:, None] - at_x, y[:, None] - at_y)) @ (weights * pressure)
+    assert found == pytest.approx(direct, rel=1e-10)
 
 
 def test_tractions_and_displacements_are_continuous_at_the_bond(unlike):

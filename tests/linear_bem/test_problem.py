@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import linear_bem.touching
 from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve, solve_height_field
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
@@ -81,3 +82,20 @@ def test_asperities_are_refused_at_finite_strain():
     caps = (Ball((0.0, 0.0), 10.0, asperity=True),)
     with pytest.raises(InvalidProblem, match="finite_strain: bodies must be whole"):
         Problem(LAYER, caps, LOAD, finite_strain=FiniteStrain())
+
+
+def test_pairs_of_asperities_are_not_searched_for_overlaps(monkeypatch):
+    monkeypatch.setattr(linear_bem.touching, "touching_distance", lambda a, b: pytest.fail("a pair was compared"))
+    caps = tuple(Ball((x, y), 5.0, asperity=True) for x, y in np.random.default_rng(7).uniform(0.0, 1.0, (50, 2)))
+    assert Problem(Layer(1.0, 0.3, 5.0), caps, Load("total_force", (1e-3,))).size == 50
+
+
+def test_overlaps_among_many_balls_are_found():
+    balls = [Ball((2.0 * i, 2.0 * j), 1.0) for i in range(40) for j in range(40)]
+    balls[1234] = Ball((balls[1233].position[0], balls[1233].position[1] + 1.5), 1.0)
+    balls.append(Ball((-30.0, 0.0), 20.0, "paraboloid"))
+    with pytest.raises(InvalidProblem) as fault:
+        Problem(Layer(1.0, 0.3, 1.0), tuple(balls), Load("total_force", (1.0,)))
+    assert [line.split(" overlap")[0] for line in fault.value.faults] == [
+        "balls.positions: balls 1233 and 1234",
+    ]

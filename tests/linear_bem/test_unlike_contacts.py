@@ -8,7 +8,7 @@ from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve
 from linear_bem.errors import TooLarge
 from linear_bem.far_field.pairs_and_mesh import FarField
 from linear_bem.lifted_balls import rest, rests
-from tests.linear_bem.test_thousands import scattered
+from tests.linear_bem.sampled_scenes import scattered
 
 
 def lattice(count, spacing, shake=0.0):

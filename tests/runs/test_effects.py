@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,7 +30,9 @@ def rows() -> dict[str, dict[str, Any]]:
         dataclasses.replace(effect, without=effect.without | deep, with_=effect.with_ | deep)
         for effect in (substrate, finite, mixed)
     ]
-    return {row["effect"]: row for row in measure(chosen)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measuring, "PROBE", Path(__file__).with_name("coarse_probe.py"))
+        return {row["effect"]: row for row in measure(chosen)}
 
 
 @pytest.mark.slow

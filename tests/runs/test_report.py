@@ -72,7 +72,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     commands = {
         "solve": ("solve", "runs/scenes/paper_thin_pair_linear.toml"),
         "compare": ("compare", "tests/runs/light_pair.toml"),
-        "study": ("study", "strengthening", "--quick", "--shard", "1/2"),
+        "study": ("study", "strengthening", "--quick", "--shard", "1/4"),
     }
     for name, folder in made.items():
         done = thirdbody(*commands[name], "--out", folder, program=STAND_IN)

@@ -18,7 +18,7 @@ def compute(quick: bool) -> Findings:
     whole = Pair(half_space=True).left(asked)
     limit, depth = whole.tangential_force[0], whole.approach
     thin = np.geomspace(2e-3, 0.1, 5 if quick else 14)
-    bends, levels = (12, 9) if quick else (64, 18)
+    bends, levels = (12, 5) if quick else (64, 18)
     h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
     force = Curve(lambda t: Pair(thickness=t), h, asked)

@@ -1,0 +1,61 @@
+"""Progress lines of a solution of many balls."""
+
+import itertools
+
+import pytest
+
+from linear_bem import report, solve
+from tests.linear_bem.sampled_scenes import scene
+
+
+def test_every_step_is_reported_and_a_report_may_end_the_solution():
+    class Enough(Exception):
+        pass
+
+    lines = []
+
+    def note(text):
+        lines.append(text)
+        if "sweep 2" in text:
+            raise Enough
+
+    with pytest.raises(Enough):
+        solve(scene("force"), 1e-3, note)
+    assert lines[0] == "105 ball(s): first guess"
+    assert len(lines) == 3
+
+
+def test_every_long_phase_reports_its_parts(monkeypatch):
+    clock = itertools.count(0.0, 10.0)  # as on a very slow machine
+    monkeypatch.setattr(report.time, "monotonic", lambda: next(clock))
+    lines = []
+    solve(scene("approach", "half-space", 110), 1e-2, lines.append)
+    for phase in (
+        "first guess: coupled point loads",
+        "degree 4: 0 of ",
+        "degree 4, sweep 1: 110 of 110 contacts alone",
+        "T: 0 of ",
+        "direct sums: equivalent loads",
+        "residuals: 5 of ",
+        "5 of ",
+        "T: 60 of 110 slope integrals",
+    ):
+        assert any(line.startswith(phase) for line in lines), phase
+
+
+def test_parts_are_reported_so_long_after_the_last_line_of_any_kind(monkeypatch):
+    clock, lines = [0.0], []
+    monkeypatch.setattr(report.time, "monotonic", lambda: clock[0])
+    whole = report.Timed(lines.append)
+    one, other = report.seldom(whole, "one: "), report.seldom(whole, "other: ")
+    for passed, say, text in (
+        (1.5, one, "dropped"),
+        (1.5, other, "said"),
+        (1.5, one, "dropped"),
+        (0.1, whole, "step"),
+        (1.5, one, "dropped"),
+        (1.0, one, "said"),
+    ):
+        clock[0] += passed
+        say(text)
+    assert lines == ["other: said", "step", "one: said"]
