@@ -1,10 +1,11 @@
-"""Studies of many cases: shared out, resumed after a kill, a failing case recorded and passed over, published."""
+"""Studies of many cases: shared out, resumed after a kill with the right answer, a failing case recorded, published."""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
 import json
+import shutil
 import signal
 import subprocess
 from collections.abc import Mapping
@@ -14,17 +15,22 @@ from typing import Any
 import pytest
 
 import linear_bem.solver
+from linear_bem import solve
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.studies import Options, read_shard
 from runs.studies.framework import study as studies
 from runs.studies.framework.case import varied
+from runs.studies.framework.pair import pair
 from runs.studies.framework.publishing import BEGIN, END, publish
 from runs.studies.strengthening.law_cases import law_cases
 from runs.studies.strengthening.matrix import cases
 from tests.launch import STAND_IN, thirdbody
 
+Resumed = tuple[subprocess.CompletedProcess[str], Path]
+LINEAR = 2e-4
+"""Relative error asked of the linear T, twice."""
 NAMES = [case.name for case in (*cases(quick=True), *law_cases(quick=True))]
 
 
@@ -56,22 +62,62 @@ def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(n: int, t
     assert second.stdout == (tmp_path / "out/answer.md").read_text(encoding="utf-8")
 
 
-def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(tmp_path: Path) -> None:
-    killed = study(tmp_path / "out", env={"ELEMENTS": "kill"})
-    assert killed.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL)
-    (only,) = records(tmp_path / "out").values()
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a study that was killed in its first case."""
+    out = tmp_path_factory.mktemp("killed") / "out"
+    done = study(out, env={"ELEMENTS": "kill"})
+    assert done.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL)
+    return out
+
+
+@pytest.fixture(scope="module")
+def resumed(killed: Path, tmp_path_factory: pytest.TempPathFactory) -> Resumed:
+    """What the same command said in a copy of that folder, and the copy."""
+    out = tmp_path_factory.mktemp("resumed") / "out"
+    shutil.copytree(killed, out)
+    done = study(out)
+    assert done.returncode == 0, done.stderr
+    return done, out
+
+
+def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(killed: Path, resumed: Resumed) -> None:
+    (only,) = records(killed).values()
     assert (only["state"], len(only["steps"])) == ("running", 2)
-    assert read_folder(tmp_path / "out").state == "stopped"
-    assert "killed, or its machine went down" in page_of(read_folder(tmp_path / "out"))
-    shown = study(tmp_path / "out", "--tables")
+    assert read_folder(killed).state == "stopped"
+    assert "killed, or its machine went down" in page_of(read_folder(killed))
+    shown = study(killed, "--tables")
     assert f"- {NAMES[0]}: stopped after 2 load step(s)" in shown.stdout
     assert f"0 of {len(NAMES)} cases" in shown.stdout
-    again = study(tmp_path / "out")
-    assert again.returncode == 0, again.stderr
-    assert read_folder(tmp_path / "out").state == "finished"
+    again, out = resumed
+    assert read_folder(out).state == "finished"
     assert again.stderr.count("step 1 ") == len(NAMES) - 1
-    assert all(len(record["steps"]) == 3 for record in records(tmp_path / "out").values())
-    assert not any(path.is_dir() for path in (tmp_path / "out/cases").iterdir())
+    assert all(len(record["steps"]) == 3 for record in records(out).values())
+    assert not any(path.is_dir() for path in (out / "cases").iterdir())
+
+
+def test_the_stand_in_is_strengthened_by_what_it_was_made_with(resumed: Resumed) -> None:
+    done, out = resumed
+    with open(out / "factors.csv", encoding="utf-8", newline="") as file:
+        found = list(csv.DictReader(file))
+    for row in found:  # the stand-in's T is the linear one times 1 + D / R
+        for factor in ("S_Q", "S_D"):
+            assert float(row[factor]) == pytest.approx(1.0 + float(row["D"]), rel=LINEAR)
+    deepest = next(r for r in found if r["case"] == "headline-thin-L2-nu0.48" and float(r["D"]) == 0.03)
+    load = [float(deepest["Q"])] * 2
+    sphere, paraboloid = (
+        solve(dataclasses.replace(pair(0.03, shape=shape), finite_strain=None).with_load("force", load))
+        .balls[0]
+        .tangential_force[0]
+        for shape in ("sphere", "paraboloid")
+    )
+    assert float(deepest["geometry"]) == pytest.approx(sphere / paraboloid, rel=LINEAR)
+    assert float(deepest["T"]) < 0.0  # they separate, whichever way x points
+    assert (out / "strengthening.svg").stat().st_size > 5_000
+    assert "within its error bar of 1** in 2 case(s)" in done.stdout
+    laws = [line for line in done.stdout.splitlines() if line.startswith(("| 1.16 | neo_hookean ", "| 1.16 | gent "))]
+    assert len(laws) == 2
+    assert all(line.count("| 1.03 ± ") == 2 for line in laws), laws
 
 
 @pytest.mark.mpi

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import math
 from pathlib import Path
@@ -12,15 +11,11 @@ import numpy as np
 import pytest
 
 from linear_bem import Problem, solve
-from runs.studies.framework.pair import THICK, THIN, pair
+from runs.studies.framework.pair import THICK, THIN
 from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening import fitting, ratios
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import cases
-from tests.launch import STAND_IN, thirdbody
-
-LINEAR = 2e-4
-"""Relative error asked of the linear T, twice."""
 
 
 def small_strain(problem: Problem) -> Problem:
@@ -29,29 +24,6 @@ def small_strain(problem: Problem) -> Problem:
 
 def rows(*points: tuple[float, float, float]) -> list[dict[str, Any]]:
     return [{"D": d, "Q": d**1.5, "a": math.sqrt(d), "S_Q": s, "S_Q_error": e} for d, s, e in points]
-
-
-def test_the_stand_in_is_strengthened_by_what_it_was_made_with(tmp_path: Path) -> None:
-    done = thirdbody("study", "strengthening", "--quick", "--out", tmp_path / "out", program=STAND_IN)
-    assert done.returncode == 0, done.stderr
-    with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
-        found = list(csv.DictReader(file))
-    for row in found:  # the stand-in's T is the linear one times 1 + D / R
-        for factor in ("S_Q", "S_D"):
-            assert float(row[factor]) == pytest.approx(1.0 + float(row["D"]), rel=LINEAR)
-    deepest = next(r for r in found if r["case"] == "headline-thin-L2-nu0.48" and float(r["D"]) == 0.03)
-    load = [float(deepest["Q"])] * 2
-    sphere, paraboloid = (
-        solve(small_strain(pair(0.03, shape=shape)).with_load("force", load)).balls[0].tangential_force[0]
-        for shape in ("sphere", "paraboloid")
-    )
-    assert float(deepest["geometry"]) == pytest.approx(sphere / paraboloid, rel=LINEAR)
-    assert float(deepest["T"]) < 0.0  # they separate, whichever way x points
-    assert (tmp_path / "out/strengthening.svg").stat().st_size > 5_000
-    assert "within its error bar of 1** in 2 case(s)" in done.stdout
-    laws = [line for line in done.stdout.splitlines() if line.startswith(("| 1.16 | neo_hookean ", "| 1.16 | gent "))]
-    assert len(laws) == 2
-    assert all(line.count("| 1.03 ± ") == 2 for line in laws), laws
 
 
 def test_factors_follow_a_case_that_a_finer_mesh_has_answered_again(
