@@ -24,6 +24,10 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 
 from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable, ThirdBodyError
 from meshes.groups import number_groups
@@ -145,9 +149,21 @@ def vector_of(function: Any) -> PETSc.Vec:
 
 
 def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
-    """Return the compiled expression at reference points (n, 3) of a cell (collective over comm)."""
+    """Return the compiled expression at reference points (n, 3) of a cell (collective over comm).
+
+    Without its variables, by which derivatives were taken: UFL numbers them one after the other, and the name in the
+    cache would depend on what was compiled before.
+    """
+    value = map_expr_dag(_WithoutVariables(), apply_derivatives(apply_algebra_lowering(value)))
     with _compiler_cache(comm) as options:
         return dolfinx.fem.Expression(value, points, **options)
+
+
+class _WithoutVariables(MultiFunction):
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, o: Any, operand: Any, label: Any) -> Any:
+        return operand
 
 
 def evaluate(expression: Any, mesh: Any, cells: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
