@@ -6,17 +6,20 @@ import dataclasses
 import time
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from linear_bem import Elements
 from runs.models import Run
 from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.scaling.measuring import DEPTH, FINENESSES, FORMS, forget_peak, peak_memory
+from runs.studies.scaling.measuring import DEPTH, FORMS, forget_peak, peak_memory
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 STEPS = (0.5, 1.0)
+FINENESSES = np.arange(1.0, 8.05, 0.1).round(1).tolist()
 BYTES = 1.9e4
 """Memory on all ranks per unknown asked for: both models keep their matrix and levels."""
 ACCURACY = 0.02
@@ -59,6 +62,6 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
 def _levels(problem: Any, target: int) -> tuple[Level, ...]:
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415  (imports DOLFINx)
 
-    plan = plan_run(problem, ACCURACY, "finite_strain")
+    plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
     fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at.discretisation()) - target))
     return Level(2), Level(3), fine
