@@ -353,9 +353,17 @@ def test_overlaps_are_one_fault_with_the_worst_pair_in_the_unit_of_the_scene(tmp
     assert "radii 8 mm and 8 mm need at least 16 mm; move them apart" in fault
 
 
+def test_an_overlap_of_unlike_bodies_does_not_explain_the_distance_by_their_radii(tmp_path: Path) -> None:
+    keys = 'shape = ["sphere", "ellipsoid"]\nsemi_axes = ["8 mm", "6 mm", "8 mm"]\n'
+    (fault,) = faults(tmp_path, PAIR.replace('radius = "8 mm"', keys + 'radius = "8 mm"').replace("0.8 cm", "2 mm"))
+    assert "their axes are 10 mm apart, their shapes need at least 16 mm; move them apart" in fault
+
+
 def test_a_stand_in_for_a_faulty_key_raises_no_fault_of_its_own(tmp_path: Path) -> None:
     assert len(faults(tmp_path, PAIR.replace('radius = "8 mm"', 'radius = "8 kg"'))) == 1
     assert len(faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = 3"))) == 1
+    (none,) = faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = []"))
+    assert "at least one ball is needed" in none
     three = PAIR.replace('["0.8 cm", 0]', '["0.8 cm", 0], ["30 mm", 0, 1]').replace(
         '"1.5 mm"', '["1 mm", "1 mm", "1 mm"]'
     )
