@@ -146,6 +146,16 @@ def test_a_shape_brings_its_own_keys(keys: str, shape: Indenter, radius: float, 
         assert "[balls] shape: balls that drift apart until they touch must be round" in fault
 
 
+@pytest.mark.parametrize("shapes", ['"punch"', '["sphere", "punch"]'])
+def test_punches_that_drift_are_as_wide_as_the_bodies_beside_them(shapes: str, tmp_path: Path) -> None:
+    keys = f'shape = {shapes}\nedge_radius = "0.5 mm"\nradius = ["8 mm", "4 mm"]'
+    sliding = '[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1\n'
+    text = PAIR.replace('radius = "8 mm"', keys) + sliding
+    (fault,) = faults(tmp_path, text)
+    assert fault.startswith("[balls] radius: punches that drift must be as wide as the bodies beside them, got")
+    read_scene(write(tmp_path, text.replace('"4 mm"', '"8 mm"')))
+
+
 def test_every_punch_of_a_list_is_as_wide_as_stated(tmp_path: Path) -> None:
     keys = 'shape = "punch"\nradius = ["8 mm", "4 mm"]\nedge_radius = "0.5 mm"'
     problem = read_scene(write(tmp_path, PAIR.replace('radius = "8 mm"', keys))).problem
