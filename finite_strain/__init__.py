@@ -64,7 +64,8 @@ def solve(
     comm
         MPI communicator; by default all ranks of the run.
     folder
-        Folder for mesh, fields and checkpoint. An interrupted run of the same problem resumes from there.
+        Folder for mesh, fields and checkpoint. An interrupted run of the same problem resumes from there, except one
+        whose law or body is a function: its name does not say what it computes.
     observer
         Follows the progress of the run; see `Observer`. Called on all ranks.
     fields

@@ -15,7 +15,7 @@ from linear_bem.indenter import HeightFunction, Indenter
 APEX = 1e-12
 """Largest height over the radius at the axis that counts as roundoff of an own body."""
 POINTED = 1e-3
-"""Slope at a distance of 1e-9 radii from the axis that only a pointed tip exceeds."""
+"""Slope at a distance of 1e-9 radii from the axis that only a pointed tip or a tilt exceeds."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
 """Functions of numpy in `SLOPES`; np.where is none, because it may jump, which no error estimate would notice."""
 
@@ -63,8 +63,9 @@ def _faults_of(body: Indenter) -> list[str]:
     if isinstance(body, HeightFunction):
         steep = float(np.hypot(*slope(body, 1e-7 * aside, 1e-7 * aside))[0])
         if not steep <= POINTED:
-            rule = f"must have no pointed tip, whose pressure has no limit, got a slope of {steep:g} next to the axis"
-            return [f"balls.shape: {name} {rule}; round it: np.sqrt(x**2 + y**2 + t**2) - t"]
+            rule = "must be level at the axis: no pointed tip, whose pressure has no limit, and no tilt"
+            remedy = "round a tip: np.sqrt(x**2 + y**2 + t**2) - t, or move the axis to the lowest point"
+            return [f"balls.shape: {name} {rule}, got a slope of {steep:g} next to the axis; {remedy}"]
     return []
 
 

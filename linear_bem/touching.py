@@ -62,10 +62,12 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
     if found:
         by, gap, i, j = max(found, key=lambda pair: pair[0])
         others = f", the most of {len(found)} pairs that do" if len(found) > 1 else ""
+        radii, what = [whole[k][1] for k in (i, j)], "their shapes"
+        if math.isclose(gap + by, 2.0 * math.sqrt(radii[0] * radii[1])):
+            what = f"radii {radii[0]:g} m and {radii[1]:g} m"
         faults.append(
             f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{others}: their axes are {gap:.9g} m apart, "
-            f"radii {whole[i][1]:g} m and {whole[j][1]:g} m need at least {gap + by:.9g} m; caps of a rough surface "
-            "may stand closer: Ball(..., asperity=True)"
+            f"{what} need at least {gap + by:.9g} m; caps of a rough surface may stand closer: Ball(..., asperity=True)"
         )
     return faults
 

@@ -110,7 +110,7 @@ def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
         for axis, (points, cells) in enumerate(upper):
             along = [k for k in range(3) if k != axis]
             coarse = _lattice(places[:, axis], axis, order)
-            nodes = _inner(places, dofs[axes == axis], coarse, everywhere)
+            nodes = _inner(places, axis, dofs[axes == axis], coarse, everywhere)
             weights = np.isclose(points[:, None, axis], coarse[None, :, axis]).astype(float)
             for k in along:
                 weights *= _along(points[:, None, k], coarse[None, :, k], order)
@@ -132,18 +132,22 @@ def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
 
 
 def _lattice(across: np.ndarray, axis: int, order: int) -> np.ndarray:
-    """Return places (n, 3) at the heights of a cell's nodes and at the thirds, halves, ... of an order along it."""
+    """Return a cell's places (n, 3): the heights of its nodes by the nodes of order 1 or 2 along the layer."""
     heights = np.unique(across.round(12))
     lines = [heights if k == axis else np.linspace(0.0, 1.0, order + 1) for k in range(3)]
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def _inner(places: np.ndarray, dofs: np.ndarray, coarse: np.ndarray, everywhere: np.ndarray) -> np.ndarray:
-    """Return the fine node (cells, coarse places) that stands for each coarse place, the same from all its cells."""
+def _inner(places: np.ndarray, axis: int, dofs: np.ndarray, coarse: np.ndarray, everywhere: np.ndarray) -> np.ndarray:
+    """Return the fine node (cells, coarse places) that stands for each coarse place, the same from all its cells.
+
+    Of the inner nodes of an edge or face along the layer at one height, it has the smallest number of all ranks'.
+    """
     found = np.empty((len(dofs), len(coarse)), dtype=dofs.dtype)
     for number, place in enumerate(coarse):
         same = np.isclose(places, place)
         inside = (place == 0.5) & (places > _ROUNDOFF) & (places < 1.0 - _ROUNDOFF)
+        inside[:, axis] = False  # nodes at other heights are other coarse nodes
         near = dofs[:, np.all(same | inside, axis=1)]
         found[:, number] = np.take_along_axis(near, everywhere[near].argmin(axis=1)[:, None], axis=1)[:, 0]
     return found

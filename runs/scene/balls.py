@@ -57,6 +57,8 @@ class BallsTable(Table):
     def balls(self) -> tuple[Ball, ...]:
         """Return the balls; raises `InvalidProblem` where the keys are not those of their shapes."""
         size, shapes = len(self.positions), self.shapes
+        if not size:
+            return ()  # which `Problem` refuses
         if len(shapes) != size:
             raise InvalidProblem(f"balls.shape: needs one name or one per ball ({size}), got {len(shapes)}")
         values: list[dict[str, Any]] = [{} for _ in shapes]

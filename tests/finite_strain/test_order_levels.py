@@ -110,6 +110,13 @@ def test_a_level_across_the_layer_holds_its_order_and_every_cubic_of_the_depth(
     assert level.numbers.tolist() == list(range(level.owned))
 
 
+@pytest.mark.parametrize(("order", "along"), [(2, (1,)), (3, (2, 1)), (4, (2, 1))])
+def test_each_height_of_the_nodes_has_coarse_nodes_of_its_own(order: int, along: tuple[int, ...]) -> None:
+    mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, -1], [1, 1, 0]], [2, 2, 2], dolfinx.mesh.CellType.hexahedron)
+    levels = upright(compat.function_space(mesh, order, (3,)), along)
+    assert [level.owned for level in levels] == [(2 * low + 1) ** 2 * (2 * order + 1) for low in along]
+
+
 def test_the_lowest_level_is_interpolated_by_way_of_the_one_above_it(tmp_path: Path) -> None:
     space = coarse_rig(coarse_plan(pair(0.05, poisson=0.3)), tmp_path, Discretisation(3, 1.0)).model.space
     (direct,) = upright(space, (1,))

@@ -254,7 +254,7 @@ def test_a_function_with_a_pointed_tip_is_refused_by_its_key() -> None:
         return (x * x + y * y) ** 0.5
 
     problem = on_layer((Ball((0.0, 0.0), 1.0, cone),), Load("approach", (0.1,)))
-    with pytest.raises(UnsupportedProblem, match=r"balls\.shape: cone must have no pointed tip.*slope of 1 next"):
+    with pytest.raises(UnsupportedProblem, match=r"balls\.shape: cone must be level .*pointed tip.*slope of 1 next"):
         plan_run(problem, 0.02, "finite_strain")
 
 

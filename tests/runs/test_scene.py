@@ -146,6 +146,16 @@ def test_a_shape_brings_its_own_keys(keys: str, shape: Indenter, radius: float, 
         assert "[balls] shape: balls that drift apart until they touch must be round" in fault
 
 
+@pytest.mark.parametrize("shapes", ['"punch"', '["sphere", "punch"]'])
+def test_punches_that_drift_are_as_wide_as_the_bodies_beside_them(shapes: str, tmp_path: Path) -> None:
+    keys = f'shape = {shapes}\nedge_radius = "0.5 mm"\nradius = ["8 mm", "4 mm"]'
+    sliding = '[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1\n'
+    text = PAIR.replace('radius = "8 mm"', keys) + sliding
+    (fault,) = faults(tmp_path, text)
+    assert fault.startswith("[balls] radius: punches that drift must be as wide as the bodies beside them, got")
+    read_scene(write(tmp_path, text.replace('"4 mm"', '"8 mm"')))
+
+
 def test_every_punch_of_a_list_is_as_wide_as_stated(tmp_path: Path) -> None:
     keys = 'shape = "punch"\nradius = ["8 mm", "4 mm"]\nedge_radius = "0.5 mm"'
     problem = read_scene(write(tmp_path, PAIR.replace('radius = "8 mm"', keys))).problem
@@ -353,9 +363,17 @@ def test_overlaps_are_one_fault_with_the_worst_pair_in_the_unit_of_the_scene(tmp
     assert "radii 8 mm and 8 mm need at least 16 mm; move them apart" in fault
 
 
+def test_an_overlap_of_unlike_bodies_does_not_explain_the_distance_by_their_radii(tmp_path: Path) -> None:
+    keys = 'shape = ["sphere", "ellipsoid"]\nsemi_axes = ["8 mm", "6 mm", "8 mm"]\n'
+    (fault,) = faults(tmp_path, PAIR.replace('radius = "8 mm"', keys + 'radius = "8 mm"').replace("0.8 cm", "2 mm"))
+    assert "their axes are 10 mm apart, their shapes need at least 16 mm; move them apart" in fault
+
+
 def test_a_stand_in_for_a_faulty_key_raises_no_fault_of_its_own(tmp_path: Path) -> None:
     assert len(faults(tmp_path, PAIR.replace('radius = "8 mm"', 'radius = "8 kg"'))) == 1
     assert len(faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = 3"))) == 1
+    (none,) = faults(tmp_path, PAIR.replace('positions = [["-8 mm", 0], ["0.8 cm", 0]]', "positions = []"))
+    assert "at least one ball is needed" in none
     three = PAIR.replace('["0.8 cm", 0]', '["0.8 cm", 0], ["30 mm", 0, 1]').replace(
         '"1.5 mm"', '["1 mm", "1 mm", "1 mm"]'
     )

@@ -75,6 +75,13 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
             f'balls.shape: balls that drift apart until they touch must be round, got "{angular[0]}"; '
             'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
         )
+    radii = scene.balls.radius
+    if "punch" in scene.balls.shapes and isinstance(radii, tuple) and len(set(radii)) > 1:
+        # 2 sqrt(R1 R2) is the distance of two touching balls on a plane; upright sides touch at R1 + R2
+        texts.append(
+            f"balls.radius: punches that drift must be as wide as the bodies beside them, got {radii} m; take one "
+            "radius, or drop [reciprocation]"
+        )
     return texts
 
 
