@@ -34,6 +34,10 @@ KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.85e8
 A step takes 3.5 tangents of 9 Krylov iterations each (a whole run of 38 thousand unknowns); the pair is counted with 3.
 With the cost of tangents and iterations by `thirdbody study scaling` that makes 5.3 s at 91 and 5.8 s at 462 thousand
 unknowns. Whole runs kept 17.5 and 19 kB per unknown, with 38 thousand and 1.2 million unknowns."""
+MIXED_KRYLOV_SECONDS, MIXED_KRYLOV_BYTES = 4.0, 2.0
+"""Factors on them in the mixed form: steps of the thin pair at nu = 0.4999 took 51 s on 22 773 unknowns of order 3 and
+123 s on 55 193 of order 4 (``PETSC_OPTIONS="-thirdbody_direct_up_to 0"``). `thirdbody study scaling`: 19 kB per
+unknown of one model, where displacements take 9."""
 SPEEDUP = 1.6
 """Speed of two ranks over that of one: 1.3 to 2 by ``thirdbody study scaling``, on 51 thousand unknowns."""
 
@@ -61,7 +65,8 @@ class Mesh:
         """Processor time on one process."""
         share = self.unknowns / UNIT
         if not self.direct:
-            return (self.steps + self.pairs) * 0.5 * KRYLOV_SECONDS * share
+            each = KRYLOV_SECONDS * (MIXED_KRYLOV_SECONDS if self.mixed else 1.0) * share
+            return (self.steps + self.pairs) * 0.5 * each
         p, depth = self.order, min(self.depth, DEEPEST)
         across = self.unknowns / (3.0 * p**2 * (p * self.layers + 1.0) * ACROSS)
         each = SECONDS[p] * share * across**0.25 * math.exp(DEPTH * (p - 2) * depth)
@@ -73,4 +78,5 @@ class Mesh:
         """Return the memory of all processes."""
         share = self.unknowns / UNIT
         own = (1.0 if self.pairs else ALONE) * PAIRED_BYTES * share**MEMORY_POWER * (self.order / 3.0) ** MEMORY_POWER
-        return ranks * BASE_BYTES + (own if self.direct else KRYLOV_BYTES * share)
+        iterative = KRYLOV_BYTES * share * (MIXED_KRYLOV_BYTES if self.mixed else 1.0)
+        return ranks * BASE_BYTES + (own if self.direct else iterative)

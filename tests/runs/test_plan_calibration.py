@@ -49,6 +49,9 @@ def test_more_steps_pairs_orders_and_unknowns_cost_more() -> None:
         dearer = replace(mesh, **more)
         assert dearer.seconds > mesh.seconds
         assert dearer.memory_bytes(1) >= mesh.memory_bytes(1)
+    iterative, saddle = (replace(mesh, direct=False, mixed=mixed) for mixed in (False, True))
+    assert saddle.seconds > 3.0 * iterative.seconds
+    assert saddle.memory_bytes(1) > 1.4 * iterative.memory_bytes(1)
     assert replace(mesh, order=2).seconds > mesh.seconds  # the path finder searches the contact's edge
     assert replace(mesh, pairs=0).memory_bytes(1) < mesh.memory_bytes(1) < mesh.memory_bytes(2)
 

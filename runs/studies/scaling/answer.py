@@ -94,6 +94,7 @@ def page(folder: Path, quick: bool) -> str:
     """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
     whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file, float)]
+    whole = [{**row, "unknowns": int(row["unknowns"])} for row in whole]
     whole.sort(key=lambda row: (row["unknowns"], row["fraction"]))
     return render(__file__, rows=rows, whole=whole, fits=powers(rows))
 
