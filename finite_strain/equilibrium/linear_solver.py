@@ -5,6 +5,7 @@ into displacement and pressure, and the pressure's Schur complement is approxima
 stiffness, -(1/mu + 1/lambda) int p q.
 """
 
+import atexit
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -69,6 +70,13 @@ def install(options: Mapping[str, str]) -> None:
     _installed.options = {key: value for key, value in options.items() if key not in given}
     for key, value in _installed.options.items():
         database[key] = value
+
+
+@atexit.register
+def _uninstall() -> None:
+    """Remove our options, which PETSc 3.22 would list at its end as unused if an error has left a solver open."""
+    if not PETSc.Sys.isFinalized():
+        install({})
 
 
 def choose_for(model: Model) -> Choice:

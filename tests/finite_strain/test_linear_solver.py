@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -304,3 +306,17 @@ def test_multigrid_at_small_strain_keeps_no_second_matrix(
     rig.model.tangent()
     once.axpy(-1.0, rig.model.matrix)
     assert once.norm() < 1e-14 * rig.model.matrix.norm()
+
+
+LEFT_OPEN = """
+import atexit
+from petsc4py import PETSc
+atexit.register(lambda: print(PETSc.Options("thirdbody_").getAll()))  # runs after those that are registered later
+from finite_strain.equilibrium.linear_solver import install
+install({"ksp_type": "cg"})
+"""
+
+
+def test_an_error_that_leaves_a_solver_open_leaves_no_options_for_petsc_to_list() -> None:
+    done = subprocess.run([sys.executable, "-c", LEFT_OPEN], capture_output=True, text=True, timeout=120.0, check=False)
+    assert done.stdout.strip() == "{}", done.stderr
