@@ -65,8 +65,8 @@ def test_a_plan_estimates_what_commands_take(
     plan_scene(read_scene(path), "small_strain" if name == "small strain" else None, as_json=True)
     document = json.loads(capsys.readouterr().out)
     model = document["models"][0]
-    told = document["evolution"] if name == "evolve" else model
-    said, needed = told["processor_seconds"], told["processor_memory_bytes"]
+    planned = document["evolution"] if name == "evolve" else model
+    said, needed = planned["processor_seconds"], planned["processor_memory_bytes"]
     if name == "compare":
         said = SPEEDUP * model["compare"]["seconds"]
     assert seconds / 1.5 < said < 1.5 * seconds
