@@ -9,7 +9,7 @@ LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.
 """Where a container's limit is written: control groups of version 2 and 1."""
 POINTS, TIMES, MEASURED = 10, 20, 3.3e-3
 """Points along each side of the system that `slowness` factors, how often, and its time [s] on the machine that plans'
-constants were measured on: on one where it took 7.3e-3 s, seven runs took 1.95 to 2.44 times as long as there."""
+constants were measured on: on one where it took 7.3e-3 s, six runs took 1.95 to 2.44 times as long as there."""
 
 
 def memory_bytes() -> float:
