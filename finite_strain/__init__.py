@@ -142,7 +142,10 @@ def plan(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
-    """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there."""
+    """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there.
+
+    Times [s] are those of the machine that `finite_strain.planning.cost` was measured on; commands scale them.
+    """
     check_arguments(problem=problem, tangential_force=tangential_force, seconds=seconds, unknowns=unknowns, steps=steps)
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 

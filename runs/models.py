@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
+from runs.process.machine import slowness
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import OutputTable, Scene
 
@@ -134,9 +135,23 @@ def _elements_plan(kinematics: str) -> Planner:
     ) -> dict[str, Any]:
         import finite_strain  # noqa: PLC0415
 
-        return finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget, steps=steps)
+        planned = finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget, steps=steps)
+        return _slower(planned, slowness())
 
     return plan
+
+
+def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """Return a plan whose times, and those of its other numbers of meshes, are ``factor`` times as long."""
+
+    def longer(key: str, value: Any) -> Any:
+        if key == "perhaps":
+            return [_slower(other, factor) for other in value]
+        if key == "seconds_of_meshes":
+            return [factor * each for each in value]
+        return factor * value if key in ("seconds", "processor_seconds") else value
+
+    return {key: longer(key, value) for key, value in plan.items()}
 
 
 _HALF_SPACE = frozenset({"substrate"})
@@ -216,8 +231,8 @@ def planned_runs(
 
 
 def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dict[str, Any]:
-    """Return the plan of a model with time, ``seconds``, and memory of the command around it."""
-    more = dict.fromkeys(("seconds", "processor_seconds"), seconds)
+    """Return the plan of a model with memory and time of the command around it: ``seconds`` where it was measured."""
+    more = dict.fromkeys(("seconds", "processor_seconds"), slowness() * seconds)
     more |= dict.fromkeys(("memory_bytes", "processor_memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
     others = {key: [as_command(other, seconds) for other in plan[key]] for key in ("perhaps",) if key in plan}
     return {**plan, **others} | {key: plan[key] + value for key, value in more.items() if key in plan}

@@ -7,6 +7,7 @@ import numpy as np
 
 from runs.evolution.pair_forces import PairLaw
 from runs.evolution.pair_list import CutLaw
+from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
 PER_PAIR, PER_BALL, ON_MESH = 6.5e-7, 1.5e-4, 9e-5
@@ -25,11 +26,12 @@ def expectation(scene: Scene) -> dict[str, Any]:
     around = problem.size * math.pi * law.reach**2 / float(np.prod(sides))
     pairs = 0.5 * problem.size * (around if periodic is not None else min(around, problem.size - 1.0))
     steps = STEPS * math.sqrt(problem.size)
+    step = pairs * PER_PAIR + problem.size * (PER_BALL if periodic is None else PER_BALL + ON_MESH)
     return {
         "reach": law.reach,
         "pairs": pairs,
         "steps": steps,
-        "seconds": steps * (pairs * PER_PAIR + problem.size * (PER_BALL if periodic is None else PER_BALL + ON_MESH)),
+        "seconds": slowness() * steps * step,
     }
 
 

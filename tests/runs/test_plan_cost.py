@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+import finite_strain
 from linear_bem.errors import UnsupportedProblem
+from runs import models
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
 from runs.models import MODELS, as_command, planned_runs
@@ -67,6 +69,27 @@ def test_the_command_around_a_run_takes_its_time_with_any_number_of_meshes() -> 
     plan = as_command({"seconds": 1.0, "perhaps": [{"meshes": 3, "seconds": 2.0}]})
     assert plan["perhaps"] == [{"meshes": 3, "seconds": plan["seconds"] + 1.0}]
     assert "perhaps" not in as_command({"seconds": 1.0})
+
+
+def test_times_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = scene(tmp_path, "").problem
+    monkeypatch.setattr(models, "slowness", lambda: 2.5)
+    elements = MODELS["finite_strain"].plan
+    assert elements is not None
+    said, measured = elements(problem, 0.005, {}, None), finite_strain.plan(problem, 0.005, steps=None)
+    assert said.keys() == measured.keys()
+    assert said["perhaps"]
+    for here, there in ((said, measured), *zip(said["perhaps"], measured["perhaps"], strict=True)):
+        assert here["seconds"] == 2.5 * there["seconds"]
+        assert here["processor_seconds"] == 2.5 * there["processor_seconds"]
+        assert here["memory_bytes"] == there["memory_bytes"]
+    assert said["seconds_of_meshes"] == [2.5 * value for value in measured["seconds_of_meshes"]]
+    assert as_command({"seconds": 1.0})["seconds"] == 1.0 + 2.5 * models.COMMAND_SECONDS
+
+
+def test_this_machine_is_timed_once() -> None:
+    assert 0.01 < machine.slowness() < 100.0
+    assert machine.slowness() is machine.slowness()
 
 
 def test_a_budget_beyond_the_memory_is_refused_before_any_work(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from runs import models
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
 from runs.scene.scene_file import read_scene
@@ -62,6 +63,7 @@ def test_a_plan_estimates_what_commands_take(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(planning.Adviser, "advise", lambda _: [])  # other tests' subject
     monkeypatch.setattr(planning, "PATIENCE", 0.0)
+    monkeypatch.setattr(models, "slowness", lambda: 1.0)  # they were measured on the machine of the plan's constants
     plan_scene(read_scene(path), "small_strain" if name == "small strain" else None, as_json=True)
     document = json.loads(capsys.readouterr().out)
     model = document["models"][0]
