@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Indices
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 
 Body = tuple[object, float]
@@ -47,12 +47,9 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
     if not whole:
         return []
     numbers, faults = np.array(list(whole)), [] if cell is None else _own_overlaps(whole, cell)
-    # a pair can be too close only within twice the largest half width
-    widest = max(largest_half_width(*body) for body in whole.values())
-    near = cKDTree(in_cell(positions[numbers], cell), boxsize=cell).query_pairs(2.0 * widest, output_type="ndarray")
-    pairs = numbers[near]
+    pairs = _near_pairs(numbers, positions, np.array([largest_half_width(*body) for body in whole.values()]), cell)
     found: list[tuple[float, float, int, int]] = []
-    for i, j in pairs[np.lexsort(pairs.T[::-1])].tolist():
+    for i, j in pairs.tolist():
         between = positions[j] - positions[i]
         if cell is not None:
             between -= cell * np.round(between / cell)
@@ -70,6 +67,17 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
             f"{what} need at least {gap + by:.9g} m; caps of a rough surface may stand closer: Ball(..., asperity=True)"
         )
     return faults
+
+
+def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Array | None) -> Indices:
+    """Return the pairs of bodies (pairs, 2), in order, of which one stands within twice the larger half width."""
+    inside = in_cell(positions[numbers], cell)
+    near = cKDTree(inside, boxsize=cell).query_ball_point(inside, 2.0 * half_widths)
+    first, second = np.repeat(np.arange(len(numbers)), list(map(len, near))), np.concatenate(near).astype(np.intp)
+    # of two equal ones each is near the other
+    once = (half_widths[second] < half_widths[first]) | ((half_widths[second] == half_widths[first]) & (first < second))
+    pairs = np.sort(np.stack([numbers[first[once]], numbers[second[once]]], axis=1), axis=1)
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:

@@ -1,5 +1,6 @@
 """Problems made in Python: values that are not numbers, or too small, are refused at construction."""
 
+import itertools
 import math
 
 import numpy as np
@@ -99,3 +100,31 @@ def test_overlaps_among_many_balls_are_found():
     assert [line.split(" overlap")[0] for line in fault.value.faults] == [
         "balls.positions: balls 1233 and 1234",
     ]
+
+
+@pytest.mark.parametrize("cell", [None, (12.0, 15.0)])
+def test_overlaps_of_unlike_balls_are_those_of_all_pairs(cell):
+    rng, lengths = np.random.default_rng(0), None if cell is None else np.array(cell)
+    for _ in range(40):
+        x, radii = rng.uniform(0.0, 12.0, (8, 2)), np.exp(rng.uniform(-3.0, 1.5, 8))
+        overlaps = []
+        for i, j in itertools.combinations(range(8), 2):
+            apart = x[i] - x[j] if lengths is None else x[i] - x[j] - lengths * np.round((x[i] - x[j]) / lengths)
+            overlaps.append((2.0 * math.sqrt(radii[i] * radii[j]) - math.hypot(*apart), i, j))
+        by, i, j = max(overlaps)
+        bodies = {k: ("sphere", radius) for k, radius in enumerate(radii.tolist())}
+        said = linear_bem.touching.overlap_faults(bodies, x, lengths)
+        assert len(said) == (by > 0.0)
+        assert not said or said[0].startswith(f"balls.positions: balls {i} and {j} overlap by {by:.3g} m")
+
+
+def test_a_large_ball_among_many_small_ones_is_compared_with_each_once(monkeypatch):
+    compared, touching_distance = [], linear_bem.touching.touching_distance
+    monkeypatch.setattr(
+        linear_bem.touching, "touching_distance", lambda *pair: compared.append(1) or touching_distance(*pair)
+    )
+    places = [(25.0 + 1.1 * i, 1.1 * j) for i in range(20) for j in range(20)]
+    Problem(
+        Layer(1.0, 0.3, 5.0), (Ball((0.0, 0.0), 200.0), *(Ball(p, 0.5) for p in places)), Load("force", (1e-3,) * 401)
+    )
+    assert len(compared) == 400

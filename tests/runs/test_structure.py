@@ -71,3 +71,17 @@ def test_the_hexatic_order_does_not_depend_on_the_cells_origin_where_balls_are_m
     turned = np.exp(6j * np.arctan2(away[:, 1], away[:, 0]))
     mean = np.array([turned[owner == i].mean() for i in range(len(gas))])
     assert structure.hexatic_order(gas, None) == pytest.approx(mean, abs=1e-9)
+
+
+@pytest.mark.parametrize("cell", [(20.0, 20.0), (14.0, 60.0)])
+def test_the_hexatic_order_of_a_cluster_alone_counts_neighbours_across_the_void(cell: tuple[float, float]) -> None:
+    x, lengths = triangular(6, 6, 2.1)[0], np.array(cell)
+    x = x + np.random.default_rng(1).uniform(-0.05, 0.05, x.shape)
+    order = structure.hexatic_order(x, lengths)
+    for shift in (5.0, 11.0):
+        assert structure.hexatic_order(x + shift, lengths) == pytest.approx(order, abs=1e-9)
+    # the same cluster in a cell of two and of three by three, whose images surround it farther
+    for copies in (2, 3):
+        moves = np.array([(i, j) for i in range(copies) for j in range(copies)])
+        repeated = (x[None] + lengths * moves[:, None]).reshape(-1, 2)
+        assert structure.hexatic_order(repeated, copies * lengths)[: len(x)] == pytest.approx(order, abs=1e-9)
