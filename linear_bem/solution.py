@@ -50,6 +50,8 @@ class Estimated:
 class Solution:
     """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
 
+    In a periodic cell ``contacts`` are those of the balls' images inside it.
+
     ``tangential_force_error`` [N] per ball: the larger of the change of T with the last refinement and of the
     difference between the mutual formula and the slope integral, whose errors are independent. ``errors`` are those of
     forces, approaches, peak pressures and areas.
@@ -73,7 +75,9 @@ class Solution:
 
     def outline(self, ball: int) -> tuple[Array, Array]:
         """Return points x, y [m] on the edge of one ball's contact."""
-        return self.contacts.outline(ball)
+        x, y = self.contacts.outline(ball)
+        to_x, to_y = self.problem.positions[ball] - self.contacts.problem.positions[ball]  # to another image
+        return x + to_x, y + to_y
 
     def __repr__(self) -> str:
         """Return one short line: kind and size of the discretisation, and what `Result` shows."""

@@ -113,7 +113,7 @@ def solve_contact(
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require_memory(problem)
-    answer = _refined(problem, kernel, accuracy, report, sample)
+    answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
     deepest, largest = (float(np.max(values)) for values in (contacts.approaches, contacts.contact_areas))
     strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)

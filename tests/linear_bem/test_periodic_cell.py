@@ -270,6 +270,28 @@ def test_an_unloaded_ball_rests_on_the_surface_of_the_cell():
     assert resting.approach == pytest.approx(float(below[0]), rel=0.05)  # it leans on the slope, not on the axis
 
 
+def test_balls_given_by_images_many_cells_away_have_the_same_state_and_errors():
+    problem = lattice(12, Load("force", tuple(0.02 * (1.0 + 0.3 * np.sin(np.arange(12.0))))), "soft base")
+    moves = {3: (30, -20), 7: (-1, 2)}
+    away = {i: np.array(problem.periodic.lengths) * move for i, move in moves.items()}
+    balls = list(problem.balls)
+    for i, shift in away.items():
+        balls[i] = replace(balls[i], position=tuple((balls[i].position + shift).tolist()))
+    inside, outside = (
+        solve_contact(case, ACCURACY, sample=4) for case in (problem, replace(problem, balls=tuple(balls)))
+    )
+    for one, other, given in zip(inside.result().balls, outside.result().balls, balls, strict=True):
+        assert other.position == given.position
+        assert other.tangential_force == pytest.approx(one.tangential_force, abs=1e-9 * 0.02)
+        assert other.tangential_force_error == pytest.approx(one.tangential_force_error, rel=1e-3)
+        assert [other.errors[name] for name in one.errors] == pytest.approx(list(one.errors.values()), rel=1e-3)
+    for i in range(12):
+        there, here = np.array(outside.outline(i)).T, np.array(inside.outline(i)).T
+        assert there == pytest.approx(here + away.get(i, 0.0), abs=1e-6)
+    peak = outside.pressure(*balls[3].position)
+    assert peak == pytest.approx(inside.result().balls[3].peak_pressure, rel=1e-3)
+
+
 def test_many_balls_in_a_cell_are_known_by_a_sample():
     # 6 x 6 x 3 = 108 balls are judged by a sample, the three of one cell by their neighbouring degrees
     many = [(x + m * LENGTHS[0], y + n * LENGTHS[1]) for m in range(6) for n in range(6) for x, y in PLACES]
