@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from linear_bem.lifted_balls import nearest
 from linear_bem.problem import Load
 from linear_bem.profiles import difference
 from linear_bem.solution import Solution, solved
@@ -23,14 +24,14 @@ def elastic_energy(solution: Solution) -> float:
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
-    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour. Touching balls may overlap
-    in it, because only their contacts with the layer are modelled.
+    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image. Touching balls may
+    overlap in it, because only their contacts with the layer are modelled.
     """
     problem = solved(solution, "energy_force").problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)
     here = np.array(problem.balls[ball].position)
-    others = [np.hypot(*(here - b.position)) for j, b in enumerate(problem.balls) if j != ball]
-    h = step if step is not None else 0.01 * min(others, default=problem.balls[ball].radius)
+    apart = float(nearest(problem)[ball])
+    h = step if step is not None else 0.01 * (apart if np.isfinite(apart) else problem.balls[ball].radius)
 
     def energy(dx: float, dy: float) -> float:
         moved = [replace(b, asperity=True) for b in problem.balls]

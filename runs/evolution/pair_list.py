@@ -225,13 +225,9 @@ def wrapped(x: Array, cell: Array) -> Array:
     return np.where(inside < cell, inside, 0.0)
 
 
-def images(x: Array, cell: Array, around: float = 0.0) -> Array:
-    """Return positions in the cell and in cells around it [m], those in the cell first, in the order of x.
-
-    They are the eight next to it, and all within ``around`` [m].
-    """
-    along, across = (sorted(range(-n, n + 1), key=abs) for n in np.maximum(np.ceil(around / cell), 1.0).astype(int))
-    shifts = np.array([(i, j) for i in along for j in across])
+def images(x: Array, cell: Array) -> Array:
+    """Return positions in the cell and in the eight cells around it [m], those in the cell first, in the order of x."""
+    shifts = np.array([(i, j) for i in (0, -1, 1) for j in (0, -1, 1)])
     return np.asarray((wrapped(x, cell)[None] + cell * shifts[:, None]).reshape(-1, 2))
 
 

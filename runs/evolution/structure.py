@@ -22,8 +22,6 @@ FLAT = 1e-3
 """Width over length below which balls are in one line."""
 EDGE = 1e-6
 """Length of the edge between two Voronoi cells over their balls' distance up to which it is a corner."""
-AROUND = 0.5
-"""Share of a periodic cell whose images surround it where neighbours are looked for at first."""
 
 
 def nearest_distances(x: Array, cell: Array | None) -> Array:
@@ -48,7 +46,8 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     count = len(x)
     if cell is None and (count < 4 or np.linalg.svd(x - x.mean(axis=0), compute_uv=False)[1] < FLAT * np.ptp(x)):
         return np.zeros(count, dtype=complex)
-    diagram = Voronoi(x) if cell is None else _diagram_in_cell(x, cell)
+    # the eight cells around are enough: of balls more than a cell's length away along an axis an image is nearer
+    diagram = Voronoi(x if cell is None else images(x, cell))
     points, pairs, ends = diagram.points, diagram.ridge_points, np.array(diagram.ridge_vertices)
     apart = np.hypot(*(points[pairs[:, 1]] - points[pairs[:, 0]]).T)
     edges = np.hypot(*(diagram.vertices[ends[:, 1]] - diagram.vertices[ends[:, 0]]).T)
@@ -59,29 +58,6 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     own = owner[owner < count]
     total = np.bincount(own, turned.real, count) + 1j * np.bincount(own, turned.imag, count)
     return np.asarray(total / np.maximum(np.bincount(own, minlength=count), 1))
-
-
-def _diagram_in_cell(x: Array, cell: Array) -> Voronoi:
-    """Return Voronoi's diagram of the balls, first, and of images around the cell, exact for the balls.
-
-    A ball's Voronoi cell changes only by points within twice the distance of its farthest vertex, which is at most half
-    of the periodic cell's diagonal: where images do not reach so far, as beside a cluster alone, more of them do.
-    """
-    diagram = Voronoi(_surrounded(x, cell, AROUND * cell))
-    pairs, ends = diagram.ridge_points, np.array(diagram.ridge_vertices)
-    own = np.min(pairs, axis=1) < len(x)
-    needed = float(np.hypot(*cell))
-    if np.all(ends[own] >= 0):
-        centres = diagram.points[pairs[own, 0]]
-        needed = min(needed, 2.0 * max(np.max(np.hypot(*(diagram.vertices[k] - centres).T)) for k in ends[own].T))
-    if needed <= AROUND * np.min(cell):
-        return diagram
-    return Voronoi(_surrounded(x, cell, np.maximum(needed, AROUND * cell)))
-
-
-def _surrounded(x: Array, cell: Array, margin: Array) -> Array:
-    around = images(x, cell, float(np.max(margin)))
-    return around[np.all((around >= -margin) & (around <= cell + margin), axis=1)]
 
 
 def structure_factor(x: Array, cell: Array | None, largest: float) -> tuple[Array, Array]:

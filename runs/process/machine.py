@@ -27,7 +27,7 @@ def memory_bytes() -> float:
 def slowness() -> float:
     """Return the time of computations on this machine over that where the constants of plans were measured.
 
-    It is that of the factors of Laplace's equation on `POINTS` cubed points, the quickest of many: 0.1 s in all.
+    It is that of the factors of Laplace's equation on `POINTS` cubed points, the quickest of many: 0.1 to 0.2 s in all.
     """
     from scipy.sparse import diags, identity, kron  # noqa: PLC0415  (only where a plan is made)
     from scipy.sparse.linalg import splu  # noqa: PLC0415

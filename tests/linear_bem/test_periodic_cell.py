@@ -20,6 +20,7 @@ from linear_bem import (
     Punch,
     SurfaceResponse,
     UnsupportedProblem,
+    energy_force,
     solve_contact,
     solve_point_load,
     stress,
@@ -268,6 +269,15 @@ def test_an_unloaded_ball_rests_on_the_surface_of_the_cell():
     below = solution.displacement(np.array([PLACES[2][0]]), np.array([PLACES[2][1]]))
     assert resting.normal_force == 0.0
     assert resting.approach == pytest.approx(float(below[0]), rel=0.05)  # it leans on the slope, not on the axis
+
+
+def test_the_force_by_energy_is_that_of_the_formulas_for_balls_given_by_images():
+    problem = cell(Load("approach", (0.1, 0.08, 0.05)), "soft base")
+    first, second, third = problem.balls
+    far = replace(second, position=(second.position[0] + 90 * LENGTHS[0], second.position[1]))
+    solution = solve_contact(replace(problem, balls=(first, far, third)), 1e-6)
+    force = numbers(solution)[0]
+    assert energy_force(solution, 1) == pytest.approx(tuple(force[1]), abs=1e-4 * float(np.max(np.abs(force))))
 
 
 def test_balls_given_by_images_many_cells_away_have_the_same_state_and_errors():

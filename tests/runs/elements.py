@@ -197,9 +197,10 @@ def install() -> None:
 def main() -> None:
     """Run the command line with this stand-in, which plans the same times on every machine."""
     from runs import cli, models  # noqa: PLC0415
+    from runs.evolution import expectation  # noqa: PLC0415
 
     install()
-    with patch.object(models, "slowness", return_value=1.0):
+    with patch.object(models, "slowness", lambda: 1.0), patch.object(expectation, "slowness", lambda: 1.0):
         cli.main()
 
 

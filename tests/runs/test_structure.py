@@ -73,15 +73,17 @@ def test_the_hexatic_order_does_not_depend_on_the_cells_origin_where_balls_are_m
     assert structure.hexatic_order(gas, None) == pytest.approx(mean, abs=1e-9)
 
 
-@pytest.mark.parametrize("cell", [(20.0, 20.0), (14.0, 60.0)])
-def test_the_hexatic_order_of_a_cluster_alone_counts_neighbours_across_the_void(cell: tuple[float, float]) -> None:
-    x, lengths = triangular(6, 6, 2.1)[0], np.array(cell)
-    x = x + np.random.default_rng(1).uniform(-0.05, 0.05, x.shape)
-    order = structure.hexatic_order(x, lengths)
-    for shift in (5.0, 11.0):
-        assert structure.hexatic_order(x + shift, lengths) == pytest.approx(order, abs=1e-9)
-    # the same cluster in a cell of two and of three by three, whose images surround it farther
-    for copies in (2, 3):
-        moves = np.array([(i, j) for i in range(copies) for j in range(copies)])
-        repeated = (x[None] + lengths * moves[:, None]).reshape(-1, 2)
-        assert structure.hexatic_order(repeated, copies * lengths)[: len(x)] == pytest.approx(order, abs=1e-9)
+def test_the_hexatic_order_counts_neighbours_across_wide_voids_of_any_cell() -> None:
+    rng = np.random.default_rng(1)
+    cluster = triangular(6, 6, 2.1)[0] + rng.uniform(-0.05, 0.05, (36, 2))
+    cases = [(cluster, (20.0, 20.0)), (cluster, (14.0, 60.0))]
+    cases += [(rng.uniform(0.0, 1.0, (n, 2)) * cell, cell) for n in (1, 2, 5, 12) for cell in ((1.0, 1.0), (6.0, 1.0))]
+    for x, lengths in cases:
+        cell = np.array(lengths)
+        order = structure.hexatic_order(x, cell)
+        for shift in (0.25, 0.55) * cell[:, None]:
+            assert structure.hexatic_order(x + shift, cell) == pytest.approx(order, abs=1e-9)
+        # the same balls in a cell of three by three, whose images surround them farther
+        moves = np.array([(i, j) for i in range(3) for j in range(3)])
+        repeated = (x[None] + cell * moves[:, None]).reshape(-1, 2)
+        assert structure.hexatic_order(repeated, 3 * cell)[: len(x)] == pytest.approx(order, abs=1e-9)
