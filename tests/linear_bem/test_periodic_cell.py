@@ -1,6 +1,5 @@
-"""A cell that repeats: its images, the wave k = 0, and contacts in it against balls alone in the plane."""
+"""Contacts in a cell that repeats: fields, loads and errors, also against balls alone in the plane."""
 
-import itertools
 import tracemalloc
 from dataclasses import replace
 
@@ -18,18 +17,12 @@ from linear_bem import (
     Periodic,
     Problem,
     Punch,
-    SurfaceResponse,
     UnsupportedProblem,
     energy_force,
     solve_contact,
     solve_point_load,
     stress,
 )
-from linear_bem.far_field.kernel_split import RULES, Split
-from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
-from linear_bem.far_field.particle_mesh import NestedMesh, PeriodicMesh
-from linear_bem.layer.cell import Cell
-from linear_bem.layer.response import LayerResponse
 from linear_bem.lifted_balls import nearest, smooth_state
 from linear_bem.smooth.displacement import AT_ONCE, LatticeRest
 from linear_bem.smooth.initial_guess import first_guess
@@ -63,87 +56,6 @@ def numbers(solution):
 @pytest.fixture(scope="module")
 def under_forces():
     return {base: solve_contact(cell(Load("force", FORCES), base), ACCURACY) for base in BASES}
-
-
-def test_the_mesh_and_near_images_add_up_to_the_sum_over_all_images():
-    rng = np.random.default_rng(4)
-    points, loads = rng.uniform(-4.0, 9.0, (30, 2)), rng.uniform(0.5, 1.5, 30)
-    kernel = LayeredKernel.of(cell(Load("force", FORCES)))
-    exact = np.zeros(30)
-    for m in range(-8, 9):
-        for n in range(-8, 9):
-            r = np.hypot(*np.moveaxis(points[:, None] - points - np.multiply((m, n), LENGTHS), 2, 0))
-            exact += np.where(r > 0.0, kernel.scaled(np.where(r > 0.0, r, 1.0)), 0.0) @ loads
-    found = []
-    for precision, error in ((1e-5, 4e-6), (1e-7, 3e-7), (1e-10, 1e-8)):
-        field = FarField.of(kernel, points, np.array(0.0), precision)
-        assert field.mesh is not None
-        found.append(PointInfluence(field, points) @ loads)
-        assert np.max(np.abs(found[-1] - exact)) < error * np.max(np.abs(exact))
-
-
-@pytest.mark.parametrize("base", [None, Elastic(5.0, 0.3)])
-def test_meshes_coarser_than_a_thin_layer_add_up_to_the_kernel(base):
-    rng = np.random.default_rng(7)
-    lengths = (20.0, 21.0)
-    points, loads = rng.uniform(0.0, 20.0, (400, 2)), rng.uniform(0.5, 1.5, 400)
-    ball = Ball((0.0, 0.0), 1.0)
-    kernel = LayeredKernel.of(
-        Problem(Layer(1.0, 0.45, 0.1), (ball,), Load("force", (1.0,)), base, periodic=Periodic(lengths))
-    )
-    found = []
-    for spacing in (0.25, 0.5):
-        rule = RULES[0][1]
-        split = Split.of(kernel, spacing, rule)
-        assert split.thin
-        cut = split.step + rule.cut * split.width
-        mesh = PeriodicMesh(
-            np.array(lengths), spacing, lambda k, s=split, c=cut: s.far_transform(k, c, kernel.cell.uniform)
-        )
-        field = FarField(kernel, *kernel.cell.pairs(points, cut), NestedMesh((mesh,)), split, cut)
-        found.append(PointInfluence(field, points) @ loads)
-    if base is None:  # where the sum over images converges
-        exact = np.zeros(400)
-        for m, n in itertools.product((-1, 0, 1), repeat=2):
-            r = np.hypot(*np.moveaxis(points[:, None] - points - np.multiply((m, n), lengths), 2, 0))
-            exact += np.where(r > 0.0, kernel.scaled(np.where(r > 0.0, r, 1.0)), 0.0) @ loads
-        found.append(exact)
-    for other in found[1:]:
-        assert np.max(np.abs(found[0] - other)) < 2e-6 * np.max(np.abs(other))
-
-
-@pytest.mark.parametrize("reach", [1.0, 6.0, 14.0])
-def test_pairs_in_a_cell_are_all_images_within_reach_once(reach):
-    points = np.random.default_rng(5).uniform(-8.0, 12.0, (12, 2))
-    first, second, shift = Cell(np.array(LENGTHS), 0.0).pairs(points, reach)
-    vectors = points[first] - points[second] - shift
-    found = np.concatenate([np.column_stack([first, second, vectors]), np.column_stack([second, first, -vectors])])
-    wanted = []
-    for m in range(-12, 13):
-        for n in range(-12, 13):
-            apart = points[:, None] - points - np.multiply((m, n), LENGTHS)
-            r = np.hypot(apart[..., 0], apart[..., 1])
-            i, j = np.nonzero((r <= reach) & (r > 0.0))
-            wanted.append(np.column_stack([i, j, apart[i, j]]))
-    wanted = np.concatenate(wanted)
-
-    def ordered(rows):
-        return rows[np.lexsort(np.round(rows, 6).T)]
-
-    assert found.shape == wanted.shape
-    np.testing.assert_allclose(ordered(found), ordered(wanted), atol=1e-12)
-
-
-def test_a_uniform_pressure_compresses_the_layer_alone():
-    # a rigid base: the closed form is the limit of the response; a stiff base tends to it, a half-space has none
-    closed, measured = (LayeredKernel.of(cell(Load("force", FORCES))) for _ in range(2))
-    assert closed.cell.uniform == pytest.approx(measured.uniform, rel=1e-9)
-    response = LayerResponse(Elastic(1.0, 0.4), None)
-    own = SurfaceResponse(1.0, 0.4, LAYER.thickness, response)
-    periodic = Cell.of(LENGTHS, own, LayeredKernel(own))
-    assert periodic.uniform == pytest.approx(closed.cell.uniform, rel=1e-5)
-    half_space = Layer(1.0, 0.4, np.inf)
-    assert Cell.of(LENGTHS, half_space, LayeredKernel(half_space)).uniform == 0.0
 
 
 @pytest.mark.parametrize("base", BASES)
