@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
-from runs.evolution.motion import Contacts, moved
+from runs.evolution.motion import DENSE, Contacts, moved
 from runs.evolution.pair_list import wrapped
 
 Pairs = Indices
@@ -33,8 +33,9 @@ TOUCHING = 1e-9
 """Gap over touching distance up to which a pair is in contact."""
 CONNECTED = 1e-3
 """Gap over touching distance up to which a pair belongs to one group."""
-OVERLAP = 1e-12
-"""Overlap over touching distance that is roundoff."""
+OVERLAP, UNSETTLED = 1e-12, 5e-10
+"""Overlap over touching distance that is roundoff, and that the interior-point method may leave among many contacts:
+parting the balls there, and computing their forces again, would take a tenth of the time of a path."""
 FEW = 40
 """Up to so many balls, all their pairs are quicker to look at than a tree is to build."""
 IN_ONE_FILE = 100
@@ -159,7 +160,7 @@ class HardBalls:
         """
         which = self.near(x, 0.25 * self.smallest) if which is None else which
         gaps = self.gaps(x, which)
-        if not np.any(gaps < -OVERLAP * self.smallest):
+        if not np.any(gaps < -(OVERLAP if len(which) <= DENSE else UNSETTLED) * self.smallest):
             return x
         size = self.smallest
         contacts = self._contacts(x, which, -gaps / size)

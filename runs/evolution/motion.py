@@ -38,6 +38,9 @@ EXACT = 1e-10
 """Tolerance of the interior-point method's gap, for velocities of order 1."""
 FEASIBLE = 1e-8
 """Its tolerance of residuals: they end at 1e-13, but it gives up where one grows beyond it on the way."""
+REFINED = 1e-8
+"""Residual from which its linear systems are refined: in 1450 contacts with rolling resistance the same iterations and
+velocities to 4e-9 as with its default of 1e-13, in 0.74 of the time."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,7 @@ def _by_cones(
     settings.presolve_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = EXACT
     settings.tol_feas = FEASIBLE
+    settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = REFINED
     found = clarabel.DefaultSolver(quadratic, linear, matrix.tocsc(), right, cones, settings).solve()
     if str(found.status) not in ("Solved", "AlmostSolved"):
         raise NotConverged(f"hard balls: the velocity at {count} contacts was not found, Clarabel says {found.status}")

