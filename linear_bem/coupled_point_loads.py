@@ -157,5 +157,6 @@ def effective_approaches(
             break
         d, r, slope = trial, after, steeper
     raise NotConverged(
-        f"point loads: the effective approaches did not converge, residual {norm:.1e} m of approach {scale:.1e} m"
+        f"point loads: the effective approaches did not converge, residual {norm:.1e} m of approach {scale:.1e} m; "
+        "press the balls less deep"
     )

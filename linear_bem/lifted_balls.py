@@ -137,7 +137,7 @@ def smooth_state(
     approaches = start.approaches.copy()
     smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision, pair_precision, report)
     if overlap(kernel, smooth.nodes):
-        raise NotConverged("linear_bem: contacts of neighbouring balls merge")
+        raise NotConverged("linear_bem: contacts of neighbouring balls merge; press them less deep")
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]

@@ -48,5 +48,7 @@ def solve_coupled(
     operator = LinearOperator((count, count), lambda q: q + scale * (influence @ (scale * q)))
     found, failed = cg(operator, scale * right, atol=0.0, maxiter=1000, **{_NAMED: residual})
     if failed:
-        raise NotConverged(f"point loads: conjugate gradients did not reach a residual of {residual:g}")
+        raise NotConverged(
+            f"point loads: conjugate gradients did not reach a residual of {residual:g}; press the balls less deep"
+        )
     return np.asarray(scale * found)

@@ -249,7 +249,9 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
         yield contacts
         count, before = 2 * count, contacts
     if before is None:
-        raise NotConverged("linear_bem: contacts kept growing over the edges of their patches")
+        raise NotConverged(
+            "linear_bem: contacts kept growing over the edges of their patches; press the balls less deep"
+        )
 
 
 def _solve(

@@ -106,7 +106,8 @@ class _Cells:
         for (members, _), mine in zip(self.groups, self.groups_within(contact, owner), strict=True):
             if not np.any(mine):
                 raise NotConverged(
-                    "grid contact: a ball under a prescribed force lost its contact during the iteration"
+                    "grid contact: a ball under a prescribed force lost its contact during the iteration; "
+                    "press the balls less deep, or by forces closer to each other"
                 )
             approaches[members] += np.average(misfit[mine], weights=None if self.equal else self.area[mine])
 

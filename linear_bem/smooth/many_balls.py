@@ -106,7 +106,7 @@ def sweep_zones(
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         if not np.isfinite(last):
-            raise NotConverged("smooth contacts: the sweeps diverged")
+            raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         history.append(last)
         report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
@@ -115,7 +115,9 @@ def sweep_zones(
         if np.any(shrinking >= LOST):
             kept = np.flatnonzero(shrinking == 0)
             if kept.size == 0:
-                raise NotConverged("smooth contacts: all balls lost their contact during the sweeps")
+                raise NotConverged(
+                    "smooth contacts: all balls lost their contact during the sweeps; press the balls less deep"
+                )
             raise Lost(kept, unstacked(stack[kept]))
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])
         if slow and np.max(sizes) <= SETTLED and not np.any(shrinking):
@@ -124,7 +126,10 @@ def sweep_zones(
             mixing.forget()
             forces = new_forces
         nodes = NodeStack.of(stack, rule)
-    raise NotConverged(f"smooth contacts: {limit} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}")
+    raise NotConverged(
+        f"smooth contacts: {limit} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}; press the balls "
+        "less deep"
+    )
 
 
 def _moved(zones: ZoneStack, change: Array, reframe: Mask) -> ZoneStack:

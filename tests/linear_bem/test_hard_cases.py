@@ -12,6 +12,7 @@ from linear_bem import (
     Layer,
     LayeredKernel,
     Load,
+    NotConverged,
     Problem,
     UnsupportedProblem,
     solve,
@@ -255,3 +256,12 @@ def test_unsupported_and_invalid_problems_are_refused():
     saddle = Ball((0.0, 0.0), 1.0, lambda x, y: x**2 - y**2)
     with pytest.raises(InvalidProblem, match="convex"):
         solve(Problem(problem.layer, (saddle,), Load("approach", (0.1,))))
+
+
+@pytest.mark.parametrize(("count", "load"), [(9, "force"), (121, "total_force")])
+def test_a_load_that_is_too_large_is_refused_with_a_remedy(count, load):
+    places = [(2.6 * i, 2.6 * j) for i in range(round(count**0.5)) for j in range(round(count**0.5))]
+    values = (41.0,) * count if load == "force" else (41.0 * count,)
+    balls = tuple(Ball(place, 1.0) for place in places)
+    with pytest.raises(NotConverged, match="press the balls less deep"):
+        solve(Problem(Layer(1.0, 0.48, 8.0), balls, Load(load, values)), accuracy=1e-3)
