@@ -24,8 +24,9 @@ def elastic_energy(solution: Solution) -> float:
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
-    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image. Touching balls may
-    overlap in it, because only their contacts with the layer are modelled.
+    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image, and of
+    a ball alone to 1 % of its radius. Touching balls may overlap in it, because only their contacts with the layer are
+    modelled.
     """
     problem = solved(solution, "energy_force").problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)

@@ -20,7 +20,7 @@ from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.newton import SmoothSolution
 from linear_bem.smooth.zone import Zone
-from linear_bem.touching import in_cell
+from linear_bem.touching import wrapped
 
 Contacts = SmoothContacts | GridContacts
 Same = TypeVar("Same", SmoothContacts, GridContacts)
@@ -90,7 +90,7 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
 def nearest(problem: Problem) -> Array:
     """Return the distance [m] of the axis of every ball to the next one, to an image of it, or to one of its own."""
     cell = problem.cell
-    places = in_cell(problem.positions, cell)
+    places = wrapped(problem.positions, cell)
     to_others = cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1]
     return np.minimum(to_others, np.inf if cell is None else np.min(cell))
 

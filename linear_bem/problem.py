@@ -19,7 +19,7 @@ from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
 from linear_bem.magnitudes import is_number, range_faults
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
-from linear_bem.touching import in_cell, overlap_faults
+from linear_bem.touching import overlap_faults, wrapped
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
@@ -188,7 +188,7 @@ class Problem:
     def in_cell(self) -> Problem:
         """Return the problem with every ball at its image inside the periodic cell; unchanged without one."""
         positions = self.positions
-        places = in_cell(positions, self.cell)
+        places = wrapped(positions, self.cell)
         if np.array_equal(places, positions):
             return self
         balls = (replace(ball, position=(float(x), float(y))) for ball, (x, y) in zip(self.balls, places, strict=True))

@@ -131,9 +131,10 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
     if sample is not None or len(guess.touching) > CHECKED:
         try:
             found = solve_by_sample(problem, kernel, wanted, guess, report, sample)
-        except NotConverged:
+        except NotConverged as failed:
             if problem.size > GRIDDED:
-                raise
+                on_grids = "" if kernel.cell is not None else f", or at most {GRIDDED} balls, which grids take"
+                raise NotConverged(f"{failed}{on_grids}") from failed
         else:
             return found
     if (

@@ -13,11 +13,16 @@ Body = tuple[object, float]
 """An indenter or a profile, and its radius [m]."""
 
 
-def in_cell(positions: Array, lengths: Array | None) -> Array:
-    """Return positions inside a periodic cell, as `cKDTree` takes them; unchanged without one."""
-    if lengths is None:
+ROUNDOFF = 1e-9
+"""Overlap over touching distance that a `Problem` may have."""
+
+
+def wrapped(positions: Array, cell: Array | None) -> Array:
+    """Return positions [m] in the cell, from 0 up to but not at its lengths [m]; the same ones without a cell."""
+    if cell is None:
         return positions
-    return np.minimum(positions - lengths * np.floor(positions / lengths), np.nextafter(lengths, 0.0))
+    # in floating point L floor(x / L) may exceed x, and the difference for a small negative x is L
+    return np.clip(positions - cell * np.floor(positions / cell), 0.0, np.nextafter(cell, 0.0))
 
 
 def largest_half_width(body: object, radius: float) -> float:
@@ -54,7 +59,7 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
         if cell is not None:
             between -= cell * np.round(between / cell)
         gap, touch = math.hypot(*between), touching_distance(whole[i], whole[j], (between[0], between[1]))
-        if gap < touch * (1.0 - 1e-9):
+        if gap < touch * (1.0 - ROUNDOFF):
             found.append((touch - gap, gap, i, j))
     if found:
         by, gap, i, j = max(found, key=lambda pair: pair[0])
@@ -70,8 +75,8 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
 
 
 def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Array | None) -> Indices:
-    """Return the pairs of bodies (pairs, 2), in order, of which one stands within twice the larger half width."""
-    inside = in_cell(positions[numbers], cell)
+    """Return the pairs of bodies (pairs, 2), in order, whose axes are at most twice the larger half width apart."""
+    inside = wrapped(positions[numbers], cell)
     near = cKDTree(inside, boxsize=cell).query_ball_point(inside, 2.0 * half_widths)
     first, second = np.repeat(np.arange(len(numbers)), list(map(len, near))), np.concatenate(near).astype(np.intp)
     # of two equal ones each is near the other
@@ -86,5 +91,5 @@ def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:
         f"got {length:.9g} m"
         for i, body in whole.items()
         for axis, length in enumerate(cell)
-        if length < (touch := touching_distance(body, body, (1.0 - axis, float(axis)))) * (1.0 - 1e-9)
+        if length < (touch := touching_distance(body, body, (1.0 - axis, float(axis)))) * (1.0 - ROUNDOFF)
     ]

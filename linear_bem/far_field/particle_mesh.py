@@ -74,7 +74,9 @@ class ParticleMesh:
     def _columns(self, base: Array, axis: int, owner: Indices) -> Array:
         """Return the nodes whose splines reach points that lie in cells ``base`` of an axis, shape (points, order)."""
         if not (np.all(base >= ORDER // 2 - 1) and np.all(base + ORDER // 2 < self.nodes[owner, axis])):
-            raise NotConverged("far field: a contact grew or moved out of the mesh that its first guess had set")
+            raise NotConverged(
+                "far field: a contact grew or moved out of the mesh of its first guess; press the balls less deep"
+            )
         return np.asarray(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
 
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:

@@ -73,7 +73,7 @@ def _solve_grid(
         if not np.any(penetrating):
             return pressure, w, state
         needed = (pressure > 0.0) | penetrating
-    raise NotConverged("solve_height_field: the contact kept growing out of the box that was solved")
+    raise NotConverged("solve_height_field: the contact kept growing out of its box; press the surface less deep")
 
 
 def _box(needed: Mask) -> tuple[slice, slice]:

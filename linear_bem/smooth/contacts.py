@@ -24,6 +24,7 @@ from linear_bem.smooth.displacement import (
 from linear_bem.smooth.newton import Nodes, SmoothSolution
 from linear_bem.smooth.tangential_forces import mutual_force, slope_force
 from linear_bem.smooth.zone import stacked
+from linear_bem.touching import wrapped
 
 EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
 """Relative error of the displacement that residuals are recomputed with, and that of a sample of very many balls."""
@@ -157,7 +158,8 @@ class SmoothContacts:
         if self.sampled is None and len(nodes) <= CHECKED:
             return tuple(range(len(nodes)))
         centres, reach = np.array([n.zone.centre for n in nodes]), np.array([n.zone.reach for n in nodes])
-        away, near = cKDTree(centres).query(centres, min(NEIGHBOURS + 1, len(nodes)))
+        places = wrapped(centres, self.problem.cell)
+        away, near = cKDTree(places, boxsize=self.problem.cell).query(places, min(NEIGHBOURS + 1, len(nodes)))
         touching = list(self.touching)
         sizes = (
             np.hypot(*self.mutual_force[touching].T),
@@ -168,7 +170,8 @@ class SmoothContacts:
         )
         chosen = set(np.linspace(0, len(nodes) - 1, count).astype(int).tolist())
         for size in sizes:
-            chosen |= set(np.argsort(-size, kind="stable")[: count // 4].tolist())
+            shares = np.round(size / (np.max(size) or 1.0), 9)  # roundoff does not choose one of two balls of a pair
+            chosen |= set(np.argsort(-shares, kind="stable")[: count // 4].tolist())
         return tuple(sorted(chosen))
 
     @cached_property

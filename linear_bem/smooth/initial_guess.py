@@ -163,7 +163,9 @@ def solve_smooth(
     """
     old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
     if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
-        raise NotConverged("smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; use a grid")
+        raise NotConverged(
+            "smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; round it off"
+        )
     zones = _reframed(old, degree)
     seldom(report)(f"degree {degree}: {len(zones)} contacts")
     groups = force_groups(problem.load, touching, kernel.singular)
@@ -171,7 +173,7 @@ def solve_smooth(
     if radius > ROUGHEST * kernel.thickness:
         raise NotConverged(
             f"smooth contact: contact radius {radius:g} m is {radius / kernel.thickness:.3g} layer thicknesses, "
-            f"more than {ROUGHEST:g}"
+            f"more than {ROUGHEST:g}; press the balls less deep"
         )
     shapes = [height(problem.balls[i]) for i in touching]
     if len(touching) > DENSE or kernel.cell is not None:

@@ -116,7 +116,8 @@ def sweep_zones(
             kept = np.flatnonzero(shrinking == 0)
             if kept.size == 0:
                 raise NotConverged(
-                    "smooth contacts: all balls lost their contact during the sweeps; press them closer to equal depth"
+                    "smooth contacts: all balls lost their contact during the sweeps; press the balls less deep or "
+                    "closer to equal depth"
                 )
             raise Lost(kept, unstacked(stack[kept]))
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])

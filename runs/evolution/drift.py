@@ -5,9 +5,9 @@ Independent variable sigma = s/f [m], sliding path over friction coefficient; ve
 doi 10.1016/0893-9659(89)90079-7].
 
 Contacts. In a step of length h no gap g may close faster than g/h, at every stage: a pair that would close within the
-step closes at its end, and nothing overlaps. For constant forces this is the exact end of the step, whenever within it
-the pair touches: both are the projection of the free motion (Moreau's catching-up algorithm, source as in
-`runs.evolution.motion`). Forces that change make the difference
+step closes at its end, and nothing overlaps by more than `hard_balls.UNSETTLED`. For constant forces this is the exact
+end of the step, whenever within it the pair touches: both are the projection of the free motion (Moreau's catching-up
+algorithm, source as in `runs.evolution.motion`). Forces that change make the difference
 
     e = (h - h_1) |df| / 2,
 

@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
+from linear_bem.touching import wrapped
 from runs.evolution.motion import DENSE, Contacts, moved
-from runs.evolution.pair_list import wrapped
 
 Pairs = Indices
 """Numbers of pairs, rising, shape (pairs,)."""
@@ -34,8 +34,9 @@ TOUCHING = 1e-9
 CONNECTED = 1e-3
 """Gap over touching distance up to which a pair belongs to one group."""
 OVERLAP, UNSETTLED = 1e-12, 5e-10
-"""Overlap over touching distance that is roundoff, and that the interior-point method may leave among many contacts:
-parting the balls there, and computing their forces again, would take a tenth of the time of a path."""
+"""Overlap over touching distance that is roundoff, and that is left where more than `DENSE` pairs are near, as the
+interior-point method ends with it: parting the balls there, and computing their forces again, would take a tenth of the
+time of a path. It is below what a `Problem` of these balls may have (`linear_bem.touching.ROUNDOFF`)."""
 FEW = 40
 """Up to so many balls, all their pairs are quicker to look at than a tree is to build."""
 IN_ONE_FILE = 100
@@ -156,6 +157,7 @@ class HardBalls:
     def parted(self, x: Array, load: Array, which: Pairs | None = None) -> Array:
         """Return the nearest positions [m] (metric Q) without overlap; ``which`` numbers all pairs that may have one.
 
+        Overlaps up to `OVERLAP`, or `UNSETTLED`, are left.
         A gap is a convex function of the positions: where its linearisation is not negative, it is not either.
         """
         which = self.near(x, 0.25 * self.smallest) if which is None else which

@@ -30,8 +30,9 @@ from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
+from linear_bem.touching import wrapped
 from runs.evolution.forces import State
-from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh, wrapped
+from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh
 
 
 class SingleBall:

@@ -29,6 +29,7 @@ from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.far_field.kernel_split import RULES, Split
 from linear_bem.far_field.particle_mesh import ORDER, PeriodicMesh, Points
+from linear_bem.touching import wrapped
 
 if TYPE_CHECKING:
     from runs.evolution.pair_forces import PairLaw
@@ -220,12 +221,6 @@ class PairList:
             pairs = tree.query_pairs(radius, output_type="ndarray")
             first, second = np.divmod(np.sort(pairs.min(axis=1) * count + pairs.max(axis=1)), count)
         return first, second, np.zeros((len(first), 2))
-
-
-def wrapped(x: Array, cell: Array) -> Array:
-    """Return the images of positions ``x`` [m] in the cell, from 0 up to but not at its lengths [m]."""
-    inside = np.mod(x, cell)  # which rounds a small negative number to the length itself
-    return np.where(inside < cell, inside, 0.0)
 
 
 def images(x: Array, cell: Array) -> Array:

@@ -12,9 +12,10 @@ from scipy.spatial import Voronoi, cKDTree
 from scipy.special import j0
 
 from linear_bem.arrays import Array, Indices
+from linear_bem.touching import wrapped
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.pair_list import images, wrapped
+from runs.evolution.pair_list import images
 
 WAVES = 48
 """Rings of wave numbers, from 0 to two over the smallest touching distance, times 2 pi."""
@@ -31,7 +32,7 @@ def nearest_distances(x: Array, cell: Array | None) -> Array:
 
 
 def cluster_sizes(balls: HardBalls, x: Array) -> Indices:
-    """Return the numbers of balls of the clusters, largest first: balls in contact belong together."""
+    """Return the numbers of balls of the clusters, largest first; see `HardBalls.groups`."""
     return np.array(sorted((len(group) for group in balls.groups(x)), reverse=True))
 
 
@@ -39,8 +40,9 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     r"""Return psi_6 of every ball: the mean of exp(6 i theta) over the directions theta to its neighbours.
 
     Neighbours are those whose cells of Voronoi's diagram share an edge longer than `EDGE`, so that four balls on one
-    circle, as at a vacancy of a lattice, have no diagonal; balls in one line have none, and 0. |psi_6| = 1 in a
-    triangular lattice; the size of the mean over all balls is less than the mean size where grains point differently.
+    circle, as at a vacancy of a lattice, have no diagonal; balls in one line without a cell have none, and 0.
+    |psi_6| = 1 in a triangular lattice; the size of the mean over all balls is less than the mean size where grains
+    point differently.
     [Halperin, Nelson 1978, doi 10.1103/PhysRevLett.41.121]
     """
     count = len(x)

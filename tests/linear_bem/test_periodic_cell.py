@@ -214,6 +214,29 @@ def test_balls_given_by_images_many_cells_away_have_the_same_state_and_errors():
     assert peak == pytest.approx(inside.result().balls[3].peak_pressure, rel=1e-3)
 
 
+@pytest.mark.parametrize(("length", "x"), [(2.6, 7.8), (1.2, -3.6), (1.3, 3.9)])
+def test_a_ball_whole_cells_away_from_the_origin_is_at_the_origin(length, x):
+    # in floating point these are not whole cells: L floor(x / L) exceeds x
+    ball = Ball((x, 0.5 * length), 0.5)
+    problem = Problem(LAYER, (ball,), Load("approach", (0.01,)), periodic=Periodic((length, length)))
+    assert 0.0 <= problem.in_cell().positions[0, 0] < length
+
+
+def test_the_sample_has_the_balls_that_nearly_meet_across_the_edge():
+    # of twelve balls 1 and 2 are small and nearly meet, while 4 and 5 have the largest T, force and contact
+    places = [(2.5 + 5.0 * i, 2.5 + 5.0 * j) for i in range(4) for j in range(3)]
+    places[2], places[5] = (2.5, 8.52), (7.5, 11.0)
+    radii, forces = np.ones(12), np.full(12, 0.02)
+    radii[1:3], forces[1:3], forces[4:6] = 0.5, 0.01, 0.15
+    samples = []
+    for shift in (0.0, -8.0):
+        balls = tuple(Ball((x, y + shift), r) for (x, y), r in zip(places, radii, strict=True))
+        problem = Problem(LAYER, balls, Load("force", tuple(forces)), periodic=Periodic((20.0, 15.0)))
+        samples.append(solve_contact(problem, ACCURACY, sample=4).contacts.sample)
+    assert {1, 2} & set(samples[0])
+    assert samples[0] == samples[1]
+
+
 def test_many_balls_in_a_cell_are_known_by_a_sample():
     # 6 x 6 x 3 = 108 balls are judged by a sample, the three of one cell by their neighbouring degrees
     many = [(x + m * LENGTHS[0], y + n * LENGTHS[1]) for m in range(6) for n in range(6) for x, y in PLACES]

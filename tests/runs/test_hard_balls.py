@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from linear_bem import Ball, Layer, Load, Problem
 from runs.evolution import motion
 from runs.evolution.drift import Drift, Moment
-from runs.evolution.hard_balls import HardBalls
+from runs.evolution.hard_balls import TOUCHING, UNSETTLED, HardBalls
 from runs.evolution.providers import Provider
 from tests.runs.foam_balls import RADIUS, line, scene, spread
 from tests.runs.lattices import lattice, triangular
@@ -106,3 +107,10 @@ def test_overlaps_within_the_error_of_the_solver_are_left(count: int, kept: floa
     least = [float(np.min(balls.gaps(balls.parted(line * (1.0 - k * kept), load)))) for k in (1.0, 4.0)]
     assert least[0] == pytest.approx(-2.0 * kept, rel=1e-2)
     assert least[1] > -0.1 * kept
+
+
+def test_the_overlaps_that_are_left_are_no_fault_of_a_problem() -> None:
+    touching = Load("force", (1.0, 1.0))
+    balls = tuple(Ball((x * (1.0 - UNSETTLED), 0.0), 1.0) for x in (0.0, 2.0))
+    assert Problem(Layer(1.0, 0.4, 1.5), balls, touching).size == 2
+    assert UNSETTLED < TOUCHING

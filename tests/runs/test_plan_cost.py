@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from linear_bem.errors import UnsupportedProblem
 from runs import models
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
+from runs.evolution import expectation
 from runs.models import MODELS, as_command, planned_runs
 from runs.process import machine
 from runs.scene.scene_file import Scene, read_scene
@@ -85,6 +87,12 @@ def test_times_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest.Mon
         assert here["memory_bytes"] == there["memory_bytes"]
     assert said["seconds_of_meshes"] == [2.5 * value for value in measured["seconds_of_meshes"]]
     assert as_command({"seconds": 1.0})["seconds"] == 1.0 + 2.5 * models.COMMAND_SECONDS
+    drift = read_scene(ROOT / "runs" / "scenes" / "experiment_nine_30mm.toml")
+    times = []
+    for factor in (2.5, 1.0):
+        monkeypatch.setattr(expectation, "slowness", partial(float, factor))
+        times.append(expectation.expectation(drift)["seconds"])
+    assert times[0] == 2.5 * times[1]
 
 
 def test_this_machine_is_timed_once() -> None:

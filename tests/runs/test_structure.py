@@ -81,7 +81,7 @@ def test_the_hexatic_order_counts_neighbours_across_wide_voids_of_any_cell() -> 
     for x, lengths in cases:
         cell = np.array(lengths)
         order = structure.hexatic_order(x, cell)
-        for shift in (0.25, 0.55) * cell[:, None]:
+        for shift in np.outer((0.25, 0.55), cell):
             assert structure.hexatic_order(x + shift, cell) == pytest.approx(order, abs=1e-9)
         # the same balls in a cell of three by three, whose images surround them farther
         moves = np.array([(i, j) for i in range(3) for j in range(3)])
