@@ -228,7 +228,8 @@ class Problem:
         if self.periodic is not None:
             lengths = self.periodic.lengths
             if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
-                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {lengths!r:.80}")
+                got = f"{', '.join(f'{v:g}' for v in lengths)} m" if _are_numbers(lengths) else f"{lengths!r:.80}"
+                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {got}")
         if not _are_numbers(self.load.values):
             faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r:.80}")
         return faults

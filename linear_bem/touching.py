@@ -51,25 +51,30 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
     """Return which whole bodies, by the number of their ball, overlap others or their own images in the next cell."""
     if not whole:
         return []
-    numbers, faults = np.array(list(whole)), [] if cell is None else _own_overlaps(whole, cell)
+    faults = [] if cell is None else _own_overlaps(whole, cell)
+    if faults:
+        return faults
+    numbers = np.array(list(whole))
     pairs = _near_pairs(numbers, positions, np.array([largest_half_width(*body) for body in whole.values()]), cell)
-    found: list[tuple[float, float, int, int]] = []
+    found: list[tuple[float, float, int, int, bool]] = []
     for i, j in pairs.tolist():
         between = positions[j] - positions[i]
-        if cell is not None:
-            between -= cell * np.round(between / cell)
+        away = np.zeros(2) if cell is None else cell * np.round(between / cell)
+        between -= away
         gap, touch = math.hypot(*between), touching_distance(whole[i], whole[j], (between[0], between[1]))
         if gap < touch * (1.0 - ROUNDOFF):
-            found.append((touch - gap, gap, i, j))
+            found.append((touch - gap, gap, i, j, bool(np.any(away != 0.0))))
     if found:
-        by, gap, i, j = max(found, key=lambda pair: pair[0])
+        by, gap, i, j, across = max(found, key=lambda pair: pair[0])
+        where = " across the cell's edge" if across else ""
         others = f", the most of {len(found)} pairs that do" if len(found) > 1 else ""
         radii, what = [whole[k][1] for k in (i, j)], "their shapes"
         if math.isclose(gap + by, 2.0 * math.sqrt(radii[0] * radii[1])):
             what = f"radii {radii[0]:g} m and {radii[1]:g} m"
         faults.append(
-            f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{others}: their axes are {gap:.9g} m apart, "
-            f"{what} need at least {gap + by:.9g} m; caps of a rough surface may stand closer: Ball(..., asperity=True)"
+            f"balls.positions: balls {i} and {j} overlap by {by:.3g} m{where}{others}: their axes are "
+            f"{gap if gap > ROUNDOFF * by else 0.0:.9g} m apart, {what} need at least {gap + by:.9g} m; "
+            "caps of a rough surface may stand closer: Ball(..., asperity=True)"
         )
     return faults
 
@@ -86,10 +91,14 @@ def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Ar
 
 
 def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:
-    return [
-        f"periodic.lengths[{axis}]: ball {i} overlaps its own image: they need at least {touch:.9g} m, "
-        f"got {length:.9g} m"
-        for i, body in whole.items()
-        for axis, length in enumerate(cell)
-        if length < (touch := touching_distance(body, body, (1.0 - axis, float(axis)))) * (1.0 - ROUNDOFF)
-    ]
+    """Return for each axis along which bodies overlap their own images which one needs the longest cell."""
+    faults = []
+    for axis, length in enumerate(cell):
+        needs = {i: touching_distance(body, body, (1.0 - axis, float(axis))) for i, body in whole.items()}
+        longest = max(needs, key=lambda i: needs[i])
+        if length < needs[longest] * (1.0 - ROUNDOFF):
+            faults.append(
+                f"periodic.lengths[{axis}]: ball {longest} overlaps its own image: they need at least "
+                f"{needs[longest]:.9g} m, got {length:.9g} m"
+            )
+    return faults

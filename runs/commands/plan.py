@@ -161,8 +161,9 @@ def _doubts(problem: Problem) -> list[str]:
 
 
 def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:
-    """Return how many runs ``evolve`` needs for its table of pairs, their time and the largest memory; None without."""
+    """Return how many runs ``evolve`` needs for its table of pairs, their cost, and that of the drift; None without."""
     from runs.evolution.evolving import TABLES  # noqa: PLC0415  (only for a scene whose balls drift)
+    from runs.evolution.expectation import expectation  # noqa: PLC0415
     from runs.evolution.pair_table import DEPTHS  # noqa: PLC0415
     from runs.evolution.providers import PAIR_ACCURACY, table_of  # noqa: PLC0415
 
@@ -179,7 +180,7 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
         cost = as_command({"seconds": seconds, "memory_bytes": MEMORY}, LINEAR_SECONDS)
     else:
         cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
-    return {"runs": len(missing), **cost}
+    return {"runs": len(missing), **cost, "drift": expectation(scene)}
 
 
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
@@ -215,6 +216,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
     table = document["evolution"]
     if table is not None:
+        from runs.evolution.expectation import sentence  # noqa: PLC0415
+
         cost = ""
         if table["seconds"] is not None:
             alone = "processor_seconds" not in table
@@ -224,6 +227,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
                 cost += f"; on one about {duration(table['processor_seconds'])}, "
                 cost += _memory(table["processor_memory_bytes"])
         say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{cost}")
+        say(sentence(table["drift"]))
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]

@@ -28,8 +28,9 @@ from runs.session.session import Options, Session, conduct
 
 FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
-SAVED_EVERY = 5.0
-"""Interval [s] at which an unfinished path is saved."""
+SAVED_EVERY, SAVING, TOLD_EVERY = 5.0, 10.0, 10.0
+"""Interval [s] at which an unfinished path is saved, or so many times what saving takes if that is longer; interval [s]
+of the lines that say how far it is."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -110,14 +111,15 @@ class Evolution:
             return self._document(record, members, given, converged, before + time.process_time() - began)
 
         def keep() -> None:
-            self.session.save(document(False), [])
+            unfinished = document(False)
+            self.session.save(unfinished, rows(unfinished))
 
-        self._follow(record, given, self.sliding.seed, keep)
+        self._follow(record, given, 0, keep)
         members[:1] = [self._member(record, 0)]
         keep()
         for number in range(len(members), self.sliding.ensemble):
             member = Record()
-            self._follow(member, given, self.sliding.seed + number, lambda: None)
+            self._follow(member, given, number, lambda: None)
             members.append(self._member(member, number))
             keep()
         found = self._end(record.moments, given)
@@ -162,23 +164,40 @@ class Evolution:
             x = x + shift * np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
         return self.balls.parted(x, np.ones(len(x)))
 
-    def _follow(self, record: Record, given: Provider, seed: int, keep: Callable[[], None]) -> None:
+    def _tell(self, words: str) -> None:
+        assert self.session.folder is not None
+        print_status(words)
+        self.session.folder.log(words)
+
+    def _follow(self, record: Record, given: Provider, number: int, keep: Callable[[], None]) -> None:
+        """Compute the path of a member (0: the first) from where it is, and ``keep`` what there is now and then."""
         if record.ended:
             return
         drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
-            path = drift.path(self._start(seed), self.end)
+            path = drift.path(self._start(self.sliding.seed + number), self.end)
         else:
             path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare)
-        written, before = time.monotonic(), self.steps
+        written = told = time.monotonic()
+        saving, before = 0.0, self.steps
         for moment in path:
             signals.check()
             self.steps = before + drift.steps
             record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
-            if time.monotonic() - written > SAVED_EVERY:
+            now = time.monotonic()
+            if now - written > max(SAVED_EVERY, SAVING * saving):
                 keep()
                 written = time.monotonic()
+                saving = written - now
+            if now - told > TOLD_EVERY:
+                told = now
+                member = f"member {number + 1} of {self.sliding.ensemble}: " if self.sliding.ensemble > 1 else ""
+                cycle, contacts = self.sliding.cycles_after(moment.sigma), len(moment.contacts)
+                self._tell(
+                    f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {self.steps} steps, {contacts} contacts, "
+                    f"{moment.speed:.1e} of the load drives the fastest ball (at rest: {self.sliding.rest:.1e})"
+                )
 
     def _document(
         self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float
@@ -227,6 +246,7 @@ class Evolution:
         }
         model = self.session.model.name
         if model != "finite_strain" and self.problem.size <= MEASURED:
+            self._tell("the path is at its end; the full linear model at its start and end, for the error of T")
             found["direct_check"], full = outcome.direct_check(
                 self.problem, balls, forces, moments, self.session.scene.tangential_force or DIRECT_ACCURACY
             )
@@ -236,10 +256,12 @@ class Evolution:
                 found["balls"] = outcome.without_pressures(self.problem, moments[-1], full)
         if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
             return found
+        self._tell(f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions")
         found["position_error"] = outcome.position_error(
             moments, forces, balls, begin, self.tolerance, self.sliding.rest
         )
         if balls.cell is None and balls.rolling == 0.0:
+            self._tell("the equilibrium next to the end")
             found["equilibrium"] = outcome.equilibrium(forces, balls, end, given.difference)
             found["pair_equilibria"] = outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None
         return found

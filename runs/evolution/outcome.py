@@ -63,7 +63,7 @@ def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | Non
         others = sum(list(sizes.values())[NAMED:])
         groups[NAMED:] = [f"{others} smaller ones"]
     here, there = (length(float(np.min(nearest_distances(x, cell)))) for x in (np.array(end["positions"]), begin))
-    return f"{contacts}; {', '.join(groups)}; nearest distance {here} ({there} at the start)"
+    return f"{contacts}; {', '.join(groups)}; nearest distance {here} ({there} in the scene)"
 
 
 def _count(number: int, what: str) -> str:

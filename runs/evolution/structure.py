@@ -111,7 +111,9 @@ def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
         "hexatic_global": float(np.abs(np.mean(order))),
         "structure_peak": float(power[peak]),
         "structure_peak_wave_number": float(waves[peak]),
-        "force_over_load": float(np.max(np.hypot(*moment.state.tangential.T)) / np.max(moment.state.normal)),
+        "largest_force_over_largest_load": float(
+            np.max(np.hypot(*moment.state.tangential.T)) / np.max(moment.state.normal)
+        ),
     }
 
 

@@ -75,6 +75,10 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     rule, _, remedy = match["rule"].partition("; ")
     if "overlap" in rule:
         rule, remedy = in_unit(rule, (Units.written(data) or Units()).length), "move them apart or make them smaller"
+        if table == "periodic":
+            remedy = "make the cell longer or the balls smaller"
+        elif "across the cell's edge" in rule:
+            remedy = f"{remedy}, or the cell larger"
     remedy = remedy or _example(table, key)
     return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}"
 

@@ -287,7 +287,11 @@ def test_what_has_no_cell_refuses_it(under_forces):
     ("places", "lengths", "says"),
     [
         (((0.0, 0.0),), (1.9, 5.0), r"periodic\.lengths\[0\]: ball 0 overlaps its own image: they need at least 2 m"),
-        (((0.0, 0.0), (4.0, 0.0)), (5.0, 5.0), "balls 0 and 1 overlap by 1 m: their axes are 1 m"),
+        (
+            ((0.0, 0.0), (4.0, 0.0)),
+            (5.0, 5.0),
+            "overlap by 1 m across the cell's edge: their axes are 1 m apart",
+        ),
         (((0.0, 0.0),), (0.0, 5.0), "must be two lengths greater than 0"),
         (((0.0, 0.0),), (np.inf, 5.0), "must be two lengths greater than 0"),
     ],

@@ -138,7 +138,7 @@ def test_the_outcome_of_a_scene_in_radii_is_in_radii(tmp_path: Path, capsys: pyt
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("ends", ["on the path", "in the ensemble"])
 def test_a_killed_run_goes_on_to_the_same_result(
-    ends: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ends: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = evolved(scene, tmp_path / "whole")
     left = 25 if ends == "on the path" else 10**6
@@ -156,7 +156,8 @@ def test_a_killed_run_goes_on_to_the_same_result(
         return member(*given)
 
     with monkeypatch.context() as patch:
-        patch.setattr(evolving, "SAVED_EVERY", -1.0)
+        for interval in ("SAVED_EVERY", "SAVING", "TOLD_EVERY"):
+            patch.setattr(evolving, interval, -1.0)
         patch.setattr(signals, "check", dies)
         patch.setattr(evolving.Evolution, "_member", dies_soon)
         with pytest.raises(KeyboardInterrupt):
@@ -164,6 +165,12 @@ def test_a_killed_run_goes_on_to_the_same_result(
     half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))
     assert not half["solved"]["converged"]
     assert 0 < len(half["path"]) <= len(whole["path"])
+    with open(tmp_path / "killed" / "steps.csv", encoding="utf-8", newline="") as table:
+        assert len(list(csv.DictReader(table))) == len(half["path"]) * len(scene.problem.balls)
+    said = re.findall(
+        r"^(member \d of \d: )?cycle [\d.e+-]+ of [\d.e+-]+, \d+ steps", capsys.readouterr().err, re.MULTILINE
+    )
+    assert len(said) > 5
     assert len(half["ensemble"]) == (0 if ends == "on the path" else 1)
     killed = evolved(scene, tmp_path / "killed")
     for key in ("path", "events", "ensemble", "balls", "rest", "position_error"):

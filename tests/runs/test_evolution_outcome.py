@@ -114,8 +114,8 @@ def test_sentences_of_the_end() -> None:
     alone = {"contacts": 0, "groups": [1, 1, 1, 1], "positions": (2.0 * begin).tolist()}
     length = Unit("mm", 1e-3)
     said = outcome.arrangement_sentence(alone, begin, None, length)
-    assert said == "no contacts; 4 clusters of 1; nearest distance 6000 mm (3000 mm at the start)"
-    assert "(1000 mm at the start)" in outcome.arrangement_sentence(alone, begin, np.array([4.0, 9.0]), length)
+    assert said == "no contacts; 4 clusters of 1; nearest distance 6000 mm (3000 mm in the scene)"
+    assert "(1000 mm in the scene)" in outcome.arrangement_sentence(alone, begin, np.array([4.0, 9.0]), length)
     together = {"contacts": 4, "groups": [4], "positions": begin.tolist()}
     assert outcome.arrangement_sentence(together, begin, None, length) == "4 balls in one group, 4 contacts"
     pairs = {"contacts": 1, "groups": [2, 1, 1], "positions": begin.tolist()}

@@ -55,6 +55,23 @@ def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
     )
     assert said is not None
     assert 2.0 < float(said[1]) < 60.0  # 3.3 s for the runs of a pair on rubber, and the command around them
+    assert re.search(r"to rest about \d+ steps, less than a minute of one core", printed)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "ensemble", "times"), [(1e-9, 1, 10.0), (1e-6, 5, (5 + 0.1 ** (1 / 3)) / (1 + 0.1 ** (1 / 3)))]
+)
+def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
+    tolerance: float, ensemble: int, times: float
+) -> None:
+    given = read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml")
+    assert given.reciprocation is not None
+    more = given.reciprocation.model_copy(update={"tolerance": tolerance, "ensemble": ensemble})
+    asked = dataclasses.replace(given, drift={**given.drift, "reciprocation": more})
+    assert given.reciprocation.tolerance == 1e-6
+    assert given.reciprocation.ensemble == 1
+    here, there = expectation.expectation(asked)["seconds"], expectation.expectation(given)["seconds"]
+    assert here == pytest.approx(times * there)
 
 
 def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
@@ -92,7 +109,7 @@ def test_times_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest.Mon
     for factor in (2.5, 1.0):
         monkeypatch.setattr(expectation, "slowness", partial(float, factor))
         times.append(expectation.expectation(drift)["seconds"])
-    assert times[0] == 2.5 * times[1]
+    assert times[0] == pytest.approx(2.5 * times[1])
 
 
 def test_this_machine_is_timed_once() -> None:

@@ -98,8 +98,8 @@ def test_layers_gather_where_separation_weakens_towards_contact() -> None:
     done = answer.Finished(Case(1.5, 0.5, 200, 1), {**finished([]).row, "force_over_load": 1e-3, "ended": "at rest",
                            "coordination": 0.0, "steps": 1, "seconds": 1.0}, path)  # fmt: skip
     text = answer.text([done], {1.16: in_touch, 1.5: apart}, [], quick=True)
-    assert "(here h >= 1.5 R), if it is dense enough" in text
-    assert "where T separates most in touch (h <= 1.16 R)" in text
+    assert "separate less than farther apart (here h >= 1.5 R)" in text
+    assert "where they separate most in touch (h <= 1.16 R)" in text
     assert "On h = 1.5 R it separates them, but 0.82 as much as at a distance of 2.5 R" in text
 
 

@@ -13,7 +13,8 @@ class PeriodicTable(Table):
     """[periodic]: a cell with its balls that repeats along x and y; forces are those of one cell.
 
     ``solve`` takes it by linear_bem, ``evolve`` by any table of pairs. In ``solve``, approaches count from the mean
-    level of the layer's underside, those of a half-space from the mean level of its surface.
+    level of the layer's underside, those of a half-space from the mean level of its surface. Positions may lie
+    anywhere: every ball stands for all its images.
     """
 
     lengths: TwoLengths
@@ -21,14 +22,13 @@ class PeriodicTable(Table):
 
 
 def _faults(table: PeriodicTable, scene: Any) -> list[str]:
-    lengths = table.lengths
+    if scene.reciprocation is None:
+        return []
+    lengths = table.lengths  # the problem has no cell here
     if not all(0.0 < length < math.inf for length in lengths):
         given = ", ".join(f"{length:g}" for length in lengths)
         return [f"periodic.lengths: must be two lengths greater than 0 and finite, got {given} m"]
-    if scene.reciprocation is None:
-        return []
     radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
-    # the problem has no cell here
     texts = range_faults({"periodic.lengths": max(lengths)}, "m", max(radii), "the largest ball's radius")
     if scene.reciprocation.forces == "direct":
         texts.append(

@@ -144,7 +144,7 @@ def text(
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
         rows=_starts(found),
         pairs=_pairs(laws), waves=waves,
-        rates={name: _ends(row["rate a cycle"] for row in waves if row["outcome"] == name) for name in pictures.COLORS},
+        rates={name: _ends(w["rate per path"] for w in waves if w["outcome"] == name) for name in pictures.COLORS},
         growth=_growth(free),
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
         begun=[
@@ -230,7 +230,7 @@ def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict
         wave = laws[h].wave(phi) if done.case.seed == 1 and h in laws else None
         if wave is not None:
             length = wave.length if wave.rate > 0.0 else None
-            row = {"h/R": h, "area fraction": phi, "rate a cycle": wave.rate, "length / R": length}
+            row = {"h/R": h, "area fraction": phi, "rate per path": wave.rate, "length / R": length}
             rows.append({**row, "outcome": done.outcome})
     return sorted(rows, key=lambda row: (row["h/R"], row["area fraction"]))
 
@@ -262,9 +262,10 @@ def _growth(found: Sequence[Finished]) -> list[dict[str, Any]]:
     for (h, phi, count), laws in sorted(groups.items()):
         exponents = np.array([law.exponent for law in laws])
         rows.append({
-            "h/R": h, "area fraction": phi, "balls": count, "seeds": len(laws), "exponent": float(np.mean(exponents)),
+            "h/R": h, "area fraction": phi, "balls": count, "starts fitted": len(laws),
+            "exponent": float(np.mean(exponents)),
             "error of the fit": float(np.sqrt(np.mean([law.error**2 for law in laws]))),
-            "spread of the seeds": float(np.std(exponents, ddof=1)) if len(laws) > 1 else None,
+            "spread of the starts": float(np.std(exponents, ddof=1)) if len(laws) > 1 else None,
             "clusters fitted": f"{min(g.sizes[0] for g in laws):.2g} to {max(g.sizes[1] for g in laws):.2g}",
         })  # fmt: skip
     return rows
