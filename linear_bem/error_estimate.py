@@ -200,8 +200,10 @@ def small_force_note(contacts: Contacts, error: Array, wanted: float) -> tuple[s
     transmitted = float(np.max(pulls(contacts)))
     if transmitted == 0.0 or known <= wanted * largest:
         return ()
-    share = known / largest if largest > 0.0 else math.inf
+    share = (
+        f"{known / largest:.0e} of the largest T ({wanted:.0e} was requested)" if known < largest else "above every T"
+    )
     return (
-        f"T is close to zero: it is known to {known:.1e} N, which is {share:.0e} of the largest T ({wanted:.0e} was "
-        f"requested) and {known / transmitted:.0e} of what a half-space would transmit",
+        f"T is close to zero: it is known to {known:.1e} N, which is {share} and {known / transmitted:.0e} of what a "
+        "half-space would transmit",
     )

@@ -94,6 +94,7 @@ class _Single:
 def solve_point_load(problem: Problem) -> Result:
     """Return the result of the point-load law for any number of balls and any kind of load.
 
+    Each kind of ball (radius and shape) takes 1 to 6 solutions of one alone, most of the time where many differ.
     Raises `UnsupportedProblem` for finite strain, cones and punches.
     """
     problem = problem.without_empty_layer()

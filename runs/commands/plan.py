@@ -91,7 +91,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         notes = (*notes, f"expected: of {part.size} balls about the middle, without the others")
     if close is not part:
         leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
-        notes = (*notes, f"advice: about ball {leading}, the one with the largest T, and its {ABOUT - 1} nearest alone")
+        which = f"ball {leading}, which has the largest T of those looked at, and its {ABOUT - 1} nearest alone"
+        notes = (*notes, f"advice: about {which}")
         inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
     evolution = None
     if scene.reciprocation is not None and scene.reciprocation.forces == "pairs":

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
 from runs.evolution.motion import DENSE, Contacts, moved
@@ -37,6 +37,8 @@ OVERLAP, UNSETTLED = 1e-12, 5e-10
 """Overlap over touching distance that is roundoff, and that is left where more than `DENSE` pairs are near, as the
 interior-point method ends with it: parting the balls there, and computing their forces again, would take a tenth of the
 time of a path. It is below what a `Problem` of these balls may have (`linear_bem.touching.ROUNDOFF`)."""
+PASSES = 50
+"""Largest number of times that overlapping balls are moved apart; 36 that overlap by up to 0.7 R take one or two."""
 FEW = 40
 """Up to so many balls, all their pairs are quicker to look at than a tree is to build."""
 IN_ONE_FILE = 100
@@ -157,16 +159,24 @@ class HardBalls:
     def parted(self, x: Array, load: Array, which: Pairs | None = None) -> Array:
         """Return the nearest positions [m] (metric Q) without overlap; ``which`` numbers all pairs that may have one.
 
-        Overlaps up to `OVERLAP`, or `UNSETTLED`, are left.
-        A gap is a convex function of the positions: where its linearisation is not negative, it is not either.
+        Overlaps up to `OVERLAP`, or `UNSETTLED`, are left. A gap is a convex function of the positions: where its
+        linearisation is not negative, it is not either. Without ``which``, pairs that come near in this way are parted
+        in further passes; raises `NotConverged` where `PASSES` of them do not suffice.
         """
-        which = self.near(x, 0.25 * self.smallest) if which is None else which
-        gaps = self.gaps(x, which)
-        if not np.any(gaps < -(OVERLAP if len(which) <= DENSE else UNSETTLED) * self.smallest):
-            return x
         size = self.smallest
-        contacts = self._contacts(x, which, -gaps / size)
-        return x + size * moved(np.zeros_like(x), resistances(load), contacts)[0]
+        for _ in range(PASSES):
+            near = self.near(x, 0.25 * size) if which is None else which
+            gaps = self.gaps(x, near)
+            if not np.any(gaps < -(OVERLAP if len(near) <= DENSE else UNSETTLED) * size):
+                return x
+            contacts = self._contacts(x, near, -gaps / size)
+            x = x + size * moved(np.zeros_like(x), resistances(load), contacts)[0]
+            if which is not None:
+                return x
+        raise NotConverged(
+            f"evolve: the balls overlap still after they were moved apart {PASSES} times; give them more room, or a "
+            "smaller [reciprocation] perturbation"
+        )
 
     def groups(self, x: Array) -> list[list[int]]:
         """Return the balls of each connected group; pairs with a gap of up to `CONNECTED` are connected."""

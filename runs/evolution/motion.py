@@ -105,7 +105,9 @@ def _by_least_squares(jacobian: csc_matrix, root: Array, driven: Array, opening:
     u, _ = nnls(matrix, right, maxiter=50 * len(h) + 100)
     room = 1.0 - float(u @ h) / scale
     if room <= 0.0:
-        raise NotConverged(f"hard balls: no velocity keeps {len(h)} contacts from overlapping")
+        raise NotConverged(
+            f"hard balls: no velocity keeps {len(h)} contacts from overlapping; give the balls more room"
+        )
     pushes = u / room * scale
     return free + (pushes @ g) / root, pushes
 

@@ -300,8 +300,8 @@ def _common_ball(problem: Problem) -> tuple[Ball, float]:
     approaches = set(problem.load.values)
     if len(kinds) > 1 or len(approaches) > 1:
         raise UnsupportedProblem(
-            f"[reciprocation] forces: a table of pairs needs equal balls under one approach, got {len(kinds)} kinds "
-            f'and {len(approaches)} approaches; use forces = "direct" with --model linear_bem, or in a cell that '
+            f"[reciprocation] forces: a table of pairs needs equal balls under one approach, got {len(kinds)} kind(s) "
+            f'and {len(approaches)} approach(es); use forces = "direct" with --model linear_bem, or in a cell that '
             "repeats, where that is not possible, --model point_load"
         )
     return replace(problem.balls[0], position=(0.0, 0.0)), problem.load.values[0]

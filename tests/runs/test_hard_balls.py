@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Layer, Load, Problem
+from linear_bem import Ball, Layer, Load, NotConverged, Problem
 from runs.evolution import motion
 from runs.evolution.drift import Drift, Moment
 from runs.evolution.hard_balls import TOUCHING, UNSETTLED, HardBalls
@@ -107,6 +107,26 @@ def test_overlaps_within_the_error_of_the_solver_are_left(count: int, kept: floa
     least = [float(np.min(balls.gaps(balls.parted(line * (1.0 - k * kept), load)))) for k in (1.0, 4.0)]
     assert least[0] == pytest.approx(-2.0 * kept, rel=1e-2)
     assert least[1] > -0.1 * kept
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_start_with_large_overlaps_is_parted_until_none_is_left(seed: int) -> None:
+    # parting some pairs pushes others together: one pass leaves overlaps of up to 6 %
+    cell = np.array([14.4, 14.4])
+    balls = HardBalls(np.ones(36), cell)
+    x = np.array([(2.4 * i, 2.4 * j) for i in range(6) for j in range(6)])
+    x += np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
+    parted = balls.parted(x, np.ones(36))
+    near = balls.near(x, 0.5)
+    assert np.min(balls.gaps(x, near)) < -1.0
+    assert np.min(balls.gaps(parted, balls.near(parted, 0.5))) > -1e-9
+
+
+@pytest.mark.parametrize(("count", "length"), [(9, 5.33), (100, 19.5)])
+def test_balls_without_room_are_not_parted(count: int, length: float) -> None:
+    balls = HardBalls(np.ones(count), np.array([length, length]))
+    with pytest.raises(NotConverged, match="more room"):
+        balls.parted(np.random.default_rng(1).uniform(0.0, length, (count, 2)), np.ones(count))
 
 
 def test_the_overlaps_that_are_left_are_no_fault_of_a_problem() -> None:

@@ -36,9 +36,10 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
             "unequal balls with --model point_load, or drop [periodic]"
         )
     if scene.substrate is not None or math.isinf(scene.layer.thickness):
+        remedy = "drop [substrate]" if scene.substrate is not None else "give [layer] a finite thickness"
         texts.append(
             "[periodic]: the dents of infinitely many balls that drift add up without limit on an elastic half-space; "
-            "drop [substrate] and give [layer] a finite thickness"
+            f"{remedy}"
         )
     if min(lengths) < 4.0 * max(radii):
         texts.append(

@@ -23,7 +23,7 @@ class ReciprocationTable(Table):
     direction: Direction = (1.0, 0.0)
     """Of the sliding, (x, y); it changes only the arrow in the pictures."""
     perturbation: Length = 0.0
-    """Largest random shift of each ball along x and y before the run."""
+    """Largest random shift of each ball along x and y before the run; balls that overlap then are moved apart."""
     seed: Whole = 0
     """Of the random shifts; the same seed gives the same ones."""
     ensemble: Whole = 1
