@@ -35,6 +35,8 @@ SLOW = 0.2
 """Ratio of successive changes above which sweeps are accelerated."""
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
+HOPELESS, PATIENCE = 0.03, 10
+"""Change that so many sweeps have not halved: they diverge, as `solve` would give them up at a ratio of 0.8 a sweep."""
 LEAST_SHARE, LOST = 0.3, 4
 """Least share of its force that a ball keeps in one sweep; after so many such sweeps in a row it has lost contact."""
 
@@ -105,9 +107,10 @@ def sweep_zones(
         stack = _moved(before, length[:, None] * changes, sizes > SETTLED)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
-        if not np.isfinite(last):
-            raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         history.append(last)
+        best = min(history[:-PATIENCE], default=np.inf)
+        if not np.isfinite(last) or min(history[-PATIENCE:]) > max(HOPELESS, 0.5 * best):
+            raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
             return SmoothSolution(NodeStack.of(stack, rule).single(), level, sweep + 1, last)

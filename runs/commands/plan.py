@@ -168,6 +168,8 @@ def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, A
     from runs.evolution.pair_table import DEPTHS  # noqa: PLC0415
     from runs.evolution.providers import PAIR_ACCURACY, table_of  # noqa: PLC0415
 
+    if model.name == "point_load":  # it has a formula
+        return {"runs": 0, "seconds": None, "memory_bytes": None, "drift": expectation(scene)}
     try:
         missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
     except UnsupportedProblem:

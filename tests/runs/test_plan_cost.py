@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from functools import partial
 from pathlib import Path
@@ -72,6 +73,17 @@ def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
     assert given.reciprocation.ensemble == 1
     here, there = expectation.expectation(asked)["seconds"], expectation.expectation(given)["seconds"]
     assert here == pytest.approx(times * there)
+
+
+def test_the_drift_of_point_loads_is_planned_without_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(planning, "PATIENCE", 0.0)
+    plan_scene(read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml"), "point_load", as_json=True)
+    found = json.loads(capsys.readouterr().out)["evolution"]
+    assert found["runs"] == 0
+    assert found["drift"]["steps"] > 100
 
 
 def test_runs_of_a_table_are_planned_one_by_one(tmp_path: Path) -> None:
