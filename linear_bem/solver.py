@@ -133,7 +133,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             found = solve_by_sample(problem, kernel, wanted, guess, report, sample)
         except NotConverged as failed:
             if problem.size > GRIDDED:
-                on_grids = "" if kernel.cell is not None else f", or at most {GRIDDED} balls, which grids take"
+                on_grids = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
                 raise NotConverged(f"{failed}{on_grids}") from failed
         else:
             return found

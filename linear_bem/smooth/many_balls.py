@@ -36,7 +36,8 @@ SLOW = 0.2
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
 HOPELESS, PATIENCE = 0.03, 10
-"""Change that so many sweeps have not halved: they diverge, as `solve` would give them up at a ratio of 0.8 a sweep."""
+"""Change above which sweeps that the second number of further ones have not halved are given up: at that pace they
+would not converge within any limit."""
 LEAST_SHARE, LOST = 0.3, 4
 """Least share of its force that a ball keeps in one sweep; after so many such sweeps in a row it has lost contact."""
 

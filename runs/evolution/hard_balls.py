@@ -161,21 +161,22 @@ class HardBalls:
 
         Overlaps up to `OVERLAP`, or `UNSETTLED`, are left. A gap is a convex function of the positions: where its
         linearisation is not negative, it is not either. Without ``which``, pairs that come near in this way are parted
-        in further passes; raises `NotConverged` where `PASSES` of them do not suffice.
+        in further passes, until overlaps are up to `UNSETTLED`; raises `NotConverged` where `PASSES` do not suffice.
         """
         size = self.smallest
-        for _ in range(PASSES):
+        for number in range(PASSES):
             near = self.near(x, 0.25 * size) if which is None else which
             gaps = self.gaps(x, near)
-            if not np.any(gaps < -(OVERLAP if len(near) <= DENSE else UNSETTLED) * size):
+            # parted balls overlap by the roundoff of their positions
+            if not np.any(gaps < -(OVERLAP if len(near) <= DENSE and number == 0 else UNSETTLED) * size):
                 return x
             contacts = self._contacts(x, near, -gaps / size)
             x = x + size * moved(np.zeros_like(x), resistances(load), contacts)[0]
             if which is not None:
                 return x
         raise NotConverged(
-            f"evolve: the balls overlap still after they were moved apart {PASSES} times; give them more room, or a "
-            "smaller [reciprocation] perturbation"
+            f"hard balls: {len(x)} of them overlap still after they were moved apart {PASSES} times; give the balls "
+            "more room, or at the start of evolve a smaller [reciprocation] perturbation"
         )
 
     def groups(self, x: Array) -> list[list[int]]:

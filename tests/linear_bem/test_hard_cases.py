@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -13,6 +15,7 @@ from linear_bem import (
     LayeredKernel,
     Load,
     NotConverged,
+    Periodic,
     Problem,
     UnsupportedProblem,
     solve,
@@ -270,5 +273,17 @@ def test_a_load_that_is_too_large_is_refused_with_a_remedy(count, load, refusal)
     places = [(2.6 * i, 2.6 * j) for i in range(round(count**0.5)) for j in range(round(count**0.5))]
     values = (41.0,) * count if load == "force" else (41.0 * count,)
     balls = tuple(Ball(place, 1.0) for place in places)
-    with pytest.raises(NotConverged, match=rf"^{refusal}.*press the balls less deep"):
+    with pytest.raises(NotConverged, match=rf"^{refusal}.*press the balls less deep") as refused:
         solve(Problem(Layer(1.0, 0.48, 8.0), balls, Load(load, values)), accuracy=1e-3)
+    assert ("up to 500 balls are tried on grids" in str(refused.value)) == (count > 500)
+
+
+def test_sweeps_that_cycle_are_given_up_early():
+    lines = []
+    cell = Problem(
+        Layer(1.0, 0.45, 2.0), (Ball((0.0, 0.0), 1.0),), Load("approach", (1.6,)), periodic=Periodic((3.0, 3.0))
+    )
+    with pytest.raises(UnsupportedProblem, match="press the balls less deep"):
+        solve(cell, accuracy=1e-3, report=lines.append)
+    sweeps = [int(found[1]) for line in lines if (found := re.search(r"degree \d+, sweep (\d+): change", line))]
+    assert 10 < max(sweeps) < 30

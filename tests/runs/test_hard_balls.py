@@ -122,6 +122,14 @@ def test_a_start_with_large_overlaps_is_parted_until_none_is_left(seed: int) -> 
     assert np.min(balls.gaps(parted, balls.near(parted, 0.5))) > -1e-9
 
 
+@pytest.mark.parametrize("away", [3e4, 1e5])
+def test_balls_far_from_the_origin_are_parted_to_the_roundoff_of_their_positions(away: float) -> None:
+    for seed in range(30):
+        balls, x = HardBalls(np.ones(9)), np.random.default_rng(seed).uniform(0.0, 8.0, (9, 2)) + away
+        parted = balls.parted(x, np.ones(9))
+        assert np.min(balls.gaps(parted, balls.near(parted, 0.5))) > -2.0 * UNSETTLED
+
+
 @pytest.mark.parametrize(("count", "length"), [(9, 5.33), (100, 19.5)])
 def test_balls_without_room_are_not_parted(count: int, length: float) -> None:
     balls = HardBalls(np.ones(count), np.array([length, length]))

@@ -217,7 +217,8 @@ def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]
         "hexatic_start": first["hexatic_local"],
         "hexatic_end": last["hexatic_local"],
         "nearest_distance": last["nearest_distance_mean"],
-        "force_over_load": first["largest_force_over_largest_load"],
+        # the name that it had in finished runs of earlier versions
+        "force_over_load": first.get("largest_force_over_largest_load", first.get("force_over_load")),
         "steps": document["solved"]["iterations"] or None,
         "seconds": document["solved"]["seconds"],
     }
