@@ -10,15 +10,15 @@ from typing import Any
 from linear_bem.counts import grouped
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
-from linear_bem.problem import Problem
+from linear_bem.problem import Periodic, Problem
 from linear_bem.result import Result
 from linear_bem.smooth.contacts import CHECKED
 from runs.advice import PATIENCE, USUAL, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
 from runs.display.numbers import Scale, bodies, duration, leading_ball, number
-from runs.look_ahead import ABOUT, CLOSE, FEW, MEMORY, ahead_of, closest, measured, memory, unknowns_of
-from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, planned_runs, standing
+from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory, unknowns_of
+from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.process.machine import memory_bytes
@@ -47,8 +47,6 @@ NAMES = {
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
 """Share of the run's time that a plan of many balls may take; least (up to `CHECKED` balls) and largest time [s] of its
 advice."""
-MANY = 100
-"""Balls that drift whose linear solution is not part of a plan: it takes minutes."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -56,26 +54,32 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     model, problem, notes = choose(standing(scene), asked)
     if not ranks.is_root():
         return
-    if scene.reciprocation is not None and problem.size > MANY:
-        from runs.evolution.expectation import expectation, sentence  # noqa: PLC0415  (only where balls drift)
-
-        expected = expectation(scene)
-        sys.stdout.write(to_json(expected) if as_json else f"{scene.title}\n{sentence(expected)}\n")
-        return
-    begun = time.process_time()
+    begun, drifts = time.process_time(), scene.reciprocation is not None
+    whole, accuracy = problem, None if model.plan else scene.tangential_force
+    if drifts:  # full solutions only check the forces of the drift
+        accuracy = scene.tangential_force or ROUGH
+        if "periodic" in scene.drift:
+            whole = dataclasses.replace(problem, periodic=Periodic(scene.drift["periodic"].lengths))
     with waiting("the linear model on some of the balls, for this plan"):
-        found = ahead_of(problem, None if model.plan else scene.tangential_force)
+        found = ahead_of(whole, accuracy)
     part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
-    plans = [_model_plan(model, scene, problem, ahead, seconds)]
-    if asked is None and model.plan is not None:
+    evolution = None
+    if drifts:
+        from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
+
+        evolution = expectation(scene, model, problem, seconds)
+        plans, seconds = [{"model": model.name, "summary": model.summary}], evolution["seconds"]
+    else:
+        plans = [_model_plan(model, scene, problem, ahead, seconds)]
+    if asked is None and model.plan is not None and not drifts:
         # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
         states = 2 * len(scene.steps or load_path(problem))
         plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, seconds, states))
-        if scene.steps is None and scene.reciprocation is None:
+        if scene.steps is None:
             plans[0]["compare"] = _in_compare(model, scene, problem)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
-    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, seconds, begun))
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(whole, seconds, begun))
     inputs = None
     with waiting("the linear model with and without each effect, for this plan's advice"):
         advice = adviser.advise()
@@ -94,9 +98,6 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         which = f"ball {leading}, which has the largest T of those looked at, and its {ABOUT - 1} nearest alone"
         notes = (*notes, f"advice: about {which}")
         inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
-    evolution = None
-    if scene.reciprocation is not None and scene.reciprocation.forces == "pairs":
-        evolution = _table_of_pairs(model, scene, problem)
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
@@ -161,31 +162,6 @@ def _doubts(problem: Problem) -> list[str]:
     return [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
 
 
-def _table_of_pairs(model: Model, scene: Scene, problem: Problem) -> dict[str, Any] | None:
-    """Return how many runs ``evolve`` needs for its table of pairs, their cost, and that of the drift; None without."""
-    from runs.evolution.evolving import TABLES  # noqa: PLC0415  (only for a scene whose balls drift)
-    from runs.evolution.expectation import expectation  # noqa: PLC0415
-    from runs.evolution.pair_table import DEPTHS  # noqa: PLC0415
-    from runs.evolution.providers import PAIR_ACCURACY, table_of  # noqa: PLC0415
-
-    if model.name == "point_load":  # it has a formula
-        return {"runs": 0, "seconds": None, "memory_bytes": None, "drift": expectation(scene)}
-    try:
-        missing = table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
-    except UnsupportedProblem:
-        return None
-    planned = planned_runs(model, missing, scene.tangential_force, scene.budget)
-    if planned is None and missing:  # a linear model: one run is made to see how long it takes
-        states = sum(each.size for each in missing) + sum(len(DEPTHS) for each in missing if each.size == 1)
-        pair = next((each for each in missing if each.size == 2), missing[-1])
-        result = measured(model, pair, scene.tangential_force or PAIR_ACCURACY)
-        seconds = result.solved.seconds * states / pair.size
-        cost = as_command({"seconds": seconds, "memory_bytes": MEMORY}, LINEAR_SECONDS)
-    else:
-        cost = {"seconds": None, "memory_bytes": None} if planned is None else as_command(planned)
-    return {"runs": len(missing), **cost, "drift": expectation(scene)}
-
-
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     out = tables.console()
 
@@ -217,20 +193,12 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
                 say(f"  {_domain(value, scale.units.length)}")
             elif key not in ("model", "summary", "seconds_of_meshes"):
                 say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
-    table = document["evolution"]
-    if table is not None:
+    evolution = document["evolution"]
+    if evolution is not None:
         from runs.evolution.expectation import sentence  # noqa: PLC0415
 
-        cost = ""
-        if table["seconds"] is not None:
-            alone = "processor_seconds" not in table
-            cost = f", about {duration(table['seconds'])} on {'one idle core' if alone else 'two idle cores'}"
-            cost += f", {_memory(table['memory_bytes'])}"
-            if not alone:
-                cost += f"; on one about {duration(table['processor_seconds'])}, "
-                cost += _memory(table["processor_memory_bytes"])
-        say(f"evolve: {table['runs']} runs by {document['models'][0]['model']} for its table of pairs{cost}")
-        say(sentence(table["drift"]))
+        memories = {key: _memory(value) for key, value in evolution.items() if "memory_bytes" in key}
+        say(sentence(evolution, document["models"][0]["model"], memories))
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]

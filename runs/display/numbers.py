@@ -175,6 +175,11 @@ def error_terms(accuracy: Mapping[str, Any]) -> str:
     return ", ".join(f"{TERMS.get(k, k)} {100.0 * share:.1g} %" for k, share in (accuracy.get("terms") or {}).items())
 
 
+def count(number: int, what: str) -> str:
+    """Return "1 contact", or "2 contacts"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def duration(seconds: float) -> str:
     """Return a time as "48 s" or "3 min 05 s"."""
     if seconds < 59.5:

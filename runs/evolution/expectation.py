@@ -1,54 +1,130 @@
-"""What ``plan`` says about the drift: how many pairs of balls act on each other, and how long their paths take."""
+"""What ``plan`` says of ``evolve``: the runs of its table of pairs, its paths, and the time of each part."""
 
-import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
+from linear_bem.arrays import Array
+from linear_bem.coupled_point_loads import estimated_relations
+from linear_bem.problem import Ball, Load, Problem
+from runs.display.numbers import count, duration
+from runs.evolution.drift import Drift
+from runs.evolution.evolving import TABLES, balls_of
+from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.evolution.outcome import COARSER
-from runs.evolution.pair_forces import PairLaw
-from runs.evolution.pair_list import CutLaw
+from runs.evolution.pair_table import DEPTHS
+from runs.evolution.providers import (
+    DIRECT_ACCURACY,
+    MEASURED,
+    PAIR_ACCURACY,
+    check_forces,
+    kinds,
+    point_loads,
+    table_of,
+)
+from runs.look_ahead import MEMORY, measured
+from runs.models import MODELS, Model, as_command, planned_runs
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
-PER_PAIR, PER_BALL, ON_MESH = 6.5e-7, 1.5e-4, 9e-5
-"""Processor time of a step [s]: 4.6 evaluations of the forces, six problems of contacts; in a cell more per ball."""
-STEPS, COARSE, FINER = 36.0, 1e-4, 1.0 / 3.0
-"""Steps of a path to rest over the root of the number of balls: 510 of 200 balls that gather with the tolerance that is
-second. The power of the tolerance with which they grow is 0.26 for nine balls, up to 0.5 with many contacts."""
+STEPS, MANY, GROWTH, COARSE, FINER = 510.0, 200.0, 0.85, 1e-4, 1.0 / 3.0
+"""Steps of a path to rest, of so many balls that gather with the tolerance `COARSE`; powers with which they grow with
+the balls and fall with the tolerance."""
+TRIED, PATIENCE = 6, 2.0
+"""Steps at the start of the path that are timed, in about so many seconds at most."""
+LATER = 1.5
+"""Time of a step over that of the first ones, between which fewer balls touch."""
+PICTURES, PER_BALL = 1.1, 0.04
+"""Time of the pictures [s], and more for each of the balls that are drawn one by one."""
 
 
-def expectation(scene: Scene) -> dict[str, Any]:
-    """Return number of pairs, steps of a path and processor time [s] of all paths, to a factor of about three."""
-    problem, sliding = scene.problem, scene.reciprocation
+def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -> dict[str, Any]:
+    """Return the runs of the table, steps and paths, and time [s] and memory [bytes] of the whole command.
+
+    ``solution`` is the time [s] of the linear solution of all balls. ``parts`` are processor times [s] of one process.
+    Raises what ``evolve`` raises for scenes that it refuses.
+    """
+    sliding, size = scene.reciprocation, problem.size
     assert sliding is not None
-    periodic = scene.drift.get("periodic")
-    x, touch = problem.positions, 2.0 * min(ball.radius for ball in problem.balls)
-    law = CutLaw(PairLaw(problem), touch, on_mesh=periodic is not None)
-    sides = np.ptp(x, axis=0) + touch if periodic is None else np.array(periodic.lengths)
-    around = problem.size * math.pi * law.reach**2 / float(np.prod(sides))
-    pairs = 0.5 * problem.size * (around if periodic is not None else min(around, problem.size - 1.0))
-    steps = STEPS * math.sqrt(problem.size) * (COARSE / sliding.tolerance) ** FINER
+    check_forces(model, sliding.forces)
+    direct = sliding.forces == "direct" and model.name != "point_load"
+    missing = [] if direct else _missing(scene, model, problem)
+    table = planned_runs(model, missing, scene.tangential_force, scene.budget)
+    parts = {"table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"]}
+    steps = STEPS * (size / MANY) ** GROWTH * (COARSE / sliding.tolerance) ** FINER
     # a coarser path is for the error of the positions
-    paths = sliding.ensemble + (0.0 if problem.size > IN_ONE_FILE else COARSER**-FINER)
-    step = pairs * PER_PAIR + problem.size * (PER_BALL if periodic is None else PER_BALL + ON_MESH)
-    return {
-        "reach": law.reach,
-        "pairs": pairs,
-        "steps": steps,
-        "seconds": slowness() * paths * steps * step,
+    paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
+    parts["paths"] = paths * steps * LATER * _step(scene, problem, direct)
+    parts["check"] = 2.0 * solution if model.name != "finite_strain" and size <= MEASURED else 0.0
+    drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
+    parts["pictures"] = slowness() * (PICTURES + PER_BALL * drawn)
+    alone = sum(parts.values())
+    cost = {"seconds": alone, "memory_bytes": MEMORY}
+    if table is not None:
+        cost = table | {"processor_seconds": alone, "seconds": alone - parts["table"] + table["seconds"]}
+    return {"runs": len(missing), "steps": steps, "paths": sliding.ensemble, "parts": parts, **as_command(cost)}
+
+
+def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) -> str:
+    """Return the expectation in words; ``memory`` are those of its values."""
+    alone = "processor_seconds" not in found
+    said = f"about {duration(found['seconds'])} on {'one idle core' if alone else 'two idle cores'}"
+    said += f", {memory['memory_bytes']}"
+    if not alone:
+        said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
+    table = f"{count(found['runs'], 'run')} by {'linear_bem' if model == 'point_load' else model} for the forces"
+    steps = float(f"{found['steps']:.1g}")
+    words = {
+        "table": table,
+        "paths": f"{count(found['paths'], 'path')} to rest of about {steps:.0f} steps",
+        "check": "the full linear model at start and end",
+        "pictures": "pictures",
     }
+    parts = [f"{duration(seconds)} for {words[key]}" for key, seconds in found["parts"].items() if seconds > 0.0]
+    return f"evolve: {said} ({', '.join(parts)})"
 
 
-def sentence(found: dict[str, Any]) -> str:
-    """Return the expectation in words."""
-    minutes = found["seconds"] / 60.0
-    time = "less than a minute" if minutes < 1.0 else f"{minutes:.0f} minutes"
-    if minutes >= 120.0:
-        time = f"{minutes / 60.0:.0f} hours"
-    pairs, steps = (f"{float(f'{found[key]:.1g}'):.0f}" for key in ("pairs", "steps"))
-    return (
-        f"evolve: about {pairs} pairs act on each other, each step takes all of them; to rest about "
-        f"{steps} steps, {time} of one core, within a factor of three (the table of pairs not counted)"
-    )
+def _missing(scene: Scene, model: Model, problem: Problem) -> list[Problem]:
+    """Return the problems that are solved before the first step."""
+    if model.name == "point_load":
+        deepest = Load("approach", (max(problem.load.values),))
+        return [replace(problem, balls=(ball,), load=deepest) for ball in kinds(problem)]
+    return table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
+
+
+def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
+    """Return the time [s] of runs by the linear model, one of which is made to see how long it takes."""
+    if not missing:
+        return 0.0
+    states = sum(len(DEPTHS) if each.size == 1 else each.size for each in missing)
+    one = next((each for each in missing if each.size == 2), missing[-1])
+    result = measured(MODELS["linear_bem"], one, scene.tangential_force or PAIR_ACCURACY)
+    return result.solved.seconds * states / one.size
+
+
+def _step(scene: Scene, problem: Problem, direct: bool) -> float:
+    """Return the time [s] of a step at the start of the path; by point loads where a table is to be made."""
+    sliding, balls = scene.reciprocation, balls_of(scene)
+    assert sliding is not None
+    depths = np.array(DEPTHS) * max(problem.load.values)
+
+    def estimated(ball: Ball) -> Array:
+        return estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths)
+
+    forces: Forces = point_loads(problem, balls.cell, estimated)
+    if direct:
+        forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
+    tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
+    drift = Drift(forces, balls, tolerance, sliding.rest)
+    moments = drift.path(balls.parted(problem.positions, np.ones(problem.size)), np.inf)
+    next(moments)
+    begun = time.process_time()
+    for _ in islice(moments, TRIED):
+        if time.process_time() - begun > PATIENCE:
+            break
+    return (time.process_time() - begun) / max(drift.steps, 1)

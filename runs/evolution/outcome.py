@@ -10,6 +10,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
 from linear_bem.problem import Periodic, Problem
+from runs.display.numbers import count
 from runs.evolution import equilibria
 from runs.evolution.drift import Drift, Moment
 from runs.evolution.forces import Forces, at
@@ -40,7 +41,7 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
         return (
             f"still moving after {cycles:.4g} cycles; largest driving force: {found['speed']:.2g} of the load ({left})"
         )
-    holds = [_count(contacts, "contact")] if contacts else []
+    holds = [count(contacts, "contact")] if contacts else []
     if rolling > 0.0:
         holds.append(f"the rolling resistance of {rolling:g} of the load")
     if not holds:
@@ -54,20 +55,16 @@ def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | Non
 
     ``begin`` (balls, 2) [m] are the positions as given, ``cell`` the lengths [m] of a cell, ``length`` a unit.
     """
-    contacts = _count(end["contacts"], "contact") if end["contacts"] else "no contacts"
+    contacts = count(end["contacts"], "contact") if end["contacts"] else "no contacts"
     if len(end["groups"]) == 1:
         return f"{len(begin)} balls in one group, {contacts}"
     sizes = Counter(end["groups"])  # from the largest on
-    groups = [f"{_count(count, 'cluster')} of {size}" for size, count in sizes.items()]
+    groups = [f"{count(number, 'cluster')} of {size}" for size, number in sizes.items()]
     if len(groups) > NAMED:
         others = sum(list(sizes.values())[NAMED:])
         groups[NAMED:] = [f"{others} smaller ones"]
     here, there = (length(float(np.min(nearest_distances(x, cell)))) for x in (np.array(end["positions"]), begin))
     return f"{contacts}; {', '.join(groups)}; nearest distance {here} ({there} in the scene)"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def position_error(

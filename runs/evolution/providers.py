@@ -7,7 +7,7 @@ from typing import Any
 
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.problem import Load, Problem
+from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import duration
 from runs.evolution.equilibria import DIFFERENCE
@@ -61,13 +61,17 @@ def provider(
     Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state, and what the model's plan
     raises for any run of a table.
     """
+    check_forces(model, kind)
     if model.name == "point_load":
-        return Provider(_point_loads(problem, cell), ("balls act on each other as point loads",))
+
+        def forces_of(ball: Ball) -> list[float]:
+            balls, load = (replace(ball, position=(0.0, 0.0)),), Load("approach", (max(problem.load.values),))
+            alone = replace(problem, balls=balls, load=load)
+            states = MODELS["linear_bem"].solve(alone, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
+            return [state.balls[0].normal_force for state in states]
+
+        return Provider(point_loads(problem, cell, forces_of), ("balls act on each other as point loads",))
     if kind == "direct":
-        if model.parallel:
-            raise UnsupportedProblem(
-                f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
-            )
         return Provider(
             DirectForces(problem, accuracy or DIRECT_ACCURACY),
             ("the full model is asked at every step",),
@@ -118,15 +122,21 @@ def table_of(
     return PairTable(problem, model.name, solve, folder, settings)
 
 
-def _point_loads(problem: Problem, cell: Array | None = None) -> PairForces:
-    """Return the point-load law with one relation of force and approach per kind of ball."""
-    deepest = max(problem.load.values)
-    curves: dict[tuple[float, Any], SingleBall] = {}
-    for ball in problem.balls:
-        kind = (ball.radius, ball.shape)
-        if kind not in curves:
-            balls, load = (replace(ball, position=(0.0, 0.0)),), Load("approach", (deepest,))
-            alone = replace(problem, balls=balls, load=load)
-            states = MODELS["linear_bem"].solve(alone, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
-            curves[kind] = SingleBall([d * deepest for d in DEPTHS], [s.balls[0].normal_force for s in states])
+def check_forces(model: Model, kind: str) -> None:
+    """Raise `UnsupportedProblem` for forces that take minutes at every step."""
+    if kind == "direct" and model.parallel:
+        raise UnsupportedProblem(
+            f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
+        )
+
+
+def point_loads(problem: Problem, cell: Array | None, forces_of: Callable[[Ball], Sequence[float]]) -> PairForces:
+    """Return the point-load law; ``forces_of`` gives those [N] of a ball alone at `DEPTHS` of the largest approach."""
+    depths = [d * max(problem.load.values) for d in DEPTHS]
+    curves = {kind: SingleBall(depths, forces_of(ball)) for kind, ball in kinds(problem).items()}
     return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem), cell=cell)
+
+
+def kinds(problem: Problem) -> dict[tuple[float, Any], Ball]:
+    """Return one ball of each radius and shape."""
+    return {(ball.radius, ball.shape): ball for ball in reversed(problem.balls)}
