@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass
 from math import tan
-from numbers import Real
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -109,6 +109,8 @@ def solve_contact(
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
+    if sample is not None and not (isinstance(sample, Integral) and sample >= 1):
+        raise InvalidProblem(f"sample: must be a whole number of balls, 1 or more, or None, got {sample!r}")
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
