@@ -154,7 +154,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
             "or drop the effect"
         )
-    return _on_grids(problem, kernel, wanted, guess)
+    return _on_grids(problem, kernel, wanted, guess, report)
 
 
 def _enough(wanted: float) -> float:
@@ -228,10 +228,10 @@ def _by_polynomials(
     return None
 
 
-def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Estimated:
+def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Estimated:
     """Return contacts on the coarsest sufficient grid, or on the finest that fits."""
     last: _Refined | None = None
-    levels, fits = grid_levels(problem, kernel, guess), "fits"
+    levels, fits = grid_levels(problem, kernel, guess, report), "fits"
     while True:
         try:
             contacts = next(levels, None)
