@@ -252,9 +252,8 @@ def grid_levels(
                     f"contacts, more than {MOST_CELLS}; press balls of more equal size, or fewer, or less deep"
                 )
             return
-        grid = f"grid of {cells} cells"
-        report(f"{grid}: {len(patches.patches)} patch(es), {count} cells across a contact's")
-        contacts = _solve(problem, kernel, patches, start, before, seldom(report, f"{grid}, "))
+        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across a contact's")
+        contacts = _solve(problem, kernel, patches, start, before)
         if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue
         yield contacts
@@ -266,14 +265,9 @@ def grid_levels(
 
 
 def _solve(
-    problem: Problem,
-    kernel: LayeredKernel,
-    patches: Patches,
-    start: Start,
-    before: GridContacts | None,
-    report: Report,
+    problem: Problem, kernel: LayeredKernel, patches: Patches, start: Start, before: GridContacts | None
 ) -> GridContacts:
-    load = problem.load
+    load, report = problem.load, seldom(patches.report)
     approaches = start.approaches.copy() if before is None else before.approaches.copy()
     lifted = unloaded(load)
     loaded = [i for i in range(problem.size) if i not in lifted]
@@ -283,7 +277,7 @@ def _solve(
     groups = [([loaded[k] for k in members], q) for members, q in force_groups(load, loaded, kernel.singular)]
     pressures = []
     for done, patch in enumerate(patches.patches):
-        report(f"first pressures: {done} of {len(patches.patches)} patches")
+        report(f"first pressures on the grid: {done} of {len(patches.patches)} patches")
         if before is None:
             pressures.append(np.max([zone.pressure(*patch.points) for zone in start.zones], axis=0))
         else:

@@ -204,7 +204,8 @@ def solve_bounded(
         scale = float(np.max(np.abs(approaches)))
         gap_inside = float(np.max(np.abs(gap[contact]), initial=0.0)) / scale
         penetration = float(np.max(-gap[~contact], initial=0.0)) / scale
-        report(f"step {iteration + 1}: gap {gap_inside:.1e}, penetration {penetration:.1e}, tolerance {tolerance:.1e}")
+        left = f"gap {gap_inside:.1e}, penetration {penetration:.1e}, tolerance {tolerance:.1e}"
+        report(f"grid of {p.size} cells, step {iteration + 1}: {left}")
         if gap_inside < tolerance and penetration < tolerance and iteration > 0:
             return GridState(cells.split(p), cells.split(w), cells.split(owner), approaches, iteration)
         if not np.any(contact):

@@ -52,7 +52,7 @@ def test_every_grid_and_its_long_parts_are_reported(monkeypatch):
     for phase in (
         "influence of patches on each other: 1 of 4 patches",
         "grid of 4096 cells: 4 patch(es), 32 cells across a contact's",
-        "grid of 4096 cells, first pressures: 0 of 4 patches",
+        "first pressures on the grid: 0 of 4 patches",
         "grid of 4096 cells, step 2: gap ",
         "T along x: 3 of 4 patches",
         "T along y: 3 of 4 patches",
