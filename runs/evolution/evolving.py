@@ -124,17 +124,28 @@ class Evolution:
             unfinished = document(False)
             self.session.save(unfinished, rows(unfinished))
 
-        self._follow(record, given, 0, keep)
-        members[:1] = [self._member(record, 0)]
-        keep()
-        for number in range(len(members), self.sliding.ensemble):
-            member = Record()
-            self._follow(member, given, number, lambda: None)
-            members.append(self._member(member, number))
+        try:
+            self._follow(record, given, 0, keep)
+            members[:1] = [self._member(record, 0)]
             keep()
-        found = self._end(record.moments, given)
-        if self._is_layer:
-            write_csv(self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls))
+            for number in range(len(members), self.sliding.ensemble):
+                member, before_it = Record(), self.steps
+                try:
+                    self._follow(member, given, number, lambda: None)
+                    members.append(self._member(member, number))
+                except KeyboardInterrupt:
+                    self.steps = before_it  # the same command computes this member anew
+                    raise
+                keep()
+            found = self._end(record.moments, given)
+            if self._is_layer:
+                write_csv(
+                    self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
+                )
+        except KeyboardInterrupt:
+            if record.moments:
+                keep()
+            raise
         return document(True) | found, record
 
     @property
@@ -192,9 +203,9 @@ class Evolution:
         written = told = time.monotonic()
         saving, before = 0.0, self.steps
         for moment in path:
-            signals.check()
-            self.steps = before + drift.steps
-            record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
+            with signals.held():
+                self.steps = before + drift.steps
+                record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
             now = time.monotonic()
             if now - written > max(SAVED_EVERY, SAVING * saving):
                 keep()
