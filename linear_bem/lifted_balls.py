@@ -14,7 +14,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
-from linear_bem.report import Report, silent
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
@@ -67,7 +67,12 @@ def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
 def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[float, float]]]:
     """Return `rest` of many balls; among many smooth contacts all at once, to about 1e-5 of the displacement."""
     if not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED:
-        return [rest(contacts, i) for i in balls]
+        said = seldom(contacts.report, "height of rest: ")
+        found: list[tuple[float, tuple[float, float]]] = []
+        for done, i in enumerate(balls):
+            said(f"{done} of {len(balls)} balls without load")
+            found.append(rest(contacts, i))
+        return found
     centres = contacts.problem.positions[list(balls)]
     reach = np.array([0.1 * contacts.problem.balls[i].radius for i in balls])
     reach = np.minimum(reach, CLEAR * nearest(contacts.problem)[list(balls)])

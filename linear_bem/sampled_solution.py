@@ -126,11 +126,11 @@ def _settled(
 ) -> SmoothContacts:
     """Return the contacts at a degree, swept until T is settled: a thin layer's T is small against all that it adds."""
     contacts = _at_degree(problem, kernel, degree, start, SWEPT * wanted, pairs, report)
-    settled = LEFT * wanted * reference_force(contacts) / float(np.max(felt(contacts)))
-    if contacts.smooth.residual <= settled:
+    left, most = LEFT * wanted * reference_force(contacts), float(np.max(felt(contacts)))
+    if contacts.smooth.residual * most <= left:  # a ball alone feels nothing
         return contacts
     try:
-        return _at_degree(problem, kernel, degree, _start_of(contacts), settled, pairs, report)
+        return _at_degree(problem, kernel, degree, _start_of(contacts), left / most, pairs, report)
     except NotConverged:
         return contacts
 

@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass
 from math import tan
-from numbers import Real
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -109,6 +109,8 @@ def solve_contact(
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
+    if sample is not None and not (isinstance(sample, Integral) and sample >= 1):
+        raise InvalidProblem(f"sample: must be a whole number of balls, 1 or more, or None, got {sample!r}")
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
@@ -152,7 +154,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
             "or drop the effect"
         )
-    return _on_grids(problem, kernel, wanted, guess)
+    return _on_grids(problem, kernel, wanted, guess, report)
 
 
 def _enough(wanted: float) -> float:
@@ -226,10 +228,10 @@ def _by_polynomials(
     return None
 
 
-def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start) -> Estimated:
+def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Estimated:
     """Return contacts on the coarsest sufficient grid, or on the finest that fits."""
     last: _Refined | None = None
-    levels, fits = grid_levels(problem, kernel, guess), "fits"
+    levels, fits = grid_levels(problem, kernel, guess, report), "fits"
     while True:
         try:
             contacts = next(levels, None)

@@ -9,6 +9,7 @@ import numpy as np
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
+from linear_bem.report import Report, silent
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,12 @@ class _Cluster:
         )
 
 
-def shared_patches(problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int) -> Patches:
+def shared_patches(
+    problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int, report: Report = silent
+) -> Patches:
     """Return patches of at least ``count`` cells across; balls that are close share one.
 
-    ``reach`` holds the half width [m] of a patch about each ball alone.
+    ``reach`` holds the half width [m] of a patch about each ball alone; ``report`` is that of `Patches`.
     """
     clusters = [_Cluster((i,), b.position, b.position, reach[i]) for i, b in enumerate(problem.balls)]
 
@@ -61,4 +64,4 @@ def shared_patches(problem: Problem, kernel: LayeredKernel, reach: dict[int, flo
         nx, ny = (2 * int(np.ceil(0.5 * side / cell - 1e-9)) for side in sides)
         centre = (0.5 * (c.low[0] + c.high[0]), 0.5 * (c.low[1] + c.high[1]))
         patches.append(Patch(kernel, centre, cell, nx, ny, tuple(sorted(c.members)), order))
-    return Patches(kernel, patches)
+    return Patches(kernel, patches, report)

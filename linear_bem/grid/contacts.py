@@ -18,6 +18,7 @@ from linear_bem.layer.rectangle_load import love_rectangle
 from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.initial_guess import Start
 from linear_bem.smooth.polynomials import circle
 
@@ -43,6 +44,11 @@ class GridContacts:
     def unknowns(self) -> int:
         """Number of cells."""
         return sum(p.nx * p.ny for p in self.patches.patches)
+
+    @property
+    def report(self) -> Report:
+        """Takes lines while results are computed."""
+        return self.patches.report
 
     @property
     def iterations(self) -> int:
@@ -224,17 +230,20 @@ def _heights(problem: Problem, patch: Patch) -> Array:
     return np.array([height(problem.balls[ball])(*patch.points) for ball in patch.members])
 
 
-def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterator[GridContacts]:
+def grid_levels(
+    problem: Problem, kernel: LayeredKernel, start: Start, report: Report = silent
+) -> Iterator[GridContacts]:
     """Yield the solution on grids of half the spacing each, until `MOST_CELLS` would be exceeded.
 
-    Raises `UnsupportedProblem` where even the first grid would exceed it, and `NotConverged`.
+    ``report`` takes a line per grid, and of its parts now and then. Raises `UnsupportedProblem` where even the first
+    grid would exceed it, and `NotConverged`.
     """
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     for i in range(problem.size):
         reach.setdefault(i, 0.5 * min(reach.values()))
     count, before = COARSEST, None
     for _ in range(12):
-        patches = shared_patches(problem, kernel, reach, count)
+        patches = shared_patches(problem, kernel, reach, count, report)
         cells = sum(p.nx * p.ny for p in patches.patches)
         if cells > MOST_CELLS:
             if before is None:
@@ -243,6 +252,7 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
                     f"contacts, more than {MOST_CELLS}; press balls of more equal size, or fewer, or less deep"
                 )
             return
+        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across a contact's")
         contacts = _solve(problem, kernel, patches, start, before)
         if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue
@@ -257,7 +267,7 @@ def grid_levels(problem: Problem, kernel: LayeredKernel, start: Start) -> Iterat
 def _solve(
     problem: Problem, kernel: LayeredKernel, patches: Patches, start: Start, before: GridContacts | None
 ) -> GridContacts:
-    load = problem.load
+    load, report = problem.load, seldom(patches.report)
     approaches = start.approaches.copy() if before is None else before.approaches.copy()
     lifted = unloaded(load)
     loaded = [i for i in range(problem.size) if i not in lifted]
@@ -266,13 +276,14 @@ def _solve(
         approaches[:] = np.max(approaches)
     groups = [([loaded[k] for k in members], q) for members, q in force_groups(load, loaded, kernel.singular)]
     pressures = []
-    for patch in patches.patches:
+    for done, patch in enumerate(patches.patches):
+        report(f"first pressures on the grid: {done} of {len(patches.patches)} patches")
         if before is None:
             pressures.append(np.max([zone.pressure(*patch.points) for zone in start.zones], axis=0))
         else:
             pressures.append(before.pressure(*patch.points) * kernel.singular)
     heights = [_heights(problem, patch) for patch in patches.patches]
-    state = solve_bounded(patches, heights, pressures, approaches, groups)
+    state = solve_bounded(patches, heights, pressures, approaches, groups, report=report)
     return GridContacts(problem, kernel, patches, state, state.approaches)
 
 

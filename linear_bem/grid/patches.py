@@ -21,6 +21,7 @@ from scipy import fft
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
+from linear_bem.report import Report, seldom, silent
 
 
 @dataclass
@@ -199,22 +200,25 @@ def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float)
 
 
 class Patches:
-    """All patches together: displacement of every cell from every pressure."""
+    """All patches together: displacement of every cell from every pressure; ``report`` takes lines of long parts."""
 
-    def __init__(self, kernel: LayeredKernel, patches: list[Patch]) -> None:
+    def __init__(self, kernel: LayeredKernel, patches: list[Patch], report: Report = silent) -> None:
         self.kernel = kernel
         self.patches = patches
+        self.report = report
         self._mutual: Array | None = None
         if len(patches) > 1:
-            self._mutual = self._between(lambda r, dx, dy: kernel.scaled(r))
+            self._mutual = self._between(lambda r, dx, dy: kernel.scaled(r), "influence of patches on each other: ")
 
-    def _between(self, f: Callable[[Array, Array, Array], Array]) -> Array:
-        """Return a kernel f(r, dx, dy) between all nodes of different patches."""
+    def _between(self, f: Callable[[Array, Array, Array], Array], what: str) -> Array:
+        """Return a kernel f(r, dx, dy) between all nodes of different patches; ``what`` begins its lines of report."""
+        report = seldom(self.report, what)
         q2 = self.patches[0].nodes ** 2
         x = np.concatenate([p.node_points[0] for p in self.patches])
         y = np.concatenate([p.node_points[1] for p in self.patches])
         out = np.zeros((len(x), len(x)))
         for i in range(len(self.patches)):
+            report(f"{i} of {len(self.patches)} patches")
             rows = slice(i * q2, (i + 1) * q2)
             dx, dy = x[rows, None] - x, y[rows, None] - y
             r = np.hypot(dx, dy)
@@ -254,6 +258,6 @@ class Patches:
         if self._mutual is None:
             return along_x, along_y
         loads = self._gather(pressures)
-        sx = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dx / r) @ loads
-        sy = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dy / r) @ loads
+        sx = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dx / r, "T along x: ") @ loads
+        sy = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dy / r, "T along y: ") @ loads
         return self._add(along_x, sx), self._add(along_y, sy)

@@ -19,6 +19,7 @@ from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged
 from linear_bem.grid.patches import Patches
 from linear_bem.load_control import Groups
+from linear_bem.report import Report, silent
 
 Value = TypeVar("Value", np.float64, np.intp)
 PATIENCE = 60
@@ -177,13 +178,14 @@ def solve_bounded(
     groups: Groups,
     tolerance: float = 1e-8,
     limit: int | None = None,
+    report: Report = silent,
 ) -> GridState:
     """Return the state with p >= 0, gap >= 0, p gap = 0.
 
     ``heights`` holds per patch the members' f at its cells, shape (members, nx, ny) [m]; balls in no group of
     ``groups`` keep their approach. Soft layers take 10 to 30 steps on any grid; a stiff film on a soft base, whose
     pressure is concentrated at the contact's edge, takes hundreds: ``limit`` is 3000 on small grids, 600 on others.
-    Raises `NotConverged`.
+    ``report`` takes a line per step. Raises `NotConverged`.
     """
     cells = _Cells(patches, heights, groups, len(approaches))
     approaches = approaches.astype(float).copy()
@@ -202,6 +204,8 @@ def solve_bounded(
         scale = float(np.max(np.abs(approaches)))
         gap_inside = float(np.max(np.abs(gap[contact]), initial=0.0)) / scale
         penetration = float(np.max(-gap[~contact], initial=0.0)) / scale
+        left = f"gap {gap_inside:.1e}, penetration {penetration:.1e}, tolerance {tolerance:.1e}"
+        report(f"grid of {p.size} cells, step {iteration + 1}: {left}")
         if gap_inside < tolerance and penetration < tolerance and iteration > 0:
             return GridState(cells.split(p), cells.split(w), cells.split(owner), approaches, iteration)
         if not np.any(contact):

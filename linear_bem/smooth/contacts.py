@@ -159,14 +159,15 @@ class SmoothContacts:
             return tuple(range(len(nodes)))
         centres, reach = np.array([n.zone.centre for n in nodes]), np.array([n.zone.reach for n in nodes])
         places = wrapped(centres, self.problem.cell)
-        away, near = cKDTree(places, boxsize=self.problem.cell).query(places, min(NEIGHBOURS + 1, len(nodes)))
+        among = np.arange(min(NEIGHBOURS + 1, len(nodes))) + 1  # an array: of a contact alone, too, there are columns
+        away, near = cKDTree(places, boxsize=self.problem.cell).query(places, among)
         touching = list(self.touching)
         sizes = (
             np.hypot(*self.mutual_force[touching].T),
             self.normal_forces[touching],
             reach,
             reach / np.array([self.problem.balls[ball].radius for ball in touching]),
-            np.max((reach[:, None] + reach[near[:, 1:]]) / away[:, 1:], axis=1),
+            np.max((reach[:, None] + reach[near[:, 1:]]) / away[:, 1:], axis=1, initial=0.0),
         )
         chosen = set(np.linspace(0, len(nodes) - 1, count).astype(int).tolist())
         for size in sizes:

@@ -52,6 +52,7 @@ advice."""
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     """Print the plan of ``solve``, and of ``compare`` if the scene supports it."""
     model, problem, notes = choose(standing(scene), asked)
+    _require_drift(scene, model, problem)
     if not ranks.is_root():
         return
     begun, drifts = time.process_time(), scene.reciprocation is not None
@@ -115,6 +116,14 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene)
+
+
+def _require_drift(scene: Scene, model: Model, problem: Problem) -> None:
+    """Raise what ``evolve`` refuses, of a scene whose balls drift."""
+    if scene.reciprocation is not None:
+        from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
+
+        require_drift(scene, model, problem)
 
 
 def _patience(problem: Problem, expected: float, begun: float) -> float:

@@ -11,17 +11,22 @@ import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.problem import Problem
+from linear_bem.touching import overlap_faults
 from runs.evolution import outcome, showing, structure
 from runs.evolution.drift import Drift, Moment
-from runs.evolution.hard_balls import TOUCHING, HardBalls
+from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
 from runs.evolution.pair_forces import PairForces
-from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider, provider
+from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider, provider, require_forces
 from runs.evolution.record import Record, events, gathered_at, summary
+from runs.models import Model, choose, standing
 from runs.process import ranks, signals
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
-from runs.scene.scene_file import Scene
+from runs.scene import messages
+from runs.scene.effects.reciprocation import ReciprocationTable
+from runs.scene.scene_file import InvalidScene, Scene
 from runs.session.output_folder import PATH
 from runs.session.progress import print_status
 from runs.session.session import Options, Session, conduct
@@ -41,31 +46,44 @@ def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path
 
 
 def open_session(scene: Scene, asked: str | None, options: Options) -> Session:
-    """Return the session of an evolution; raises `UnsupportedProblem` for balls that cannot drift."""
+    """Return the session of an evolution; raises `InvalidScene` or `UnsupportedProblem` for balls that cannot drift."""
     if scene.reciprocation is None:
         raise UnsupportedProblem(
             f"{scene.path}: evolve needs [reciprocation] (amplitude, cycles, friction); add the table, or use solve"
         )
-    if scene.problem.size < 2:
-        raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
-    balls = balls_of(scene)
-    overlap = balls.touching(scene.problem.positions)
-    gaps = balls.gaps(scene.problem.positions, overlap)
-    if np.any(gaps < -TOUCHING * balls.distances(overlap)):
-        i, j = balls.pairs(overlap[[int(np.argmin(gaps))]])[0]
-        raise UnsupportedProblem(
-            f"{scene.path}: [periodic] lengths: balls {i} and {j} overlap across the cell's edge by "
-            f"{-np.min(gaps):g} m; make the cell larger or move them"
-        )
+    require_drift(scene, *choose(standing(scene), asked)[:2])
     return Session("evolve", scene, asked, options, FORMAT)
 
 
+def require_drift(scene: Scene, model: Model, problem: Problem) -> None:
+    """Raise what ``evolve`` refuses of a scene with [reciprocation], for ``plan`` as well."""
+    if problem.size < 2:
+        raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
+    balls = balls_of(scene)
+    if balls.cell is not None:  # without one, the problem was checked
+        bodies = {i: (ball.indenter, ball.radius) for i, ball in enumerate(problem.balls)}
+        texts = overlap_faults(bodies, problem.positions, balls.cell)
+        if texts:
+            raise InvalidScene(scene.path, *(messages.of_problem(text, scene.data) for text in texts))
+    assert scene.reciprocation is not None
+    require_forces(model, problem, scene.reciprocation.forces)
+
+
 def balls_of(scene: Scene) -> HardBalls:
-    """Return the hard balls of a scene; raises `UnsupportedProblem` for levels that no flat plate imposes."""
+    """Return the hard balls of a scene; raises `InvalidScene` for levels that no flat plate imposes."""
     cell, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
-    return HardBalls.of(
-        scene.problem, None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
-    )
+    lengths, share = None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
+    try:
+        return HardBalls.of(scene.problem, lengths, share)
+    except UnsupportedProblem as error:
+        raise InvalidScene(scene.path, messages.of_problem(str(error), scene.data)) from None
+
+
+def start(balls: HardBalls, x: Array, sliding: ReciprocationTable, number: int) -> Array:
+    """Return where a member's balls (balls, 2) [m] start: moved at random by up to the perturbation, then parted."""
+    if sliding.perturbation > 0.0:
+        x = x + sliding.perturbation * np.random.default_rng(sliding.seed + number).uniform(-1.0, 1.0, x.shape)
+    return balls.parted(x, np.ones(len(x)))
 
 
 class Evolution:
@@ -114,17 +132,28 @@ class Evolution:
             unfinished = document(False)
             self.session.save(unfinished, rows(unfinished))
 
-        self._follow(record, given, 0, keep)
-        members[:1] = [self._member(record, 0)]
-        keep()
-        for number in range(len(members), self.sliding.ensemble):
-            member = Record()
-            self._follow(member, given, number, lambda: None)
-            members.append(self._member(member, number))
+        try:
+            self._follow(record, given, 0, keep)
+            members[:1] = [self._member(record, 0)]
             keep()
-        found = self._end(record.moments, given)
-        if self._is_layer:
-            write_csv(self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls))
+            for number in range(len(members), self.sliding.ensemble):
+                member, before_it = Record(), self.steps
+                try:
+                    self._follow(member, given, number, lambda: None)
+                    members.append(self._member(member, number))
+                except KeyboardInterrupt:
+                    self.steps = before_it  # the same command computes this member anew
+                    raise
+                keep()
+            found = self._end(record.moments, given)
+            if self._is_layer:
+                write_csv(
+                    self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
+                )
+        except KeyboardInterrupt:
+            if record.moments:
+                keep()
+            raise
         return document(True) | found, record
 
     @property
@@ -157,13 +186,6 @@ class Evolution:
             "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
         }
 
-    def _start(self, seed: int) -> Array:
-        """Return the positions (balls, 2) [m] of a member: moved at random by up to the perturbation, then parted."""
-        x, shift = self._nominal, self.sliding.perturbation
-        if shift > 0.0:
-            x = x + shift * np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
-        return self.balls.parted(x, np.ones(len(x)))
-
     def _tell(self, words: str) -> None:
         assert self.session.folder is not None
         print_status(words)
@@ -176,15 +198,15 @@ class Evolution:
         drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
-            path = drift.path(self._start(self.sliding.seed + number), self.end)
+            path = drift.path(start(self.balls, self._nominal, self.sliding, number), self.end)
         else:
             path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare)
         written = told = time.monotonic()
         saving, before = 0.0, self.steps
         for moment in path:
-            signals.check()
-            self.steps = before + drift.steps
-            record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
+            with signals.held():
+                self.steps = before + drift.steps
+                record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
             now = time.monotonic()
             if now - written > max(SAVED_EVERY, SAVING * saving):
                 keep()

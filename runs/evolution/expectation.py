@@ -13,7 +13,7 @@ from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
 from runs.evolution.drift import Drift
-from runs.evolution.evolving import TABLES, balls_of
+from runs.evolution.evolving import TABLES, balls_of, start
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.evolution.outcome import COARSER
@@ -22,7 +22,6 @@ from runs.evolution.providers import (
     DIRECT_ACCURACY,
     MEASURED,
     PAIR_ACCURACY,
-    check_forces,
     kinds,
     point_loads,
     table_of,
@@ -47,11 +46,9 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     """Return the runs of the table, steps and paths, and time [s] and memory [bytes] of the whole command.
 
     ``solution`` is the time [s] of the linear solution of all balls. ``parts`` are processor times [s] of one process.
-    Raises what ``evolve`` raises for scenes that it refuses.
     """
     sliding, size = scene.reciprocation, problem.size
     assert sliding is not None
-    check_forces(model, sliding.forces)
     direct = sliding.forces == "direct" and model.name != "point_load"
     missing = [] if direct else _missing(scene, model, problem)
     table = planned_runs(model, missing, scene.tangential_force, scene.budget)
@@ -121,7 +118,7 @@ def _step(scene: Scene, problem: Problem, direct: bool) -> float:
         forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
     drift = Drift(forces, balls, tolerance, sliding.rest)
-    moments = drift.path(balls.parted(problem.positions, np.ones(problem.size)), np.inf)
+    moments = drift.path(start(balls, problem.positions, sliding, 0), np.inf)
     next(moments)
     begun = time.process_time()
     for _ in islice(moments, TRIED):

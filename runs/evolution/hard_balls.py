@@ -66,7 +66,8 @@ class HardBalls:
         if min(float(np.ptp(bottoms)), float(np.ptp(tops))) > 1e-9 * float(np.max(levels[0])):
             raise UnsupportedProblem(
                 "load.approach: balls that drift under one flat plate have their lowest points on one level (equal "
-                f"approaches) or their tops (approach less diameter), got approaches {problem.load.values} m"
+                f"approaches) or their tops (approach less diameter), got approaches from {np.min(bottoms):.9g} m to "
+                f"{np.max(bottoms):.9g} m; give one approach, or each ball's diameter less one length"
             )
         return cls(levels[0], None if cell is None else np.array(cell), rolling)
 

@@ -111,7 +111,7 @@ class PairTable:
     """
 
     def __init__(self, problem: Problem, model: str, solve: Solve, folder: Path, settings: Mapping[str, Any]) -> None:
-        self.ball, self.approach = _common_ball(problem)
+        self.ball, self.approach = common_ball(problem)
         self.problem, self.solve = problem, solve
         self.touch = 2.0 * self.ball.radius
         self.slow = problem.finite_strain is not None
@@ -294,7 +294,7 @@ def _abreast(distance: float) -> Places:
     return ((-0.5 * distance, 0.0), (0.5 * distance, 0.0))
 
 
-def _common_ball(problem: Problem) -> tuple[Ball, float]:
+def common_ball(problem: Problem) -> tuple[Ball, float]:
     """Return the one kind of ball and the one approach; raises `UnsupportedProblem` where there are several."""
     kinds = {(ball.radius, ball.shape) for ball in problem.balls}
     approaches = set(problem.load.values)

@@ -13,7 +13,7 @@ from runs.display.numbers import duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
-from runs.evolution.pair_table import DEPTHS, PairTable, runs_left
+from runs.evolution.pair_table import DEPTHS, PairTable, common_ball, runs_left
 from runs.models import MODELS, Model, Run, planned_runs
 from runs.process import ranks
 from runs.process.json_values import Document
@@ -58,10 +58,8 @@ def provider(
 
     ``cell`` holds the lengths [m] of a periodic cell. ``budget`` bounds each finite-element run of a table ("unknowns",
     "seconds").
-    Raises `UnsupportedProblem` for "direct" forces of a model that takes minutes per state, and what the model's plan
-    raises for any run of a table.
+    Raises what `require_forces` raises, and what the model's plan raises for any run of a table.
     """
-    check_forces(model, kind)
     if model.name == "point_load":
 
         def forces_of(ball: Ball) -> list[float]:
@@ -71,6 +69,7 @@ def provider(
             return [state.balls[0].normal_force for state in states]
 
         return Provider(point_loads(problem, cell, forces_of), ("balls act on each other as point loads",))
+    require_forces(model, problem, kind)
     if kind == "direct":
         return Provider(
             DirectForces(problem, accuracy or DIRECT_ACCURACY),
@@ -94,6 +93,18 @@ def provider(
         + ("" if measured else "; the stated error of T is that share alone: other arrangements may differ more")
     )
     return Provider(table.forces(cell), (note,) if problem.size > 2 else (), table.data)
+
+
+def require_forces(model: Model, problem: Problem, kind: str) -> None:
+    """Raise `UnsupportedProblem` for "direct" forces of a model that takes minutes per state, and unequal balls."""
+    if model.name == "point_load":
+        return
+    if kind == "pairs":
+        common_ball(problem)
+    elif model.parallel:
+        raise UnsupportedProblem(
+            f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
+        )
 
 
 def table_of(
@@ -120,14 +131,6 @@ def table_of(
         return model.solve(one, Run(asked, comm, workspace, output=nothing, budget=budget or {}, steps=steps))
 
     return PairTable(problem, model.name, solve, folder, settings)
-
-
-def check_forces(model: Model, kind: str) -> None:
-    """Raise `UnsupportedProblem` for forces that take minutes at every step."""
-    if kind == "direct" and model.parallel:
-        raise UnsupportedProblem(
-            f'[reciprocation] forces = "direct": {model.name} takes minutes for one state; use forces = "pairs"'
-        )
 
 
 def point_loads(problem: Problem, cell: Array | None, forces_of: Callable[[Ball], Sequence[float]]) -> PairForces:

@@ -2,10 +2,13 @@
 
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 _received: int | None = None
 _resumable = False
+_held = False
 
 
 def listen() -> None:
@@ -32,9 +35,22 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
+@contextmanager
+def held() -> Iterator[None]:
+    """Let a first signal interrupt at the end of the block only, so that what it changes stays whole."""
+    global _held  # noqa: PLW0603
+    _held = True
+    try:
+        yield
+    finally:
+        _held = False
+    check()
+
+
 def _note(number: int, frame: FrameType | None) -> None:
     global _received  # noqa: PLW0603
     if _received is not None:
         sys.exit(128 + number)
     _received = number
-    raise KeyboardInterrupt
+    if not _held:
+        raise KeyboardInterrupt

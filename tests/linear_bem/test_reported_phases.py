@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from linear_bem import report, solve
+from linear_bem import Ball, Cone, Layer, Load, Problem, report, solve
 from tests.linear_bem.sampled_scenes import scene
 
 
@@ -41,6 +41,24 @@ def test_every_long_phase_reports_its_parts(monkeypatch):
         "T: 60 of 110 slope integrals",
     ):
         assert any(line.startswith(phase) for line in lines), phase
+
+
+def test_every_grid_and_its_long_parts_are_reported(monkeypatch):
+    clock = itertools.count(0.0, 10.0)
+    monkeypatch.setattr(report.time, "monotonic", lambda: next(clock))
+    lines = []
+    balls = (*(Ball((x, 0.0), shape=Cone(1.2, 1e-3)) for x in (0.0, 3.0, 6.0)), Ball((9.0, 0.0), 1.0))
+    solve(Problem(Layer(1.0, 0.48, 1.25), balls, Load("approach", (0.1, 0.1, 0.1, -1.0))), 1e-2, lines.append)
+    for phase in (
+        "influence of patches on each other: 1 of 4 patches",
+        "grid of 4096 cells: 4 patch(es), 32 cells across a contact's",
+        "first pressures on the grid: 0 of 4 patches",
+        "grid of 4096 cells, step 2: gap ",
+        "T along x: 3 of 4 patches",
+        "T along y: 3 of 4 patches",
+        "height of rest: 0 of 1 balls without load",
+    ):
+        assert any(line.startswith(phase) for line in lines), (phase, lines)
 
 
 def test_parts_are_reported_so_long_after_the_last_line_of_any_kind(monkeypatch):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Layer, Load, Problem, sampled_solution, solve, solve_contact
-from linear_bem.errors import NotConverged
+from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.problem import Periodic
 from linear_bem.smooth import exact_sample
 from linear_bem.smooth.exact_sample import sample_error
 from linear_bem.smooth.newton import solve_zones
@@ -96,3 +97,37 @@ def test_a_sample_of_given_size_judges_fewer_balls():
     assert 4 <= len(found.solved.accuracy["sample"]) <= 4 + 5  # at equal steps, and one by each measure
     exact = forces(solve(problem, 1e-5))
     assert np.max(np.abs(forces(found) - exact)) < 1e-3 * np.max(np.hypot(*exact.T))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("count", "size", "load"),
+    [(n, size, "approach") for n, size in ((1, 1), (2, 2), (3, 3), (130, 1))] + [(1, 2, "force"), (2, 1, "force")],
+)
+@pytest.mark.parametrize("cell", [False, True])
+def test_the_smallest_samples_judge_one_ball_as_well_as_many(count, size, load, cell):
+    rows = int(np.ceil(np.sqrt(count)))
+    balls = tuple(Ball((2.5 * (k % rows), 2.5 * (k // rows)), 1.0) for k in range(count))
+    periodic = Periodic((2.5 * rows, 2.5 * rows)) if cell else None
+    given = Load(load, (0.1,) * count if load == "approach" else (0.05,) * count)
+    problem = Problem(Layer(1.0, 0.48, 1.5), balls, given, periodic=periodic)
+    judged, known = solve_contact(problem, 1e-2, sample=size).result(), solve(problem, 1e-3)
+    assert 1 <= len(judged.solved.accuracy["sample"]) <= size
+    difference = np.max(np.abs(forces(judged) - forces(known)), axis=1)
+    assert np.all(difference <= errors(judged) + errors(known) + 1e-12)
+    for name in ("normal_force", "approach"):
+        for here, there in zip(judged.balls, known.balls, strict=True):
+            assert abs(getattr(here, name) - getattr(there, name)) <= here.errors[name] + there.errors[name] + 1e-12
+
+
+def test_a_sample_of_the_only_ball_in_contact_judges_it():
+    lifted = Problem(Layer(1.0, 0.48, 1.5), (Ball((0.0, 0.0), 1.0), Ball((2.5, 0.0), 1.0)), Load("force", (0.1, 0.0)))
+    result = solve_contact(lifted, 1e-2, sample=1).result()
+    assert result.solved.accuracy["sample"] == [0]
+    assert np.all(forces(result) == 0.0)
+
+
+@pytest.mark.parametrize("size", [0, -1, 1.5])
+def test_a_sample_of_no_balls_is_refused(size):
+    with pytest.raises(InvalidProblem, match=f"sample: must be a whole number of balls, 1 or more.* got {size}"):
+        solve_contact(scene("approach"), 1e-2, sample=size)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import re
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +26,7 @@ from runs.models import MODELS, Run
 from runs.process import signals
 from runs.scene.scene_file import Scene, read_scene
 from runs.session.session import Options
-from tests.launch import ROOT, python, thirdbody
+from tests.launch import ROOT, environment, python, thirdbody
 from tests.test_architecture import HEAVY, LOADED
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
@@ -136,12 +139,12 @@ def test_the_outcome_of_a_scene_in_radii_is_in_radii(tmp_path: Path, capsys: pyt
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("ends", ["on the path", "in the ensemble"])
+@pytest.mark.parametrize("ends", ["on the path", "before it is saved", "in the ensemble"])
 def test_a_killed_run_goes_on_to_the_same_result(
     ends: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = evolved(scene, tmp_path / "whole")
-    left = 25 if ends == "on the path" else 10**6
+    left = 10**6 if ends == "in the ensemble" else 25
     member = evolving.Evolution._member
 
     def dies() -> None:
@@ -158,6 +161,8 @@ def test_a_killed_run_goes_on_to_the_same_result(
     with monkeypatch.context() as patch:
         for interval in ("SAVED_EVERY", "SAVING", "TOLD_EVERY"):
             patch.setattr(evolving, interval, -1.0)
+        if ends == "before it is saved":
+            patch.setattr(evolving, "SAVED_EVERY", 1e9)
         patch.setattr(signals, "check", dies)
         patch.setattr(evolving.Evolution, "_member", dies_soon)
         with pytest.raises(KeyboardInterrupt):
@@ -171,10 +176,54 @@ def test_a_killed_run_goes_on_to_the_same_result(
         r"^(member \d of \d: )?cycle [\d.e+-]+ of [\d.e+-]+, \d+ steps", capsys.readouterr().err, re.MULTILINE
     )
     assert len(said) > 5
-    assert len(half["ensemble"]) == (0 if ends == "on the path" else 1)
+    assert len(half["ensemble"]) == (1 if ends == "in the ensemble" else 0)
     killed = evolved(scene, tmp_path / "killed")
+    assert killed["solved"]["iterations"] == whole["solved"]["iterations"]
+    assert (tmp_path / "killed" / "steps.csv").read_bytes() == (tmp_path / "whole" / "steps.csv").read_bytes()
     for key in ("path", "events", "ensemble", "balls", "rest", "position_error"):
         assert killed[key] == whole[key], key
+
+
+SLOWLY = """
+from runs.evolution import evolving, showing
+evolving.SAVED_EVERY, evolving.TOLD_EVERY, showing.draw = 1e9, -1.0, lambda *given: None
+from runs.cli import main
+main()
+"""
+"""The command, which never saves an unfinished path by itself, says every moment how far it is, and draws nothing."""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("waits_for", ["30 steps", "member 3 of 3"])
+def test_a_signal_keeps_what_is_computed(number: signal.Signals, waits_for: str, tmp_path: Path) -> None:
+    file = tmp_path / "three.toml"
+    file.write_text(TEXT, encoding="utf-8")
+    words = [sys.executable, "-c", SLOWLY, "evolve", str(file), "--model", "point_load", "--out", str(tmp_path / "out")]
+    with subprocess.Popen(words, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if waits_for in line:
+                break
+        process.send_signal(number)
+        rest = process.stderr.read()
+        assert process.wait(timeout=60.0) == 128 + number
+    assert "stopped; finished steps are saved, and the same command continues from there" in rest
+    half = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    if waits_for == "30 steps":
+        assert half["solved"]["iterations"] >= 30
+        assert half["continuation"]["sigma"] >= half["path"][-1]["sigma"] > 0.0
+    else:
+        assert len(half["ensemble"]) == 2
+    for name in ("out", "whole"):
+        words[-1] = str(tmp_path / name)
+        assert python(*words[1:]).returncode == 0
+    goes_on, whole = (
+        json.loads((tmp_path / name / "result.json").read_text(encoding="utf-8")) for name in ("out", "whole")
+    )
+    for document in (goes_on, whole):
+        del document["solved"]["seconds"]
+    assert goes_on == whole
+    assert (tmp_path / "out" / "steps.csv").read_bytes() == (tmp_path / "whole" / "steps.csv").read_bytes()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -162,8 +162,51 @@ def test_models_of_balls_at_rest_refuse_a_cell_and_resistance(tmp_path: Path) ->
     file = written(tmp_path, 4, more="[rolling_resistance]\nshare = 1e-3")
     with pytest.raises(UnsupportedProblem, match=r"\[periodic\].*\[rolling_resistance\].*thirdbody evolve"):
         choose(read_scene(file))
-    with pytest.raises(UnsupportedProblem, match="overlap across the cell's edge"):
-        evolve_scene(read_scene(written(tmp_path, 9, side=7.0)), "point_load", Options(False, tmp_path / "out", False))
+
+
+@pytest.mark.parametrize("command", ["plan", "evolve"])
+@pytest.mark.parametrize(
+    ("count", "model", "change", "says"),
+    [
+        (
+            9, None, ("", ""),
+            r"layer.toml: \[balls\] positions: balls \d and \d overlap by 0.\d+ m across the cell's edge, the most of "
+            r"\d pairs that do: .* need at least 2 m; move them apart or make them smaller, or the cell larger",
+        ),
+        (
+            9, None, ("radius = 1.0", 'radius = "1000 mm"'),
+            r"\[balls\] positions: balls \d and \d overlap by [3-9]\d\d mm across the cell's edge, the most of \d",
+        ),
+        (1, None, ("", ""), r"layer.toml: one ball alone feels no mutual force; evolve needs two or more"),
+        (
+            4, None, ("approach = 0.1", "approach = [0.1, 0.2, 0.1, 0.1]"),
+            r"layer.toml: \[load\] approach: .* on one level .* approaches from 0.1 m to 0.2 m; give one approach",
+        ),
+        (
+            4, None, ("radius = 1.0\n", "radius = [1.0, 0.9, 1.0, 1.0]\n"),
+            r"a table of pairs needs equal balls under one approach, got 2 kind",
+        ),
+        (4, "small_strain", ("[periodic]\nlengths = [7.0, 7.0]", 'forces = "direct"'), "small_strain takes minutes"),
+    ],
+)  # fmt: skip
+def test_plan_refuses_what_evolve_refuses(
+    command: str, count: int, model: str | None, change: tuple[str, str], says: str, tmp_path: Path
+) -> None:
+    file = written(tmp_path, count, side=7.0)
+    text = file.read_text(encoding="utf-8")
+    assert change[0] in text
+    file.write_text(text.replace(*change) if change[0] else text, encoding="utf-8")
+    scene = read_scene(file)
+
+    def run() -> None:
+        if command == "plan":
+            plan_scene(scene, model, as_json=False)
+        else:
+            evolve_scene(scene, model, Options(False, tmp_path / "out", False))
+
+    with pytest.raises((InvalidScene, UnsupportedProblem), match=says):
+        run()
+    assert not (tmp_path / "out").exists()
 
 
 def test_resistance_stops_a_scene_and_a_run_without_it_never_loads_its_solver(tmp_path: Path) -> None:

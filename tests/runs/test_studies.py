@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from runs import studies
+from runs.studies.collective import answer as collective
+from runs.studies.experiments import answer as experiments
+from runs.studies.peers import answer as peers
 from tests.launch import thirdbody
 
 REFERENCE = 1e-5
@@ -162,3 +167,28 @@ def test_codes_against_hertz_and_the_pair_against_itself(monkeypatch: pytest.Mon
         assert found["error"] <= found["wanted"]
         assert found["estimate"] <= found["wanted"]
     assert pair.growth([4])[0]["estimate"] < 1e-3
+
+
+def test_every_case_is_named_when_it_begins(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said: list[str] = []
+
+    def begins(*given: Any, **options: Any) -> str:
+        said.append(capsys.readouterr().err)
+        return "an answer"
+
+    monkeypatch.setattr(collective.cases, "evolve", begins)
+    monkeypatch.setattr(experiments.cases, "evolve", begins)
+    monkeypatch.setattr(peers, "_solve", begins)
+    options = studies.Options(quick=True)
+    for study, first in (
+        (collective, collective.cases.cases(True)[0].name),
+        (experiments, f"{experiments.cases.chosen(True)[0].name}, linear_bem"),
+        (peers, next(peers.cases(tmp_path, True))[0].stem),
+    ):
+        said.clear()
+        capsys.readouterr()
+        study.STUDY.compute(tmp_path, options)
+        assert said[0] == f"{first}\n"
+        assert re.match(rf"(an answer\n)?{re.escape(first)}: 0\.0 s\n", said[1]), said[1]

@@ -7,12 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from runs.process import signals
 from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
-from runs.studies.framework.study import Study
+from runs.studies.framework.study import Study, timed
 from runs.studies.framework.tables import markdown
 
 GRIDS = (256, 512, 1024)
@@ -33,16 +32,16 @@ def compute(folder: Path, options: Options) -> None:
     for cells in GRIDS[:1] if options.quick else GRIDS:
         ours = 0.0
         for code in sphere.CODES:
-            signals.check()
-            row = sphere.measure(code, cells)
+            with timed(f"{cells} x {cells}, {code}"):
+                row = sphere.measure(code, cells)
             ours = ours or row["seconds"]
             rows.append({**row, "over_this_project": row["seconds"] / ours})
-            print_status(f"{cells} x {cells}, {code}: {row['remark'] or format(row['seconds'], '.3f') + ' s'}")
-    tables = {
-        "sphere": rows,
-        "pair": pair.times_to_accuracy(2 if options.quick else 7),
-        "growth": pair.growth(list(COUNTS[:2] if options.quick else COUNTS)),
-    }
+            print_status(row["remark"] or f"best time: {row['seconds']:.3f} s")
+    tables = {"sphere": rows}
+    with timed(TITLES["pair"]):
+        tables["pair"] = pair.times_to_accuracy(2 if options.quick else 7)
+    with timed(TITLES["growth"]):
+        tables["growth"] = pair.growth(list(COUNTS[:2] if options.quick else COUNTS))
     words = (
         f"One run on one thread of {os.cpu_count()} cores; machine load over the last minute "
         f"{before:.1f} before it and {os.getloadavg()[0]:.1f} at its end: above 1 then, other programs ran too, and "

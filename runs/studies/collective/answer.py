@@ -1,6 +1,5 @@
 """What forms from a random start: table, phase map, pictures, growth laws, and the answer in a sentence."""
 
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from runs.process import signals
 from runs.process.files import read_csv, write_csv
-from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Case, PairLaw
-from runs.studies.framework.study import CASES, Study, command
+from runs.studies.framework.study import CASES, Study, command, timed
 from runs.studies.framework.template import render
 
 SHOWN = (6.0, 0.3, 1)
@@ -61,16 +58,14 @@ def compute(folder: Path, options: Options) -> None:
     place = folder / CASES
     place.mkdir(exist_ok=True)
     for case in cases.cases(options.quick):
-        signals.check()
-        begun = time.process_time()
-        cases.evolve(case, place, fresh=options.fresh)
-        print_status(f"{case.name}: {time.process_time() - begun:.1f} s")
+        with timed(case.name):
+            cases.evolve(case, place, fresh=options.fresh)
     for thickness in () if options.quick else boundary.THICKNESSES:
-        signals.check()
         file = boundary.file_of(place, thickness)
         known = [row["h/R"] for row in boundary.read(place)]
         if options.fresh or thickness not in known:
-            boundary.compute(thickness, file)
+            with timed(f"two touching balls, h = {thickness:g} R"):
+                boundary.compute(thickness, file)
 
 
 def page(folder: Path, quick: bool) -> str:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import ThirdBodyError
-from runs.process import signals
 from runs.studies.effects.scenes import toml
+from runs.studies.framework.study import timed
 
 PROBE = Path(__file__).with_name("probe.py")
 UNLIKE_BY_NATURE = ("seconds", "versions")
@@ -42,8 +42,8 @@ def run(scene: Mapping[str, Mapping[str, object]], blocked: Sequence[str] = ()) 
 
     Scenes with a reciprocation are evolved, others solved.
     """
-    signals.check()
-    with tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
+    without = f", without {len(blocked)} modules and functions" if blocked else ""
+    with timed(f"[{'], ['.join(scene)}]{without}"), tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
         folder = Path(scratch)
         (folder / "scene.toml").write_text(toml(scene), encoding="utf-8")
         command = "evolve" if "reciprocation" in scene else "solve"

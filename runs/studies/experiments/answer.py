@@ -1,6 +1,5 @@
 """All runs in both models, and the resulting text, tables and figures."""
 
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +10,6 @@ from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
-from runs.process import signals
 from runs.process.files import write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
@@ -19,7 +17,7 @@ from runs.studies.experiments import cases, resistance, side_by_side
 from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
-from runs.studies.framework.study import Study, command
+from runs.studies.framework.study import Study, command, timed
 from runs.studies.framework.template import render
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
@@ -43,10 +41,8 @@ def compute(folder: Path, options: Options) -> None:
     """Evolve every case at small strain, and at finite strain where its pair table is complete."""
     for case in cases.chosen(options.quick):
         for model, scene in cases.runs_of(case, options.quick):
-            signals.check()
-            begun = time.monotonic()
-            cases.evolve(case, scene, model, folder, fresh=options.fresh, pictures=not options.quick)
-            print_status(f"{case.name}, {model}: {time.monotonic() - begun:.1f} s")
+            with timed(f"{case.name}, {model}"):
+                cases.evolve(case, scene, model, folder, fresh=options.fresh, pictures=not options.quick)
     if not options.quick:
         resistance.compute(folder, fresh=options.fresh)
 

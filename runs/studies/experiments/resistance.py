@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from runs.process import signals
-from runs.session.progress import print_status
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES, Case, distances
 from runs.studies.experiments.points import ABOUT, PAIR, POINTS, YES, Documents, at_cycles
+from runs.studies.framework.study import timed
 from runs.studies.framework.template import render
 
 SHARES = (7e-5, 1e-2)
@@ -35,9 +34,8 @@ def compute(folder: Path, *, fresh: bool = False) -> None:
     """Run every case with every share, at small strain."""
     for share in SHARES:
         for case in resisted(share):
-            signals.check()
-            cases.evolve(case, case.read(quick=True), "linear_bem", folder, fresh=fresh)
-            print_status(f"{case.name}, rolling resistance {share:g}")
+            with timed(f"{case.name}, rolling resistance {share:g}"):
+                cases.evolve(case, case.read(quick=True), "linear_bem", folder, fresh=fresh)
 
 
 def found(folder: Path) -> dict[float, dict[str, Any]]:

@@ -6,14 +6,13 @@ import time
 from pathlib import Path
 
 from runs.display.style import look, save_figure
-from runs.process import signals
 from runs.process.files import write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.figures import bulge, distance, map_lengths, map_materials, modulus, pressure, thickness
 from runs.studies.figures.pair import scene
 from runs.studies.figures.part import save, saved
-from runs.studies.framework.study import Study, command
+from runs.studies.framework.study import Study, command, timed
 from runs.studies.framework.template import render
 
 PARTS = (
@@ -26,15 +25,13 @@ def compute(folder: Path, options: Options) -> None:
     """Compute every part that the same code has not computed before."""
     write_text(folder / "scene.toml", scene().text)
     for part in PARTS:
-        signals.check()
         if not options.fresh and saved(folder, part, options.quick) is not None:
             print_status(f"{part.title}: taken from {folder}")
             continue
-        begun = time.process_time()
-        found = part.compute(options.quick)
-        seconds = time.process_time() - begun
-        save(folder, part, options.quick, found, seconds)
-        print_status(f"{part.title}: {seconds:.1f} s")
+        with timed(part.title):
+            begun = time.process_time()
+            found = part.compute(options.quick)
+            save(folder, part, options.quick, found, time.process_time() - begun)
 
 
 def page(folder: Path, quick: bool) -> str:

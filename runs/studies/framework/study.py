@@ -1,5 +1,6 @@
 """What every study does: compute answers into a folder, and make a page from those that exist."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.errors import OutputUnusable
-from runs.process import ranks
+from runs.process import ranks, signals
 from runs.process.files import read_json, write_text
 from runs.process.json_values import to_json
 from runs.process.locks import RUNNING, take
@@ -54,6 +55,16 @@ def run(study: Study, options: Options) -> None:
     if options.publish:
         print_status(f"published in {publish(study.name, text, [folder / name for name in study.publishes])}")
     print_status(f"{study.text}, tables (CSV) and figures are in {folder}")
+
+
+@contextmanager
+def timed(title: str) -> Iterator[None]:
+    """Say that a case begins, and how long it took; no case begins where a signal has asked the run to stop."""
+    signals.check()
+    print_status(title)
+    begun = time.monotonic()
+    yield
+    print_status(f"{title}: {time.monotonic() - begun:.1f} s")
 
 
 def command(name: str, quick: bool) -> str:

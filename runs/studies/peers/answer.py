@@ -11,7 +11,7 @@ from typing import Any
 from runs.process.files import read_json, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
-from runs.studies.framework.study import Study
+from runs.studies.framework.study import Study, timed
 from runs.studies.framework.tables import markdown
 from runs.studies.strengthening.materials import LAW_BY_NAME
 
@@ -47,7 +47,8 @@ def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of PEERS_PYTHON (a:b:c)."""
     for file, arguments in cases(folder, options.quick):
         if options.fresh or not file.exists():
-            print_status(_solve(arguments, file))
+            with timed(file.stem):
+                print_status(_solve(arguments, file))
 
 
 def page(folder: Path, quick: bool) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 from linear_bem.counts import grouped
 from linear_bem.errors import TooLarge
 from linear_bem.memory import give_back, require
-from runs.process import ranks, signals
+from runs.process import ranks
 from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
-from runs.studies.framework.study import Study
+from runs.studies.framework.study import Study, timed
 from runs.studies.framework.tables import written
 from runs.studies.framework.template import render
 from runs.studies.scaling import whole_runs
@@ -43,21 +43,21 @@ def compute(folder: Path, options: Options) -> None:
             continue
         state = pressed(form, comm)
         for target in left:
-            signals.check()
             if not fits(BYTES[form] * target, f"a system of {grouped(target)} unknowns ({form} form)", comm):
                 continue
-            for row in measure(form, target, state, comm):
-                rows.append(row)
-                if comm.rank == 0:
-                    print_status(", ".join(f"{key} {written(value)}" for key, value in row.items()))
+            with timed(f"{form} form, {grouped(target)} unknowns"):
+                for row in measure(form, target, state, comm):
+                    rows.append(row)
+                    if comm.rank == 0:
+                        print_status(", ".join(f"{key} {written(value)}" for key, value in row.items()))
             if comm.rank == 0:
                 write_csv(file, rows)
     for target in () if options.quick or comm.size == 1 else LARGE:
-        signals.check()
         saved = folder / f"whole_{target}.csv"
         known = ranks.share(saved.exists() and not options.fresh)
         if not known and fits(whole_runs.BYTES * target, f"a run of {grouped(target)} unknowns", comm):
-            found = whole_runs.run(target, comm)
+            with timed(f"a run of {grouped(target)} unknowns"):
+                found = whole_runs.run(target, comm)
             if comm.rank == 0:
                 write_csv(saved, found)
 
