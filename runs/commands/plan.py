@@ -64,20 +64,14 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     with waiting("the linear model on some of the balls, for this plan"):
         found = ahead_of(whole, accuracy)
     part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
-    evolution = None
+    plans, evolution = [{"model": model.name, "summary": model.summary}], None
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
 
         evolution = expectation(scene, model, problem, seconds)
-        plans, seconds = [{"model": model.name, "summary": model.summary}], evolution["seconds"]
+        seconds = evolution["seconds"]
     else:
-        plans = [_model_plan(model, scene, problem, ahead, seconds)]
-    if asked is None and model.plan is not None and not drifts:
-        # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
-        states = 2 * len(scene.steps or load_path(problem))
-        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, seconds, states))
-        if scene.steps is None:
-            plans[0]["compare"] = _in_compare(model, scene, problem)
+        plans = _model_plans(scene, model, problem, ahead, seconds, alone=asked is not None)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
     adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(whole, seconds, begun))
@@ -135,6 +129,20 @@ def _patience(problem: Problem, expected: float, begun: float) -> float:
         return PATIENCE
     left = min(PART * expected - (time.process_time() - begun), LONGEST)
     return left if problem.size > CHECKED else max(left, SHORTEST)
+
+
+def _model_plans(
+    scene: Scene, model: Model, problem: Problem, ahead: Result, expected: float, *, alone: bool
+) -> list[dict[str, Any]]:
+    """Return the plan of ``solve``, and that of the linear model for ``compare`` unless the model is ``alone``."""
+    plans = [_model_plan(model, scene, problem, ahead, expected)]
+    if not alone and model.plan is not None:
+        # compare solves the linear model twice per load step: at equal normal forces and at equal approaches
+        states = 2 * len(scene.steps or load_path(problem))
+        plans.append(_model_plan(MODELS["linear_bem"], scene, problem, ahead, expected, states))
+        if scene.steps is None:
+            plans[0]["compare"] = _in_compare(model, scene, problem)
+    return plans
 
 
 def _model_plan(

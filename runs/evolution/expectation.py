@@ -90,7 +90,7 @@ def _missing(scene: Scene, model: Model, problem: Problem) -> list[Problem]:
     """Return the problems that are solved before the first step."""
     if model.name == "point_load":
         deepest = Load("approach", (max(problem.load.values),))
-        return [replace(problem, balls=(ball,), load=deepest) for ball in kinds(problem)]
+        return [replace(problem, balls=(ball,), load=deepest) for ball in kinds(problem).values()]
     return table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
 
 
