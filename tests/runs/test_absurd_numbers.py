@@ -54,6 +54,21 @@ friction = 0.1
         (SCENE, '"1 GPa"', "1e-300", ["[substrate] young: must be at least 0.001 Pa, 1e-09 of the layer's"]),
         (SCENE, '"8 mm"', "1e-300", ["[balls] radius: must be at least 1e-30 m, got 1e-300 m; check its unit"]),
         (SCENE, '"-8 mm"', "-1e200", ["[balls] positions of ball 0: must be at most 8e+06 m"]),
+        (
+            DRIFT,
+            "friction = ",
+            "tolerance = 1e-300\nfriction = ",
+            [
+                "[reciprocation] tolerance: must lie between 1e-09 radii, to which contacts are held, and 0.01, got 1e-300"
+            ],
+        ),
+        (
+            DRIFT.replace("friction = ", "tolerance = 1e-9\nfriction = "),
+            '"-8 mm"',
+            '"1000 km"',
+            ["must lie between 2.8e-08 radii, the roundoff of the positions, and 0.01, got 1e-09; for example tol"],
+        ),
+        (DRIFT, "friction = ", "tolerance = 0.1\nfriction = ", ["must lie between 1e-09 radii", "got 0.1"]),
         (SCENE, '"60 mm"', "1e300", ["[periodic] lengths[1]: must be at most 8e+09 mm", "leave periodic out"]),
         (SCENE, '"1.5 mm"', "1e300", ["[load] approach: must be at most 8e+06"]),
         (DRIFT, '"60 mm"', "1e300", ["[periodic] lengths: must be at most 8e+09 mm"]),
