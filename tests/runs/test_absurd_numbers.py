@@ -58,9 +58,7 @@ friction = 0.1
             DRIFT,
             "friction = ",
             "tolerance = 1e-300\nfriction = ",
-            [
-                "[reciprocation] tolerance: must lie between 1e-09 radii, to which contacts are held, and 0.01, got 1e-300"
-            ],
+            ["[reciprocation] tolerance: must lie between 1e-09 radii, to which contacts are held, and 0.01, got 1e-3"],
         ),
         (
             DRIFT.replace("friction = ", "tolerance = 1e-9\nfriction = "),
