@@ -17,9 +17,9 @@ REMEDIES = {
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a real number that a float can hold: whole numbers may be too large."""
+    """Return whether a value is a real number (no bool) that a float can hold: whole numbers may be too large."""
     try:
-        return isinstance(value, Real) and isinstance(float(value), float)
+        return isinstance(value, Real) and not isinstance(value, bool) and isinstance(float(value), float)
     except OverflowError:
         return False
 

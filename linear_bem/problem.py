@@ -109,6 +109,15 @@ class Periodic:
 
     lengths: tuple[float, float]
 
+    def faults(self) -> list[str]:
+        """Return what is wrong with the lengths."""
+        lengths, must = self.lengths, "periodic.lengths: must be two lengths"
+        if not (_are_numbers(lengths) and len(lengths) == 2):
+            return [f"{must} in metres, along x and y, such as (10.0, 10.0), got {lengths!r:.80}"]
+        if not all(0.0 < v < math.inf for v in lengths):
+            return [f"{must} greater than 0 and finite, got {lengths[0]:g} m and {lengths[1]:g} m"]
+        return []
+
 
 @dataclass(frozen=True)
 class Elements:
@@ -226,10 +235,7 @@ class Problem:
             if not _are_numbers(ball.position) or len(ball.position) != 2:
                 faults.append(f"balls.positions[{i}]: must be two numbers, x and y, got {ball.position!r:.80}")
         if self.periodic is not None:
-            lengths = self.periodic.lengths
-            if not (_are_numbers(lengths) and len(lengths) == 2 and all(0.0 < v < math.inf for v in lengths)):
-                got = f"{', '.join(f'{v:g}' for v in lengths)} m" if _are_numbers(lengths) else f"{lengths!r:.80}"
-                faults.append(f"periodic.lengths: must be two lengths greater than 0 and finite, got {got}")
+            faults += self.periodic.faults()
         if not _are_numbers(self.load.values):
             faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r:.80}")
         return faults

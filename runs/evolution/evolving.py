@@ -112,7 +112,7 @@ class Evolution:
         document, record = self._run(given)
         session.save(document, rows(document))
         if pictures:
-            showing.draw(session, document, record.moments, self.balls, self._arrangements)
+            showing.draw(session, document, record.moments, self.balls, self._arrangements if self._is_layer else [])
         session.finish(document["solved"])
         return document
 
@@ -166,8 +166,8 @@ class Evolution:
         return self.balls.many or self.balls.cell is not None
 
     def _write_structure(self, moments: Sequence[Moment]) -> None:
-        """Write the arrangement at every kept moment; only new moments are looked at."""
-        if not self._is_layer:
+        """Write the arrangement of three or more balls at every kept moment; only new moments are looked at."""
+        if self.problem.size < 3 and not self._is_layer:
             return
         known = {line["sliding_path_over_friction"]: line for line in self._arrangements}
         self._arrangements = [

@@ -73,8 +73,10 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
     as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
+    if "overlap" in rule or table == "periodic" or key == "approach":
+        rule = in_unit(rule, (Units.written(data) or Units()).length)
     if "overlap" in rule:
-        rule, remedy = in_unit(rule, (Units.written(data) or Units()).length), "move them apart or make them smaller"
+        remedy = "move them apart or make them smaller"
         if table == "periodic":
             remedy = "make the cell longer or the balls smaller"
         elif "across the cell's edge" in rule:

@@ -116,7 +116,7 @@ class Unit:
 
 def in_unit(text: str, length: Unit) -> str:
     """Return a text with its lengths in metres ("0.016 m") in another unit."""
-    return re.sub(r"(\d\S*) m\b", lambda number: length(float(number[1]), 9), text)
+    return re.sub(r"(\d+\.?\d*(?:e[+-]?\d+)?|inf) m\b", lambda number: length(float(number[1]), 9), text)
 
 
 @dataclass(frozen=True)

@@ -293,7 +293,10 @@ def test_what_has_no_cell_refuses_it(under_forces):
             "overlap by 1 m across the cell's edge: their axes are 1 m apart",
         ),
         (((0.0, 0.0),), (0.0, 5.0), "must be two lengths greater than 0"),
-        (((0.0, 0.0),), (np.inf, 5.0), "must be two lengths greater than 0"),
+        (((0.0, 0.0),), (np.inf, 5.0), "must be two lengths greater than 0 and finite, got inf m and 5 m$"),
+        (((0.0, 0.0),), (), r"must be two lengths in metres, along x and y, such as .*, got \(\)$"),
+        (((0.0, 0.0),), (True, True), r"must be two lengths in metres, .*, got \(True, True\)$"),
+        (((0.0, 0.0),), (5.0, 5.0, 5.0), r"must be two lengths in metres, .*, got \(5.0, 5.0, 5.0\)$"),
     ],
 )
 def test_faults_of_a_cell_are_named(places, lengths, says):

@@ -34,6 +34,7 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
         ({"layer": "rubber"}, r"layer: must be Layer such as Layer\(.*\), got 'rubber'"),
         ({"load": (0.1,)}, r"load: must be Load such as Load\(.*\), got \(0\.1,\)"),
         ({"substrate": 1e9}, r"substrate: must be Elastic such as"),
+        ({"layer": Layer(1.0, 0.3, True)}, "layer.thickness: must be a number, got True"),
         ({"finite_strain": True}, r"finite_strain: must be FiniteStrain such as FiniteStrain\(\), got True"),
         ({"elements": "mixed"}, r"elements: must be Elements such as"),
         ({"load": Load("force", (1e-20,))}, r"load\.force\[0\]: must be at least 1\.8e-17, or 0, got 1e-20"),

@@ -122,7 +122,11 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     first, last = shown[0][1], shown[-1][1]
     changed = np.abs(first - last) > 50.0
     assert 0.005 < changed.mean() < 0.5  # the balls have moved, the axes have not
-    assert not list(out.glob("structure*"))  # which are of layers of many balls
+    with open(out / "structure.csv", encoding="utf-8", newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert len(rows) == len(document["path"])
+    assert float(rows[-1]["coordination"]) == 2.0  # three in contact
+    assert not list(out.glob("structure[._]*[gf]*"))  # pictures and S(k) of layers of many balls
     again = thirdbody("evolve", file, "--model", "point_load", "--out", out, "--json")
     assert json.loads(again.stdout) == document
     assert "complete already" in again.stderr

@@ -97,3 +97,35 @@ def test_a_comparison_in_a_cell_is_refused_before_any_work(tmp_path: Path) -> No
     with pytest.raises(UnsupportedProblem, match=r"compare needs both models.*no cell that repeats; drop \[periodic\]"):
         compare_scene(scene, Options(False, tmp_path / "out", False))
     assert not (tmp_path / "out").exists()
+
+
+SLIDING = "[reciprocation]\namplitude = 1.0\ncycles = 1\nfriction = 0.1\n"
+
+
+@pytest.mark.parametrize("more", ["", SLIDING])
+@pytest.mark.parametrize(
+    ("lengths", "says"),
+    [
+        ("[]", ("must be two lengths, along x and y, got []",)),
+        ('["-1 mm", "inf mm"]', ("must be two lengths greater than 0 and finite, got -1 mm and inf mm; for",)),
+        (
+            '["1900 mm", "8 m"]',
+            (
+                "ball 0 overlaps its own image: they need at least 2000 mm, got 1900 mm; make the cell longer",
+                "must be at least two diameters, 4000 mm, so that no ball touches two images of another, got 1900 mm;",
+            ),
+        ),
+        ('["1e30 mm", "8 m"]', ("must be at most 1e+12 mm, 1e+09 of the largest ball's radius, got 1e+30 mm; check",)),
+    ],
+)
+def test_lengths_of_a_cell_are_reported_in_the_scenes_unit(
+    lengths: str, says: tuple[str, ...], more: str, tmp_path: Path
+) -> None:
+    text = SCENE.replace("radius = 1.0", 'radius = "1000 mm"') + f"[periodic]\nlengths = {lengths}\n{more}"
+    if more:
+        text = text.replace("[accuracy]\ntangential_force = 1e-2\n", "")
+    with pytest.raises(InvalidScene) as caught:
+        read_scene(written(tmp_path, text))
+    (fault,) = caught.value.faults
+    assert says[bool(more) and len(says) > 1] in fault
+    assert " m;" not in fault

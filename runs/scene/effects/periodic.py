@@ -25,9 +25,8 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
     if scene.reciprocation is None:
         return []
     lengths = table.lengths  # the problem has no cell here
-    if not all(0.0 < length < math.inf for length in lengths):
-        given = ", ".join(f"{length:g}" for length in lengths)
-        return [f"periodic.lengths: must be two lengths greater than 0 and finite, got {given} m"]
+    if texts := Periodic(lengths).faults():
+        return texts
     radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
     texts = range_faults({"periodic.lengths": max(lengths)}, "m", max(radii), "the largest ball's radius")
     if scene.reciprocation.forces == "direct":

@@ -1,11 +1,15 @@
 """The effect `[reciprocation]`: sliding cycles that move the balls."""
 
 import math
+import sys
 from typing import Any, Literal
 
-from linear_bem.magnitudes import range_faults
+from linear_bem.magnitudes import RATIOS, range_faults
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Direction, Length, Number, Table, Whole
+
+FINEST, COARSEST = 1e-9, 1e-2
+"""Least and largest `tolerance` [radii]: contacts are held to the first (`runs.evolution.hard_balls`)."""
 
 
 class ReciprocationTable(Table):
@@ -29,7 +33,7 @@ class ReciprocationTable(Table):
     ensemble: Whole = 1
     """Number of runs, each with the next seed."""
     tolerance: Number = 1e-6
-    """Error of one step of the path, in radii."""
+    """Error of one step of the path, in radii: 1e-9 (far from (0, 0) the roundoff of positions) to 0.01."""
     rest: Number = 1e-6
     """Force over load below which a ball counts as at rest."""
     forces: Literal["pairs", "direct"] = "pairs"
@@ -43,6 +47,13 @@ class ReciprocationTable(Table):
     def cycles_after(self, sigma: float) -> float:
         """Return the number of cycles after which sliding path over friction is ``sigma`` [m]."""
         return sigma * self.friction / self.path_per_cycle
+
+
+def _farthest(balls: Any) -> float:
+    """Return the largest coordinate over the smallest radius, at most what a problem may have."""
+    radii = balls.radius if isinstance(balls.radius, tuple) else (balls.radius or 0.0,)
+    largest = max((abs(c) for place in balls.positions for c in place), default=0.0)
+    return largest / min(radii) if largest < RATIOS[1] * min(radii, default=0.0) else RATIOS[1]
 
 
 def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
@@ -60,8 +71,14 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
         texts.append(f"reciprocation.ensemble: must be at least 1, got {table.ensemble}")
     if table.ensemble > 1 and table.perturbation == 0.0:
         texts.append(f"reciprocation.ensemble: {table.ensemble} equal runs without a perturbation; give one")
-    if not 0.0 < table.tolerance <= 1e-2:
-        texts.append(f"reciprocation.tolerance: must lie between 0 and 0.01 (radii), got {table.tolerance:g}")
+    least, reason = FINEST, "to which contacts are held"
+    if (roundoff := sys.float_info.epsilon * _farthest(scene.balls)) > least:
+        least, reason = roundoff, "the roundoff of the positions"
+    if not least <= table.tolerance <= COARSEST:
+        texts.append(
+            f"reciprocation.tolerance: must lie between {least:.2g} radii, {reason}, and {COARSEST:g}, got "
+            f"{table.tolerance:g}"
+        )
     if load != "approach":
         texts.append(
             f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}; `thirdbody solve` "
