@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
@@ -110,8 +109,8 @@ def _step(scene: Scene, problem: Problem, direct: bool) -> float:
     assert sliding is not None
     depths = np.array(DEPTHS) * max(problem.load.values)
 
-    def estimated(ball: Ball) -> Array:
-        return estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths)
+    def estimated(ball: Ball) -> list[float]:
+        return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths))
 
     forces: Forces = point_loads(problem, balls.cell, estimated)
     if direct:
