@@ -4,7 +4,10 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib.util import find_spec
+from itertools import accumulate
+from statistics import NormalDist
 from typing import Any
 
 from finite_strain.equilibrium.solver_options import choose, given_in
@@ -34,11 +37,12 @@ LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
-REACHED, MIXED_REACHED, ALONE_REACHED, WITHIN = 0.11, 0.5, 0.4, 2.0
+REACHED, MIXED_REACHED, ALONE_REACHED = 0.11, 0.5, 0.4
 """Constant of `RunPlan.first_error`, by 117 runs of 0.02 R to 1.4 R, those of studies `stability` and `strengthening`
-among them (two in three within a factor 2); factors on it in the mixed form, and for one ball, whose force or approach
-counts; factor up to which it does not decide the number of meshes: 16 of 38 runs within 1.5 of it took another one, and
-one of 79 beyond, as did one of three new ones (1.9). `plan_errors` of ``runs.studies.scaling`` measures it."""
+among them; factors on it in the mixed form, and for one ball, whose force or approach counts."""
+SCATTER, LEAST = 0.58, 0.1
+"""Standard deviation of the logarithm of the error reached over `RunPlan.first_error`, measured by `plan_errors` of
+``runs.studies.scaling``; least chance of another number of meshes that a plan names."""
 HIGHER = 0.27
 """Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 ENOUGH, NEARBY = 3, 0.5
@@ -178,24 +182,35 @@ class RunPlan:
         constant *= MIXED_REACHED if "mixed" in describe_forms(self.problem).values() else 1.0
         return float(constant * self.deepest ** (2.0 / 3.0) / (room * (len(box.levels()[0]) - 1) ** 2))
 
-    def likely(self, share: float = 1.0) -> tuple[Discretisation, ...]:
-        """Return the discretisations that the accuracy takes if `FIRST` reaches ``share`` times `first_error`."""
-        levels, error = [PATH_FINDER, FIRST], share * self.first_error
-        while error > self.accuracy and (levels[-1].order < HIGHEST or self.given is None):
-            last, finer = levels[-1], levels[-1].fineness + STEP
-            rises = last.order < HIGHEST
-            level = replace(last, order=HIGHEST) if rises else replace(last, fineness=finer)
-            if self.unknowns(level) > self.budget.most_unknowns:
-                break
-            levels.append(level)
-            error *= HIGHER if rises else (last.fineness / finer) ** ORDER
-        return tuple(levels)
+    @cached_property
+    def chances(self) -> tuple[tuple[Discretisation, float], ...]:
+        """The discretisations in the order in which they are taken, each with the chance that the run ends with it."""
+        rows, level, error, beyond = [(PATH_FINDER, 0.0)], FIRST, self.first_error, 1.0
+        while True:
+            before, beyond = beyond, 1.0 - NormalDist(math.log(error), SCATTER).cdf(math.log(self.accuracy))
+            rises, finer = level.order < HIGHEST, level.fineness + STEP
+            following = replace(level, order=HIGHEST) if rises else replace(level, fineness=finer)
+            if (
+                beyond < LEAST
+                or (self.given is not None and not rises)
+                or self.unknowns(following) > self.budget.most_unknowns
+            ):
+                return (*rows, (level, before))
+            rows.append((level, before - beyond))
+            error *= HIGHER if rises else (level.fineness / finer) ** ORDER
+            level = following
+
+    @property
+    def likely(self) -> tuple[Discretisation, ...]:
+        """The discretisations of a run whose `FIRST` reaches `first_error`, the median."""
+        total = accumulate(chance for _, chance in self.chances)
+        return tuple(level for level, _ in self.chances[: 1 + next(i for i, sum_ in enumerate(total) if sum_ >= 0.5)])
 
     def describe(self, ranks: int = RANKS) -> dict[str, Any]:
         """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
         ``processor_`` is what one process takes alone; ``seconds_of_meshes`` are those of each discretisation.
-        ``perhaps`` has the cost of other numbers of meshes, where an error `WITHIN` of the estimated one takes them.
+        ``perhaps`` has the cost of other numbers of meshes, with the chance of each.
         """
         most, box, forms = self.budget.most_unknowns, self.box(PATH_FINDER), describe_forms(self.problem)
         mixed, given = "mixed" in forms.values(), given_in(os.environ.get("PETSC_OPTIONS", ""))
@@ -212,10 +227,12 @@ class RunPlan:
                 unknowns, level.order, layers, len(steps), pairs, direct, mixed, stretches, free, self.deepest
             )  # fmt: skip
 
-        levels = self.likely(WITHIN)
-        meshes = [mesh(self.unknowns(level), level) for level in levels]
-        number = len(self.likely())
-        others = sorted({len(self.likely(1.0 / WITHIN)), len(levels)} - {number})
+        meshes, number = [mesh(self.unknowns(level), level) for level, _ in self.chances], len(self.likely)
+        others = [
+            {"meshes": n, "chance": chance}
+            for n, (_, chance) in enumerate(self.chances, start=1)
+            if n != number and chance >= LEAST
+        ]
         seconds = [each.seconds for each in meshes]
         seconds[0] += START_SECONDS
         speed = ranks ** math.log2(SPEEDUP)
@@ -233,12 +250,12 @@ class RunPlan:
             "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
             "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
             "unknowns": round(last.unknowns),
-            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in levels[:number]]
+            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in self.likely]
             + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
             **cost(number),
             "memory_bytes_at_most": largest.memory_bytes(ranks),
             "seconds_of_meshes": [value / speed for value in seconds[:number]],
-            **({"perhaps": [{"meshes": other, **cost(other)} for other in others]} if others else {}),
+            **({"perhaps": [{**other, **cost(int(other["meshes"]))} for other in others]} if others else {}),
             "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
             "load_steps": len(self.goals),
             "accuracy": {"asked": self.accuracy, "unknowns_at_most": most, "seconds_at_most": self.budget.seconds},

@@ -259,6 +259,10 @@ def _goal(accuracy: Mapping[str, Any]) -> str:
     return f"{known}; at most {grouped(accuracy['unknowns_at_most'])} unknowns; {limit}"
 
 
+def _about(seconds: float) -> str:
+    return f"about {duration(float(seconds))}"
+
+
 def _memory(value: float) -> str:
     if value <= 5e7:
         return f"about {max(value / 1e6, 1.0):.0f} MB"
@@ -268,15 +272,21 @@ def _memory(value: float) -> str:
 
 
 def _word(key: str, value: Any) -> str:
-    if key in ("seconds", "processor_seconds"):
-        return f"about {duration(float(value))}"
+    if key in WORDS:
+        return WORDS[key](value)
     if "memory_bytes" in key:
         return _memory(float(value))
-    if key == "accuracy":
-        return _goal(value)
     if isinstance(value, Mapping):
         return ", ".join(f"{NAMES.get(k, k)} {_word(k, v)}" for k, v in value.items())
     if isinstance(value, list):
         pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
         return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"
     return grouped(value) if isinstance(value, int) else number(value) if isinstance(value, float) else str(value)
+
+
+WORDS: dict[str, Callable[[Any], str]] = {
+    "seconds": _about,
+    "processor_seconds": _about,
+    "chance": lambda share: f"{100.0 * share:.0f} %",
+    "accuracy": _goal,
+}

@@ -13,8 +13,8 @@ import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
-from finite_strain.planning.refinement import Budget
-from finite_strain.planning.run_plan import plan_run
+from finite_strain.planning.refinement import PATH_FINDER, Budget
+from finite_strain.planning.run_plan import SCATTER, plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, Punch, UnsupportedProblem
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
 from tests.launch import python
@@ -132,8 +132,22 @@ def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what
     assert len(said["seconds_of_meshes"]) == meshes
     assert [other["meshes"] for other in said.get("perhaps", [])] == others
     for other in said.get("perhaps", []):
+        assert 0.1 <= other["chance"] <= 0.5
         for key in ("seconds", "processor_seconds", "memory_bytes", "processor_memory_bytes"):
             assert (other[key] > said[key]) == (other["meshes"] > meshes)
+
+
+def test_chances_of_numbers_of_meshes_are_those_of_the_scatter() -> None:
+    plan = plan_run(pair(0.1), 0.02, "finite_strain")
+    even = replace(plan, accuracy=plan.first_error)
+    assert even.chances[1] == (CUBIC, pytest.approx(0.5))
+    assert sum(chance for _, chance in even.chances) == pytest.approx(1.0)
+    # one standard deviation below: 0.84 need another mesh
+    finer = replace(plan, accuracy=plan.first_error * math.exp(-SCATTER))
+    assert finer.chances[1][1] == pytest.approx(0.1587, abs=1e-4)
+    few = replace(finer, budget=Budget(unknowns=1.01 * plan.unknowns(CUBIC)))
+    assert few.chances[1:] == ((CUBIC, 1.0),)
+    assert few.likely == (PATH_FINDER, CUBIC)
 
 
 EXTENT_SCENES = {

@@ -66,7 +66,7 @@ def measure(name: str) -> dict[str, float]:
             problem, tangential_force=accuracy, steps=steps, folder=Path(folder),
             fields=finite_strain.FieldChoice(names=()),
         ).solved  # fmt: skip
-    meshes, likely = solved.accuracy["meshes"], plan_run(problem, accuracy, "finite_strain", steps=steps).likely()
+    meshes, likely = solved.accuracy["meshes"], plan_run(problem, accuracy, "finite_strain", steps=steps).likely
     assert len(meshes) == len(likely), f"{name}: took other discretisations than planned"
     memory = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cost = {"unknowns": meshes[-1]["unknowns"], "seconds": time.process_time() - began, "memory": memory}
