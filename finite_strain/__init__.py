@@ -147,9 +147,10 @@ def plan(
     Times [s] are those of the machine that `finite_strain.planning.cost` was measured on; commands scale them.
     """
     check_arguments(problem=problem, tangential_force=tangential_force, seconds=seconds, unknowns=unknowns, steps=steps)
+    from finite_strain.planning.forecast import forecast  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-    return plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps).describe()
+    return forecast(plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps))
 
 
 __all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "TAGS", "FieldChoice", "Numerics", "Observer", "plan", "solve"]

@@ -1,30 +1,23 @@
 """The plan of a run: symmetry, discretisations, load steps, and their cost."""
 
 import math
-import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from importlib.util import find_spec
-from itertools import accumulate
-from statistics import NormalDist
-from typing import Any
 
-from finite_strain.equilibrium.solver_options import choose, given_in
 from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, with_expressions
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
 from finite_strain.mechanics.volumetric import describe_forms, form_faults
 from finite_strain.numerics import DEFAULT, Numerics
-from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
-from finite_strain.planning.refinement import FIRST, HIGHEST, ORDER, PATH_FINDER, STEP, Budget
+from finite_strain.planning.refinement import FIRST, Budget
 from linear_bem.closed_forms import Indentation
 from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import HeightFunction
-from linear_bem.law import Hyperfoam, Law, Ogden
+from linear_bem.law import Law
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
@@ -37,21 +30,11 @@ LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
-REACHED, MIXED_REACHED, ALONE_REACHED = 0.11, 0.5, 0.4
-"""Constant of `RunPlan.first_error`, by 117 runs of 0.02 R to 1.4 R, those of studies `stability` and `strengthening`
-among them; factors on it in the mixed form, and for one ball, whose force or approach counts."""
-SCATTER, LEAST = 0.58, 0.1
-"""Standard deviation of the logarithm of the error reached over `RunPlan.first_error`, measured by `plan_errors` of
-``runs.studies.scaling``; least chance of another number of meshes that a plan names."""
-HIGHER = 0.27
-"""Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 ENOUGH, NEARBY = 3, 0.5
 """Number of nearby load steps with output from which on their changes alone show the error at full load. Nearby are
 loads with contacts at least half as wide by Hertz's law."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
-RANKS = 2
-"""Processes that a plan's time and memory are for, unless said."""
 
 
 @dataclass(frozen=True)
@@ -172,94 +155,6 @@ class RunPlan:
         # Euler's formula, for the nodes of displacements and of pressures
         nodes = [(q * q * quads + q * rim / 2.0 + 1.0) * (q * box.layers + 1.0) for q in (p, p - 1)]
         return 3.0 * nodes[0] + pressures * nodes[1]
-
-    @property
-    def first_error(self) -> float:
-        """The error of T that `FIRST` will reach: large if contacts come near the sides of their blocks."""
-        box = self.box(FIRST)
-        room = min(1.0 - zone.contact_radius / zone.half_width for zone in box.zones)
-        constant = REACHED * (ALONE_REACHED if self.problem.size == 1 else 1.0)
-        constant *= MIXED_REACHED if "mixed" in describe_forms(self.problem).values() else 1.0
-        return float(constant * self.deepest ** (2.0 / 3.0) / (room * (len(box.levels()[0]) - 1) ** 2))
-
-    @cached_property
-    def chances(self) -> tuple[tuple[Discretisation, float], ...]:
-        """The discretisations in the order in which they are taken, each with the chance that the run ends with it."""
-        rows, level, error, beyond = [(PATH_FINDER, 0.0)], FIRST, self.first_error, 1.0
-        while True:
-            before, beyond = beyond, 1.0 - NormalDist(math.log(error), SCATTER).cdf(math.log(self.accuracy))
-            rises, finer = level.order < HIGHEST, level.fineness + STEP
-            following = replace(level, order=HIGHEST) if rises else replace(level, fineness=finer)
-            if (
-                beyond < LEAST
-                or (self.given is not None and not rises)
-                or self.unknowns(following) > self.budget.most_unknowns
-            ):
-                return (*rows, (level, before))
-            rows.append((level, before - beyond))
-            error *= HIGHER if rises else (level.fineness / finer) ** ORDER
-            level = following
-
-    @property
-    def likely(self) -> tuple[Discretisation, ...]:
-        """The discretisations of a run whose `FIRST` reaches `first_error`, the median."""
-        total = accumulate(chance for _, chance in self.chances)
-        return tuple(level for level, _ in self.chances[: 1 + next(i for i, sum_ in enumerate(total) if sum_ >= 0.5)])
-
-    def describe(self, ranks: int = RANKS) -> dict[str, Any]:
-        """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
-
-        ``processor_`` is what one process takes alone; ``seconds_of_meshes`` are those of each discretisation.
-        ``perhaps`` has the cost of other numbers of meshes, with the chance of each.
-        """
-        most, box, forms = self.budget.most_unknowns, self.box(PATH_FINDER), describe_forms(self.problem)
-        mixed, given = "mixed" in forms.values(), given_in(os.environ.get("PETSC_OPTIONS", ""))
-        pairs = len(self.loads) * self.is_paired
-        free = len(self.reduction.balls) * prescribed(self.problem).forces_given
-        effect = self.problem.finite_strain
-        stretches = effect is not None and isinstance(effect.chosen, Ogden | Hyperfoam)
-
-        def mesh(unknowns: float, level: Discretisation) -> Mesh:
-            steps = self.path if level == PATH_FINDER else self.loads
-            direct = choose(unknowns, mixed, given, level.order).direct
-            layers = self.box(level).layers
-            return Mesh(
-                unknowns, level.order, layers, len(steps), pairs, direct, mixed, stretches, free, self.deepest
-            )  # fmt: skip
-
-        meshes, number = [mesh(self.unknowns(level), level) for level, _ in self.chances], len(self.likely)
-        others = [
-            {"meshes": n, "chance": chance}
-            for n, (_, chance) in enumerate(self.chances, start=1)
-            if n != number and chance >= LEAST
-        ]
-        seconds = [each.seconds for each in meshes]
-        seconds[0] += START_SECONDS
-        speed = ranks ** math.log2(SPEEDUP)
-
-        def cost(number: int) -> dict[str, float]:
-            spent, last = sum(seconds[:number]), meshes[number - 1]
-            return {
-                "seconds": spent / speed, "processor_seconds": spent, "memory_bytes": last.memory_bytes(ranks),
-                "processor_memory_bytes": last.memory_bytes(1),
-            }  # fmt: skip
-
-        last, largest = meshes[number - 1], mesh(most, replace(FIRST, order=HIGHEST))
-        return {
-            "forms": forms,
-            "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
-            "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in self.reduction.planes],
-            "unknowns": round(last.unknowns),
-            "meshes": [f"{level}: about {grouped(self.unknowns(level))} unknowns" for level in self.likely]
-            + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
-            **cost(number),
-            "memory_bytes_at_most": largest.memory_bytes(ranks),
-            "seconds_of_meshes": [value / speed for value in seconds[:number]],
-            **({"perhaps": [{**other, **cost(int(other["meshes"]))} for other in others]} if others else {}),
-            "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
-            "load_steps": len(self.goals),
-            "accuracy": {"asked": self.accuracy, "unknowns_at_most": most, "seconds_at_most": self.budget.seconds},
-        }
 
 
 Fit = Callable[[Problem, Sequence[Indentation]], tuple[Reduction, GivenMesh]]

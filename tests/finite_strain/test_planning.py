@@ -13,8 +13,9 @@ import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
+from finite_strain.planning.forecast import SCATTER, chances, first_error, forecast, likely
 from finite_strain.planning.refinement import PATH_FINDER, Budget
-from finite_strain.planning.run_plan import SCATTER, plan_run
+from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, Punch, UnsupportedProblem
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
 from tests.launch import python
@@ -128,7 +129,7 @@ def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what
     share: float, meshes: int, others: list[int]
 ) -> None:
     plan = plan_run(pair(0.1), 0.02, "finite_strain")
-    said = replace(plan, accuracy=share * plan.first_error).describe()
+    said = forecast(replace(plan, accuracy=share * first_error(plan)))
     assert len(said["seconds_of_meshes"]) == meshes
     assert [other["meshes"] for other in said.get("perhaps", [])] == others
     for other in said.get("perhaps", []):
@@ -139,15 +140,15 @@ def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what
 
 def test_chances_of_numbers_of_meshes_are_those_of_the_scatter() -> None:
     plan = plan_run(pair(0.1), 0.02, "finite_strain")
-    even = replace(plan, accuracy=plan.first_error)
-    assert even.chances[1] == (CUBIC, pytest.approx(0.5))
-    assert sum(chance for _, chance in even.chances) == pytest.approx(1.0)
+    even = replace(plan, accuracy=first_error(plan))
+    assert chances(even)[1] == (CUBIC, pytest.approx(0.5))
+    assert sum(chance for _, chance in chances(even)) == pytest.approx(1.0)
     # one standard deviation below: 0.84 need another mesh
-    finer = replace(plan, accuracy=plan.first_error * math.exp(-SCATTER))
-    assert finer.chances[1][1] == pytest.approx(0.1587, abs=1e-4)
+    finer = replace(plan, accuracy=first_error(plan) * math.exp(-SCATTER))
+    assert chances(finer)[1][1] == pytest.approx(0.1587, abs=1e-4)
     few = replace(finer, budget=Budget(unknowns=1.01 * plan.unknowns(CUBIC)))
-    assert few.chances[1:] == ((CUBIC, 1.0),)
-    assert few.likely == (PATH_FINDER, CUBIC)
+    assert chances(few)[1:] == ((CUBIC, 1.0),)
+    assert likely(few) == (PATH_FINDER, CUBIC)
 
 
 EXTENT_SCENES = {

@@ -57,6 +57,7 @@ CASES: dict[str, tuple[Problem, float, Sequence[float] | None]] = {
 def measure(name: str) -> dict[str, float]:
     """Solve a case and return unknowns, processor time [s], largest memory [bytes], error of the first answer."""
     import finite_strain  # noqa: PLC0415  (not at the import of the command line)
+    from finite_strain.planning.forecast import likely  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     problem, accuracy, steps = CASES[name]
@@ -66,8 +67,9 @@ def measure(name: str) -> dict[str, float]:
             problem, tangential_force=accuracy, steps=steps, folder=Path(folder),
             fields=finite_strain.FieldChoice(names=()),
         ).solved  # fmt: skip
-    meshes, likely = solved.accuracy["meshes"], plan_run(problem, accuracy, "finite_strain", steps=steps).likely
-    assert len(meshes) == len(likely), f"{name}: took other discretisations than planned"
+    plan = plan_run(problem, accuracy, "finite_strain", steps=steps)
+    meshes = solved.accuracy["meshes"]
+    assert len(meshes) == len(likely(plan)), f"{name}: took other discretisations than planned"
     memory = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cost = {"unknowns": meshes[-1]["unknowns"], "seconds": time.process_time() - began, "memory": memory}
     return {**cost, "error": meshes[1]["reached"]}
@@ -75,13 +77,14 @@ def measure(name: str) -> dict[str, float]:
 
 def planned(name: str) -> dict[str, float]:
     """Return what the plan of a case says of one process."""
+    from finite_strain.planning.forecast import first_error, forecast  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     problem, accuracy, steps = CASES[name]
     plan = plan_run(problem, accuracy, "finite_strain", steps=steps)
-    said = plan.describe(ranks=1)
+    said = forecast(plan, ranks=1)
     cost = {"unknowns": said["unknowns"], "seconds": said["processor_seconds"], "memory": said["memory_bytes"]}
-    return {**cost, "error": plan.first_error}
+    return {**cost, "error": first_error(plan)}
 
 
 def main() -> None:

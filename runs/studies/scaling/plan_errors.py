@@ -1,4 +1,4 @@
-"""Measures `RunPlan.first_error` on random scenes: ``python -m runs.studies.scaling.plan_errors FIRST LAST [small]``.
+"""Measures `first_error` on random scenes: ``python -m runs.studies.scaling.plan_errors FIRST LAST [small]``.
 
 Scene number n is the same each time. Each is solved on two meshes (half a minute), at small strain with a last word;
 those of more than `MOST` unknowns are left out. Printed are the error expected and reached, and at the end the scatter,
@@ -63,6 +63,7 @@ def scene(number: int) -> tuple[Problem, float]:
 def measure(number: int, small: bool) -> tuple[float, float] | None:
     """Return the error expected of a scene's first answer and the one reached; None if it has too many unknowns."""
     import finite_strain  # noqa: PLC0415  (not at the import)
+    from finite_strain.planning.forecast import first_error  # noqa: PLC0415
     from finite_strain.planning.refinement import FIRST  # noqa: PLC0415
     from finite_strain.planning.run_plan import model_of, plan_run  # noqa: PLC0415
 
@@ -76,7 +77,7 @@ def measure(number: int, small: bool) -> tuple[float, float] | None:
             problem, model=plan.model, tangential_force=accuracy, folder=Path(folder),
             fields=finite_strain.FieldChoice(names=()), unknowns=1.05 * plan.unknowns(FIRST),
         ).solved  # fmt: skip
-    return plan.first_error, solved.accuracy["meshes"][1]["reached"]
+    return first_error(plan), solved.accuracy["meshes"][1]["reached"]
 
 
 def judged(pairs: Sequence[tuple[float, float]]) -> str:
