@@ -36,10 +36,11 @@ power of the tolerance with which they grow. 17 paths of 6 to 200 balls took 0.4
 1400 where they gather, but 120 to 1100 where they keep apart."""
 TRIED, PATIENCE = 6, 2.0
 """Steps at the start of the path that are timed, in about so many seconds at most."""
-LATER = 2.0
-"""Time of a step over that of the first ones, when fewer balls touch."""
-PICTURES, PER_BALL = 1.1, 0.04
-"""Time of the pictures [s], and more for each of the balls that are drawn one by one."""
+LATER, TOUCHING = 1.0, 40
+"""What a step takes longer than the first ones, when fewer balls touch: so many times their time, from so many balls
+on; of fewer in proportion."""
+PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
+"""Time of the pictures [s], and more for each of the balls that are drawn one by one, and for each path."""
 
 
 def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -> dict[str, Any]:
@@ -56,10 +57,11 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     steps = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
     # a coarser path is for the error of the positions
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
-    parts["paths"] = paths * steps * LATER * _step(scene, problem, direct)
+    later = 1.0 + LATER * min(size / TOUCHING, 1.0)
+    parts["paths"] = paths * steps * later * _step(scene, problem, direct)
     parts["check"] = 2.0 * solution if model.name != "finite_strain" and size <= MEASURED else 0.0
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
-    parts["pictures"] = slowness() * (PICTURES + PER_BALL * drawn)
+    parts["pictures"] = slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble)
     alone = sum(parts.values())
     cost = {"seconds": alone, "memory_bytes": MEMORY}
     if table is not None:

@@ -131,7 +131,6 @@ def test_a_plan_of_many_balls_says_how_long_they_take(tmp_path: Path, capsys: py
     steps, balls = found["evolution"]["steps"], scene.problem.size
     assert 0.5 * balls < steps < 20.0 * balls
     assert found["evolution"]["parts"]["paths"] > 0.0
-    assert len(found["linear_estimate"]) < balls  # some balls are looked at
     plan_scene(scene, None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
     assert re.search(r"evolve: about .* on one idle core, .* for 1 path to rest of about \d+ steps", printed)
