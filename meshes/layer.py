@@ -10,7 +10,7 @@ import numpy as np
 
 from linear_bem.errors import ThirdBodyError, UnsupportedProblem
 from meshes.box import TAGS, Box
-from meshes.plane import open_edges, plane_mesh
+from meshes.plane import halved, open_edges, plane_mesh
 
 HEXAHEDRON, QUADRILATERAL = 12, 10
 """gmsh's element types: of second order, with 27 and 9 nodes."""
@@ -42,7 +42,7 @@ def write_layer_mesh(box: Box, path: Path) -> int:
     plane, quads = _plane(box)
     layer, substrate = scaled.levels()
     levels = np.concatenate([layer, substrate[1:]])
-    heights = np.interp(np.arange(2 * len(levels) - 1) / 2.0, np.arange(len(levels)), levels)
+    heights = halved(levels)
     points = np.concatenate([np.column_stack([plane, np.full(len(plane), z)]) for z in heights])
     column = np.stack([quads + 2 * len(plane), quads + len(plane), quads], axis=1)  # from below
     cells = np.concatenate([column[:, _LEVEL, _PLACE] + 2 * k * len(plane) for k in range(len(levels) - 1)])

@@ -81,7 +81,7 @@ def corner_angles(polygons: np.ndarray) -> np.ndarray:
 def _block(box: Box, zone: Zone) -> np.ndarray:
     """Return the nodes (n, 9, 2) of a block's quadrilaterals: mirror images of one quadrant."""
     n = 2 * box.elements
-    radii, squareness = (np.interp(np.arange(2 * len(v) - 1) / 2.0, np.arange(len(v)), v) for v in box.rings(zone))
+    radii, squareness = map(halved, box.rings(zone))
     side = np.arange(n + 1) / n
     u, v = np.meshgrid(side, side, indexing="ij")
     along, across = np.maximum(u, v), np.minimum(u, v)
@@ -198,7 +198,7 @@ def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.nd
             offset = inward * (quads[..., axis] - value)
             met = offset[(offset > 0.0) & (np.abs(quads[..., 1 - axis] - along[end]) < SAME * (high - low))]
             width[end] = met.min() if met.size else width[end]
-        along, width = _halved(along), _halved(width)
+        along, width = halved(along), halved(width)
         cells = _cells(np.stack([_on_side(axis, value, along), _on_side(axis, value + inward * width, along)]))
         columns.append(cells if corner_angles(cells).max() < 180.0 else cells[:, ::-1])
     return columns
@@ -223,7 +223,8 @@ def _graded_side(box: Box, axis: int, value: float, gap: Interval, aside: list[Z
     return along, width(along)
 
 
-def _halved(coarse: np.ndarray) -> np.ndarray:
+def halved(coarse: np.ndarray) -> np.ndarray:
+    """Return values with the means of neighbours between them."""
     return np.interp(np.arange(2 * len(coarse) - 1) / 2.0, np.arange(len(coarse)), coarse)
 
 
@@ -238,7 +239,7 @@ def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
         pieces[0] = pieces[0][np.any(pieces[0][..., axis] != value, axis=1)]
     for axis, value in _sides(box):
         for gap in _gaps(box, quads, axis, value):
-            nodes = _on_side(axis, value, _halved(_graded_side(box, axis, value, gap, [])[0]))
+            nodes = _on_side(axis, value, halved(_graded_side(box, axis, value, gap, [])[0]))
             forward = (axis == 0) == (value == (box.x, box.y)[axis][1])
             nodes = nodes if forward else nodes[::-1]
             pieces.append(np.stack([nodes[:-1], nodes[1:]], axis=1))

@@ -177,14 +177,13 @@ def solve_bounded(
     approaches: Array,
     groups: Groups,
     tolerance: float = 1e-8,
-    limit: int | None = None,
     report: Report = silent,
 ) -> GridState:
     """Return the state with p >= 0, gap >= 0, p gap = 0.
 
     ``heights`` holds per patch the members' f at its cells, shape (members, nx, ny) [m]; balls in no group of
     ``groups`` keep their approach. Soft layers take 10 to 30 steps on any grid; a stiff film on a soft base, whose
-    pressure is concentrated at the contact's edge, takes hundreds: ``limit`` is 3000 on small grids, 600 on others.
+    pressure is concentrated at the contact's edge, takes hundreds: at most 3000 on small grids, 600 on others.
     ``report`` takes a line per step. Raises `NotConverged`.
     """
     cells = _Cells(patches, heights, groups, len(approaches))
@@ -195,7 +194,7 @@ def solve_bounded(
     direction, old, restart = np.zeros_like(p), 1.0, True
     gap_inside = penetration = np.inf
     progress = _Progress()
-    for iteration in range(limit or (3000 if p.size <= 40_000 else 600)):
+    for iteration in range(3000 if p.size <= 40_000 else 600):
         contact = p > 0.0
         for _ in range(2):
             cells.rest_on_contact(approaches, w - depth, contact, owner)

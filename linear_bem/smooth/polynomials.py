@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
 from linear_bem.arrays import Array, Indices
 
@@ -17,23 +18,11 @@ def exponents(degree: int) -> tuple[Indices, Indices]:
 
 def basis(xi: Array, eta: Array, degree: int) -> Array:
     """Return the basis polynomials, shape (terms, *xi.shape)."""
-    t_xi, t_eta = _chebyshev(xi, degree), _chebyshev(eta, degree)
+    t_xi, t_eta = (np.moveaxis(chebvander(x, degree), -1, 0) for x in (xi, eta))
     pairs = exponents(degree)
     out = np.empty((len(pairs[0]), *np.shape(xi)))
     for k, (i, j) in enumerate(zip(*pairs, strict=True)):
         np.multiply(t_xi[i], t_eta[j], out=out[k, ...])
-    return out
-
-
-def _chebyshev(x: Array, degree: int) -> Array:
-    """Return T_0, ..., T_degree, shape (degree + 1, *x.shape)."""
-    out = np.empty((degree + 1, *np.shape(x)))
-    out[0] = 1.0
-    if degree > 0:
-        out[1] = x
-    for k in range(2, degree + 1):
-        np.multiply(2.0 * x, out[k - 1], out=out[k, ...])
-        out[k] -= out[k - 2]
     return out
 
 
@@ -59,7 +48,7 @@ def monomials(degree: int) -> Array:
     """Return the power coefficients of every basis polynomial, shape (terms, degree + 1, degree + 1)."""
     table = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):
-        table[k, : k + 1] = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k, : k + 1])
+        table[k, : k + 1] = cheb2poly(np.eye(degree + 1)[k, : k + 1])
     i, j = exponents(degree)
     return np.asarray(table[i][:, :, None] * table[j][:, None, :])
 

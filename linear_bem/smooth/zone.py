@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.smooth.polynomials import basis, circle, monomials
+from linear_bem.smooth.polynomials import basis, circle
 from linear_bem.smooth.zone_stack import ZoneStack
 
 
@@ -39,11 +39,6 @@ class Zone:
     def reach(self) -> float:
         """Largest semi-axis [m] of the frame."""
         return float(np.linalg.norm(self.axes, 2))
-
-    @property
-    def powers(self) -> Array:
-        """Coefficients of P in powers of xi and eta, shape (degree + 1, degree + 1)."""
-        return np.asarray(np.tensordot(self.coefficients, monomials(self.degree), 1))
 
     def points(self, xi: Array, eta: Array) -> tuple[Array, Array]:
         """Return the surface coordinates x, y [m] of frame points."""

@@ -97,7 +97,7 @@ class Evolution:
         self._arrangements: list[Document] = []
         self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
-        self.end = self.sliding.cycles * self.sliding.path_per_cycle / self.sliding.friction
+        self.end = self.sliding.end
         self.steps = 0
 
     def complete(self, *, pictures: bool = True) -> Document | None:

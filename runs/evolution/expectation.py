@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -30,12 +29,12 @@ from runs.models import MODELS, Model, as_command, planned_runs
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
-STEPS, CROWD, COARSE, FINER = 4.2, 600.0, 1e-4, 1.0 / 3.0
+STEPS, CROWD, COARSE, FINER = 5.5, 600.0, 1e-4, 1.0 / 3.0
 """Steps of a path to rest for each ball with the tolerance `COARSE`; number of balls from which on they grow less;
-power of the tolerance with which they grow. 17 paths of 6 to 200 balls took 0.4 to 1.8 times as many, 1000 balls
+power of the tolerance with which they grow. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many, 1000 balls
 1400 where they gather, but 120 to 1100 where they keep apart."""
-TRIED, PATIENCE = 6, 2.0
-"""Steps at the start of the path that are timed, in about so many seconds at most."""
+PATIENCE = 3.0
+"""Time [s] that a path is followed to count and time its steps."""
 LATER, TOUCHING = 1.0, 40
 """What a step takes longer than the first ones, when fewer balls touch: so many times their time, from so many balls
 on; of fewer in proportion."""
@@ -54,11 +53,13 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     missing = [] if direct else _missing(scene, model, problem)
     table = planned_runs(model, missing, scene.tangential_force, scene.budget)
     parts = {"table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"]}
-    steps = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
+    taken, step, ended = _path(scene, problem, direct)
+    later = 1.0 if ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
+    usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
+    steps = taken if ended else max(usual, taken)
     # a coarser path is for the error of the positions
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
-    later = 1.0 + LATER * min(size / TOUCHING, 1.0)
-    parts["paths"] = paths * steps * later * _step(scene, problem, direct)
+    parts["paths"] = paths * steps * later * step
     parts["check"] = 2.0 * solution if model.name != "finite_strain" and size <= MEASURED else 0.0
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
     parts["pictures"] = slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble)
@@ -106,8 +107,11 @@ def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
     return result.solved.seconds * states / one.size
 
 
-def _step(scene: Scene, problem: Problem, direct: bool) -> float:
-    """Return the time [s] of a step at the start of the path; by point loads where a table is to be made."""
+def _path(scene: Scene, problem: Problem, direct: bool) -> tuple[int, float, bool]:
+    """Return steps of a path, the time [s] of one, and whether the path came to its end within the patience.
+
+    It is followed by point loads where a table is to be made.
+    """
     sliding, balls = scene.reciprocation, balls_of(scene)
     assert sliding is not None
     depths = np.array(DEPTHS) * max(problem.load.values)
@@ -120,10 +124,11 @@ def _step(scene: Scene, problem: Problem, direct: bool) -> float:
         forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
     drift = Drift(forces, balls, tolerance, sliding.rest)
-    moments = drift.path(start(balls, problem.positions, sliding, 0), np.inf)
+    moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
     next(moments)
-    begun = time.process_time()
-    for _ in islice(moments, TRIED):
-        if time.process_time() - begun > PATIENCE:
-            break
-    return (time.process_time() - begun) / max(drift.steps, 1)
+    begun, spent = time.process_time(), 0.0
+    for _ in moments:
+        spent = time.process_time() - begun
+        if spent > PATIENCE:
+            return drift.steps, spent / drift.steps, False
+    return drift.steps, spent / max(drift.steps, 1), True

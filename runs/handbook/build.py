@@ -16,6 +16,7 @@ from runs.handbook.live import widget
 from runs.handbook.notebook import notebook
 from runs.handbook.tutorials import ROOT, Tutorial
 from runs.studies import STUDIES
+from runs.studies.framework.tables import markdown
 
 HERE = Path(__file__).resolve().parent
 PAGES = HERE / "pages"
@@ -75,14 +76,14 @@ def with_one_title(page: str) -> str:
 
 def study_table() -> str:
     """Return the table of all studies: question, and the sentence that opens the published answer if it has one."""
-    rows = ["| study and question | published answer |", "|---|---|"]
+    rows = []
     for name, question in STUDIES.items():
         own, _, published = (ROOT / "runs/studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)
         written, found = ANSWERED.search(own), OPENING.search(published)
         answer = written[1] if written else found[0] if found else "tables and figures on its page"
-        said = " ".join(answer.replace("**", "").replace("|", "\\|").split())
-        rows.append(f"| [{name}](studies/{name}.md): {question} | {said} |")
-    return "\n".join(rows)
+        said = " ".join(answer.replace("**", "").split())
+        rows.append({"study and question": f"[{name}](studies/{name}.md): {question}", "published answer": said})
+    return "\n".join(markdown(rows, aligned=False))
 
 
 def linked(text: str, original: Path, copy: Path, sources: Path) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 import typer
 
 from runs.cli import app
+from runs.studies.framework.tables import markdown
 
 HEAD = """# The command line
 
@@ -21,10 +22,8 @@ def page() -> str:
 def _section(name: str, command: Any) -> str:
     named = ((_name(p), p.param_type_name == "argument") for p in command.params)
     usage = " ".join(name if argument else f"[{name}]" for name, argument in named)
-    rows = [
-        f"| `{_name(p)}` | {(p.help or '').replace('|', chr(92) + '|')} |" for p in command.params if p.name != "help"
-    ]
-    table = "| option | meaning |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
+    rows = [{"option": f"`{_name(p)}`", "meaning": p.help or ""} for p in command.params if p.name != "help"]
+    table = "\n".join(markdown(rows, aligned=False)) + "\n" if rows else ""
     return f"## `{name}`\n\n{command.help}\n\n```text\nthirdbody {name} {usage}\n```\n\n{table}"
 
 

@@ -14,8 +14,9 @@ from pydantic.fields import FieldInfo
 
 from runs.scene import balls, units
 from runs.scene.effects import EFFECTS
-from runs.scene.messages import EXAMPLES, RARER_EXAMPLES, tables_of
+from runs.scene.messages import examples, tables_of
 from runs.scene.scene_file import Tables
+from runs.studies.framework.tables import markdown
 
 UNITS = {"length": "m", "angle": "rad", "force": "N", "pressure": "Pa"}
 """Words in the names of the types of `runs.scene.units`, and the unit of a plain number."""
@@ -42,7 +43,7 @@ def page() -> str:
             parts.append(f"Effect: {effect.words}. Without this table, {effect.without}.\n")
         parts.append(_prose(table))
         rows = [_row(name, key, field) for key, field in table.model_fields.items()]
-        parts.append("| key | meaning | value | default | example |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n")
+        parts.append("\n".join(markdown(rows, aligned=False)) + "\n")
     return "\n".join(parts)
 
 
@@ -64,12 +65,15 @@ def _prose(table: type[BaseModel]) -> str:
     return text[:1].upper() + text[1:] + "\n"
 
 
-def _row(table: str, key: str, field: FieldInfo) -> str:
-    examples = {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
-    example = _toml(examples[key]) if key in examples else ""
-    default = "needed" if field.is_required() else "" if field.default is None else _toml(field.default)
-    cells = (f"`{key}`", field.description or "", meaning(field), default, example)
-    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
+def _row(table: str, key: str, field: FieldInfo) -> dict[str, str]:
+    known = examples(table)
+    return {
+        "key": f"`{key}`",
+        "meaning": field.description or "",
+        "value": meaning(field),
+        "default": "needed" if field.is_required() else "" if field.default is None else _toml(field.default),
+        "example": _toml(known[key]) if key in known else "",
+    }
 
 
 def meaning(field: FieldInfo) -> str:

@@ -108,7 +108,7 @@ def stand_in(errors: Iterable[ErrorDetails], data: Mapping[str, Any]) -> tuple[d
         if error["type"] == "extra_forbidden":
             (inside if key and isinstance(inside, dict) else repaired).pop(key or table, None)
         elif key and isinstance(inside, dict):
-            inside[key] = _examples(table).get(key, "1 N")
+            inside[key] = examples(table).get(key, "1 N")
             doubtful.add(f"{table}.{key}")
         elif table in EXAMPLES:
             repaired[table] = copy.deepcopy(EXAMPLES[table])
@@ -141,14 +141,15 @@ def tables_of(tables: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
                 yield name, kind
 
 
-def _examples(table: str) -> dict[str, Any]:
+def examples(table: str) -> dict[str, Any]:
+    """Return a valid value of every key of a table."""
     return {**EXAMPLES.get(table, {}), **RARER_EXAMPLES.get(table, {})}
 
 
 def _example(table: str, key: str) -> str:
     keys = EXAMPLES.get(table, {})
-    if key in _examples(table):
-        return f"for example {key} = {_written(_examples(table)[key])}"
+    if key in examples(table):
+        return f"for example {key} = {_written(examples(table)[key])}"
     if not key and keys:
         return f"for example [{table}] with " + ", ".join(f"{k} = {_written(v)}" for k, v in keys.items())
     return ""

@@ -33,8 +33,8 @@ def scene(folder: Path, accuracy: str) -> Scene:
 
 
 def paths_of(drift: Scene, monkeypatch: pytest.MonkeyPatch) -> float:
-    """Return the planned time [s] of all paths, steps of which take 1 s, by point loads."""
-    monkeypatch.setattr(expectation, "_step", lambda *_: 1.0)
+    """Return the planned time [s] of all paths, steps of which take 1 s."""
+    monkeypatch.setattr(expectation, "_path", lambda *_: (1, 1.0, False))
     monkeypatch.setattr(expectation, "_missing", lambda *_: [])
     return float(expectation.expectation(drift, MODELS["point_load"], drift.problem, 0.0)["parts"]["paths"])
 

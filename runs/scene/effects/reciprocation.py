@@ -44,6 +44,11 @@ class ReciprocationTable(Table):
         """Sliding path of one cycle [m]."""
         return 4.0 * self.amplitude
 
+    @property
+    def end(self) -> float:
+        """Sliding path over friction at the end of all cycles [m]."""
+        return self.cycles * self.path_per_cycle / self.friction
+
     def cycles_after(self, sigma: float) -> float:
         """Return the number of cycles after which sliding path over friction is ``sigma`` [m]."""
         return sigma * self.friction / self.path_per_cycle

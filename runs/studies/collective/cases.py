@@ -177,19 +177,16 @@ lengths = [{case.length!r}, {case.length!r}]
 """
 
 
-def evolve(case: Case, folder: Path, *, fresh: bool = False, compute: bool = True) -> dict[str, Any] | None:
-    """Return the finished document of a run, None where it is not there and ``compute`` is false; resumable."""
+def evolve(case: Case, folder: Path, *, fresh: bool = False) -> None:
+    """Complete a run; resumable."""
     file = folder / f"{case.name}.toml"
     if not file.exists():
-        if not compute:
-            return None
         write_text(file, scene_text(case, pair_law(case.thickness, case.approach)))
-    elif not compute:
-        return saved(folder / case.name)
     with open_session(
         read_scene(file), FINITE if case.finite else MODEL, Options(False, folder / case.name, fresh)
     ) as session:
-        return session.saved if session.complete else Evolution(session, TABLES).complete(pictures=False)
+        if not session.complete:
+            Evolution(session, TABLES).complete(pictures=False)
 
 
 def saved(folder: Path) -> dict[str, Any] | None:

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Problem
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.pair import POISSON, THICK, pair
+from runs.studies.framework.pair import THICK, pair, pressed
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(3, 1.5))
 """Coarse to fine; the states on each are the initial guesses on the next."""
@@ -24,7 +24,7 @@ class Deep:
 
 def scenes() -> dict[str, Deep]:
     """Return the scenes by name; R = 1 and E1 = 1, rigid base."""
-    ball = Problem(Layer(1.0, POISSON, THICK), (Ball((0.0, 0.0), 1.0),), Load("approach", (2.0,)), None, FiniteStrain())
+    ball = pressed([Ball((0.0, 0.0), 1.0)], 2.0, THICK)
     return {
         "thin pair": Deep(pair(1.0, substrate=None), (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0), EVIDENCE),
         "pair on 2 R": Deep(pair(1.6, 2.0, substrate=None), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6)),

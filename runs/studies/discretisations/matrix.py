@@ -1,28 +1,22 @@
 """Five scenes at full load, each on the same discretisations; the last is the reference for the others."""
 
-from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.pair import THICK, pair
+from runs.studies.framework.pair import THICK, pair, pressed
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(4, 1.0))
 """Coarse to fine; the states on each are the initial guesses on the next."""
 
 
-def _scene(layer: Layer, approach: float, *balls: Ball) -> Problem:
-    return Problem(layer, balls, Load("approach", (approach,) * len(balls)), finite_strain=FiniteStrain())
-
-
 SCENES = {
     "thin pair": pair(0.32, substrate=None),
     "thick pair": pair(0.32, THICK, substrate=None),
-    "radii 1 : 4": _scene(Layer(1.0, 0.45, 2.0), 0.2, Ball((0.0, 0.0), 1.0), Ball((4.0, 0.0), 4.0)),
-    "three unlike balls": _scene(
-        Layer(1.0, 0.45, 1.5), 0.2, Ball((0.0, 0.0), 1.0), Ball((2.4, 0.3), 1.3), Ball((0.7, 2.4), 0.8)
+    "radii 1 : 4": pressed([Ball((0.0, 0.0), 1.0), Ball((4.0, 0.0), 4.0)], 0.2, 2.0, 0.45),
+    "three unlike balls": pressed(
+        [Ball((0.0, 0.0), 1.0), Ball((2.4, 0.3), 1.3), Ball((0.7, 2.4), 0.8)], 0.2, 1.5, 0.45
     ),
-    "nine balls": _scene(
-        Layer(1.0, 0.48, 1.16), 0.1, *(Ball((x, y), 1.0) for x in (-2.2, 0.0, 2.2) for y in (-2.2, 0.0, 2.2))
-    ),
+    "nine balls": pressed([Ball((x, y), 1.0) for x in (-2.2, 0.0, 2.2) for y in (-2.2, 0.0, 2.2)], 0.1),
 }
 """Nine balls have two mirror planes, the three unlike balls none."""
 

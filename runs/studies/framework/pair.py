@@ -1,4 +1,4 @@
-"""The paper's pair of balls as the studies vary it, dimensionless: R = 1 and E1 = 1."""
+"""The paper's pair of balls, and others at finite strain, as the studies vary them; dimensionless: R = E1 = 1."""
 
 from collections.abc import Sequence
 
@@ -17,9 +17,17 @@ def pair(
     substrate: Elastic | None = STIFF, shape: str = "sphere",
 ) -> Problem:  # fmt: skip
     """Return two balls ``distance`` apart at finite strain; a single approach applies to both."""
-    depths = (approach, approach) if isinstance(approach, int | float) else tuple(approach)
-    balls = tuple(Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0))
-    return Problem(Layer(1.0, poisson, thickness), balls, Load("approach", depths), substrate, FiniteStrain())
+    balls = [Ball((side * distance / 2.0, 0.0), 1.0, shape) for side in (-1.0, 1.0)]
+    return pressed(balls, approach, thickness, poisson, substrate)
+
+
+def pressed(
+    balls: Sequence[Ball], approach: float | Sequence[float], thickness: float = THIN, poisson: float = POISSON,
+    substrate: Elastic | None = None,
+) -> Problem:  # fmt: skip
+    """Return balls at finite strain; a single approach applies to all, the base is rigid without a substrate."""
+    depths = (approach,) * len(balls) if isinstance(approach, int | float) else tuple(approach)
+    return Problem(Layer(1.0, poisson, thickness), tuple(balls), Load("approach", depths), substrate, FiniteStrain())
 
 
 def as_seen_by(model: str, problem: Problem) -> Problem:

@@ -15,42 +15,30 @@ from dataclasses import replace
 from pathlib import Path
 
 from linear_bem.law import Ogden
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, FiniteStrain, Problem
+from runs.studies.framework.pair import THICK, pair, pressed
 
 ROUGH = 0.3
 """Accuracy that the first answer meets."""
 
 
-def _pair(load: Load, *, poisson: float = 0.48, thickness: float = 1.16, radius: float = 1.0) -> Problem:
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), radius))
-    return Problem(Layer(1.0, poisson, thickness), balls, load, finite_strain=FiniteStrain())
-
-
-_SHALLOW = Load("approach", (0.1, 0.1))
+_SHALLOW = pair(0.1, substrate=None)
+_UNLIKE = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 0.6))
 _TRIANGLE = tuple(Ball(place, 1.0) for place in ((-1.2, 0.0), (1.2, 0.0), (0.0, 2.0784)))
+_OGDEN = FiniteStrain(Ogden((1.3, -2.0), (0.7, 0.3)))
 CASES: dict[str, tuple[Problem, float, Sequence[float] | None]] = {
-    "one": (
-        Problem(Layer(1.0, 0.3, 2.0), (Ball((0.0, 0.0), 1.0),), Load("force", (0.1,)), None, FiniteStrain()),
-        ROUGH, (1.0,),
-    ),
-    "approach": (_pair(_SHALLOW), ROUGH, (1.0,)),
-    "force": (_pair(Load("force", (0.05, 0.05))), ROUGH, (1.0,)),
-    "mixed": (_pair(_SHALLOW, poisson=0.499), ROUGH, (1.0,)),
-    "path": (_pair(Load("approach", (0.2, 0.2))), ROUGH, None),
-    "unlike": (_pair(Load("approach", (0.15, 0.15)), radius=0.6), ROUGH, (1.0,)),
-    "thick": (_pair(Load("approach", (0.2, 0.2)), thickness=6.0), ROUGH, (1.0,)),
-    "substrate": (
-        Problem(Layer(1.0, 0.48, 1.16), _pair(_SHALLOW).balls, _SHALLOW, Elastic(1e3, 0.3), FiniteStrain()),
-        ROUGH, (1.0,),
-    ),
-    "ogden": (
-        replace(_pair(_SHALLOW), finite_strain=FiniteStrain(Ogden((1.3, -2.0), (0.7, 0.3)))), ROUGH, (1.0,),
-    ),
-    "order 4": (_pair(_SHALLOW), 0.002, (1.0,)),
-    "triangle": (
-        Problem(Layer(1.0, 0.49, 1.2), _TRIANGLE, Load("force", (0.08,) * 3), None, FiniteStrain()), ROUGH, (1.0,),
-    ),
-}  # fmt: skip
+    "one": (pressed([Ball((0.0, 0.0), 1.0)], 0.1, 2.0, 0.3).with_load("force", (0.1,)), ROUGH, (1.0,)),
+    "approach": (_SHALLOW, ROUGH, (1.0,)),
+    "force": (_SHALLOW.with_load("force", (0.05, 0.05)), ROUGH, (1.0,)),
+    "mixed": (pair(0.1, poisson=0.499, substrate=None), ROUGH, (1.0,)),
+    "path": (pair(0.2, substrate=None), ROUGH, None),
+    "unlike": (pressed(_UNLIKE, 0.15), ROUGH, (1.0,)),
+    "thick": (pair(0.2, THICK, substrate=None), ROUGH, (1.0,)),
+    "substrate": (pair(0.1), ROUGH, (1.0,)),
+    "ogden": (replace(_SHALLOW, finite_strain=_OGDEN), ROUGH, (1.0,)),
+    "order 4": (_SHALLOW, 0.002, (1.0,)),
+    "triangle": (pressed(_TRIANGLE, 0.1, 1.2, 0.49).with_load("force", (0.08,) * 3), ROUGH, (1.0,)),
+}
 """Problem, accuracy and load fractions of each case."""
 
 

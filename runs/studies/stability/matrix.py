@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Punch
-from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
 from runs.studies.framework.case import FINITE, LINEAR, POINT, SMALL, Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.pair import POISSON, THIN, as_seen_by, pair
+from runs.studies.framework.pair import as_seen_by, pair, pressed
 
 ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
@@ -153,39 +153,32 @@ def combined() -> dict[str, tuple[str, Problem]]:
         "film-foam": ("the same for nu = 0", pair(1.0, poisson=0.0, substrate=None)),
         "deep-merging": ("contacts that merge: D = 1.4 R in h = 2 R", pair(1.4, 2.0, substrate=None)),
         "unlike-approaches": ("D = 0.6 R and 0.2 R in h = 1.16 R", pair((0.6, 0.2), substrate=None)),
-        "unlike-merging": ("radii 1 and 0.5, 1.5 apart, D = 0.6 in h = 3", _scene(unlike, 0.6, 3.0)),
-        "unlike-incompressible": ("radii 1 and 0.5, nu = 0.5, D = 0.4 in h = 1.16", _scene(unlike, 0.4, nu=0.5)),
+        "unlike-merging": ("radii 1 and 0.5, 1.5 apart, D = 0.6 in h = 3", pressed(unlike, 0.6, 3.0)),
+        "unlike-incompressible": ("radii 1 and 0.5, nu = 0.5, D = 0.4 in h = 1.16", pressed(unlike, 0.4, poisson=0.5)),
         "soft-below-thin": ("h = 0.3 R on a substrate a tenth as stiff, D = 0.2 R",
                             pair(0.2, 0.3, substrate=Elastic(0.1, 0.3))),
         "stiff-film": ("h = 0.1 R on a substrate a hundredth as stiff, D = 0.05 R",
                        pair(0.05, 0.1, substrate=Elastic(0.01, 0.45))),
         "soft-below-deep": ("D = 0.8 R in h = 1.16 R on a substrate a tenth as stiff",
                             pair(0.8, substrate=Elastic(0.1, 0.3))),
-        "row-deep": ("three balls in a row, D = 0.6 R in h = 1.16 R", _scene(_row(), 0.6)),
+        "row-deep": ("three balls in a row, D = 0.6 R in h = 1.16 R", pressed(_row(), 0.6)),
         "row-incompressible": ("three balls in a row, nu = 0.4999, D = 0.4 R in h = 2 R",
-                               _scene(_row(), 0.4, 2.0, 0.4999)),
+                               pressed(_row(), 0.4, 2.0, 0.4999)),
         "ellipsoids": ("semi-axes 0.8, 1.3 and 1, 2 apart, D = 0.5 in h = 1.16",
-                       _scene(_two(Ellipsoid((0.8, 1.3, 1.0))), 0.5)),
+                       pressed(_two(Ellipsoid((0.8, 1.3, 1.0))), 0.5)),
         "cones": ("flanks of 20 deg, tips of radius 0.2, D = 0.3 in h = 1.16: flanks nearly meet",
-                  _scene(_two(Cone(math.radians(20.0), 0.2)), 0.3)),
-        "meeting-cones": ("the same, D = 0.4: flanks would overlap", _scene(_two(Cone(math.radians(20.0), 0.2)), 0.4)),
+                  pressed(_two(Cone(math.radians(20.0), 0.2)), 0.3)),
+        "meeting-cones": ("the same, D = 0.4: flanks would overlap", pressed(_two(Cone(math.radians(20.0), 0.2)), 0.4)),
         "steep-cones": ("flanks of 45 deg, tips of radius 0.1, D = 0.4 in h = 2",
-                        _scene(_two(Cone(math.radians(45.0), 0.1)), 0.4, 2.0)),
-        "punches": ("radius 0.5, edges of radius 0.15, D = 0.3 in h = 1.16", _scene(_two(Punch(0.5, 0.15)), 0.3)),
-        "sharp-punches": ("radius 0.5, edges of radius 0.02, D = 0.1 in h = 1.16", _scene(_two(Punch(0.5, 0.02)), 0.1)),
+                        pressed(_two(Cone(math.radians(45.0), 0.1)), 0.4, 2.0)),
+        "punches": ("radius 0.5, edges of radius 0.15, D = 0.3 in h = 1.16", pressed(_two(Punch(0.5, 0.15)), 0.3)),
+        "sharp-punches": ("radius 0.5, edges of radius 0.02, D = 0.1 in h = 1.16",
+                          pressed(_two(Punch(0.5, 0.02)), 0.1)),
         "punch-and-ball": ("a punch of radius 0.5 beside a ball, D = 0.1 and 0.3 in h = 1.16",
-                           _scene((Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 0.5, Punch(0.5, 0.1))), (0.3, 0.1))),
+                           pressed((Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 0.5, Punch(0.5, 0.1))), (0.3, 0.1))),
         "deep-force": ("forces prescribed, 2 E R^2 on each ball, in h = 1.16 R",
                        pair(0.1, substrate=None).with_load("force", (2.0, 2.0))),
     }  # fmt: skip
-
-
-def _scene(
-    balls: tuple[Ball, ...], approach: float | tuple[float, ...], thickness: float = THIN, nu: float = POISSON
-) -> Problem:
-    """Return balls at finite strain on a layer with a rigid base."""
-    depths = approach if isinstance(approach, tuple) else (approach,) * len(balls)
-    return Problem(Layer(1.0, nu, thickness), balls, Load("approach", depths), None, FiniteStrain())
 
 
 def _row() -> tuple[Ball, ...]:

@@ -7,13 +7,14 @@ from typing import Any
 
 from linear_bem import solve
 from linear_bem.closed_forms import hertz_force, long_force
-from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball, Layer, Problem
 from runs.studies.framework.case import FINITE, Case
-from runs.studies.framework.pair import as_seen_by
+from runs.studies.framework.pair import as_seen_by, pressed
 from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
 
+BALL = Ball((0.0, 0.0), 1.0)
 COARSE = 0.2
 """Accuracy asked of T; one ball has none, so this takes the coarsest pair of discretisations."""
 DEEP, THICKEST, HALF_SPACE_DEPTH = 10.0, 10.0 / 3.0, 0.1
@@ -27,18 +28,12 @@ DEPTHS: Mapping[float, tuple[float, ...]] = {
 """Thickness over R, and depths over R of the answers."""
 
 
-def single(approach: float, thickness: float, poisson: float, shape: str) -> Problem:
-    """Return one ball on a bonded layer with a rigid base; R = 1, E1 = 1."""
-    ball = Ball((0.0, 0.0), 1.0, shape)
-    return Problem(Layer(1.0, poisson, thickness), (ball,), Load("approach", (approach,)), None, FiniteStrain())
-
-
 def case_of(thickness: float) -> Case:
     """Return a sphere pressed into a layer, nu = 0.5, with answers at all its depths."""
     depths = DEPTHS[thickness]
     steps = tuple(d / depths[-1] for d in depths)
     labels = {"part": "half-space" if thickness == DEEP else "long", "h": thickness}
-    problem = single(depths[-1], thickness, 0.5, "sphere")
+    problem = pressed([BALL], depths[-1], thickness, 0.5)
     return Case(f"sphere-h{thickness:g}", problem, FINITE, COARSE, labels=labels, steps=steps)
 
 
@@ -114,7 +109,7 @@ def _lin(found: Found) -> Groups:
     groups = _beside(
         found, lambda depth: formulas.lin_force(depth, 1.0, 1.0, 2.0) / hertz_force(depth, 1.0, 1.0), math.inf
     )
-    thick, points = single(1.0, THICKEST, 0.5, "sphere"), []
+    thick, points = pressed([BALL], 1.0, THICKEST, 0.5), []
     for depth, value, bar in _softening(found):
         if depth >= 0.1:
             small = as_seen_by("small_strain", thick).with_load("approach", (depth,))

@@ -8,10 +8,9 @@ import numpy as np
 
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, error_bars, legend_or_note, look, panels, save_figure
 from runs.studies.validation import formulas, large_strain
-from runs.studies.validation.comparison import SECOND, Point
+from runs.studies.validation.comparison import SECOND, Groups, Point
 
 COLORS = (BLUE, ORANGE, GREEN, PURPLE)
-Groups = Mapping[str, Sequence[Point]]
 
 
 @look()

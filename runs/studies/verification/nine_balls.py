@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
+from linear_bem.problem import Ball
 from linear_bem.result import BallResult, Result, Solved
 from runs import evolution
 from runs.evolution.providers import table_of
 from runs.models import MODELS, Run
 from runs.session.progress import print_status
 from runs.studies.framework.case import FINITE, Case, code_of
-from runs.studies.framework.pair import POISSON, THIN
+from runs.studies.framework.pair import pressed
 from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.verification.part import Part, claimed
 
@@ -56,9 +56,7 @@ class TableCase(Case):
 
 def cases(quick: bool) -> list[Case]:
     """Return both; none in the quick version."""
-    balls = tuple(Ball(place, 1.0) for place in PLACES)
-    load = Load("approach", (APPROACH,) * len(balls))
-    problem = Problem(Layer(1.0, POISSON, THIN), balls, load, finite_strain=FiniteStrain())
+    problem = pressed([Ball(place, 1.0) for place in PLACES], APPROACH)
     ways = {} if quick else {TOGETHER: Case, BY_PAIRS: TableCase}
     return [kind(name, problem, FINITE, ACCURACY, {}, {"part": NAME}, budget=BUDGET) for name, kind in ways.items()]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from linear_bem.closed_forms import hertz_force
-from linear_bem.problem import Layer, Problem
+from linear_bem.problem import Ball, Layer, Problem
 from runs.models import MODELS, Run
 from runs.studies.framework.case import FINITE, SMALL, Case
-from runs.studies.framework.pair import as_seen_by
+from runs.studies.framework.pair import as_seen_by, pressed
 from runs.studies.framework.saved_cases import Found
-from runs.studies.validation.large_strain import case_of, single
+from runs.studies.validation.large_strain import case_of
 from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "one-ball"
@@ -52,7 +52,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def _small(name: str, depth: float, h: float, nu: float, accuracy: float) -> Case:
-    problem = as_seen_by(SMALL, single(depth, h, nu, "paraboloid"))
+    problem = as_seen_by(SMALL, pressed([Ball((0.0, 0.0), 1.0, "paraboloid")], depth, h, nu))
     steps = (LIGHT, 1.0) if name == "hertz" else (1.0,)
     return Case(f"{NAME}-{name}", problem, SMALL, accuracy, labels={"part": NAME, "kind": "small"}, steps=steps)
 
