@@ -69,12 +69,13 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
 
         evolution = expectation(scene, model, problem, seconds)
-        seconds = evolution["seconds"]
+        # advice is about few balls, without the cell
+        seconds, part = evolution["seconds"], dataclasses.replace(part, periodic=None)
     else:
         plans = _model_plans(scene, model, problem, ahead, seconds, alone=asked is not None)
     scale = Scale.of(problem, scene.data)
     close, near = closest(part, ahead)
-    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(whole, seconds, begun))
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, seconds, begun))
     inputs = None
     with waiting("the linear model with and without each effect, for this plan's advice"):
         advice = adviser.advise()

@@ -13,7 +13,7 @@ import pytest
 
 from linear_bem.errors import UnsupportedProblem
 from runs.commands.plan import plan_scene
-from runs.evolution import evolving, motion, outcome, showing
+from runs.evolution import evolving, expectation, motion, outcome, showing
 from runs.evolution.evolving import evolve_scene
 from runs.models import choose
 from runs.process import signals
@@ -124,16 +124,22 @@ def test_a_killed_run_of_many_balls_goes_on_to_the_same_end(tmp_path: Path, monk
     assert (tmp_path / "whole" / "structure.svg").stat().st_size > 5_000
 
 
-def test_a_plan_of_many_balls_says_how_long_they_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = read_scene(written(tmp_path))
-    plan_scene(scene, None, as_json=True)
-    found = json.loads(capsys.readouterr().out)
-    steps, balls = found["evolution"]["steps"], scene.problem.size
-    assert 0.5 * balls < steps < 20.0 * balls
-    assert found["evolution"]["parts"]["paths"] > 0.0
-    plan_scene(scene, None, as_json=False)
+def test_a_plan_of_many_balls_says_how_long_they_take(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+    monkeypatch.setattr(showing, "draw", lambda *given: None)
+    file = written(tmp_path)
+    plan_scene(read_scene(file), None, as_json=True)
+    found = json.loads(capsys.readouterr().out)["evolution"]
+    assert found["steps"] == pytest.approx(evolved(file, tmp_path / "out")["solved"]["iterations"], rel=0.2)
+    monkeypatch.setattr(expectation, "PATIENCE", 0.0)
+    plan_scene(read_scene(file), None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"evolve: about .* on one idle core, .* for 1 path to rest of about \d+ steps", printed)
+    # what 121 balls usually take
+    assert re.search(
+        r"evolve: about .* on one idle core, .* for 1 path to rest of about 300 steps, .* pictures", printed
+    )
 
 
 @pytest.mark.parametrize(
