@@ -67,7 +67,8 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     cost = {"seconds": alone, "memory_bytes": MEMORY}
     if table is not None:
         cost = table | {"processor_seconds": alone, "seconds": alone - parts["table"] + table["seconds"]}
-    return {"runs": len(missing), "steps": steps, "paths": sliding.ensemble, "parts": parts, **as_command(cost)}
+    counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": ended}
+    return {**counted, "parts": parts, **as_command(cost)}
 
 
 def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) -> str:
@@ -78,10 +79,12 @@ def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) ->
     if not alone:
         said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
     table = f"{count(found['runs'], 'run')} by {'linear_bem' if model == 'point_load' else model} for the forces"
-    steps = float(f"{found['steps']:.1g}")
+    steps = f"about {found['steps']:.0f} steps"
+    if not found["steps_counted"]:  # one digit
+        steps = f"perhaps {float('%.1g' % found['steps']):.0f} steps, or a third to three times as many"
     words = {
         "table": table,
-        "paths": f"{count(found['paths'], 'path')} to rest of about {steps:.0f} steps",
+        "paths": f"{count(found['paths'], 'path')} to rest, {steps}",
         "check": "the full linear model at start and end",
         "pictures": "pictures",
     }
