@@ -79,9 +79,10 @@ def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) ->
     if not alone:
         said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
     table = f"{count(found['runs'], 'run')} by {'linear_bem' if model == 'point_load' else model} for the forces"
-    steps = f"about {found['steps']:.0f} steps"
-    if not found["steps_counted"]:  # one digit
-        steps = f"perhaps {float('%.1g' % found['steps']):.0f} steps, or a third to three times as many"
+    rounded = float(f"{found['steps']:.1g}")
+    steps = f"perhaps {rounded:.0f} steps, or a third to three times as many"
+    if found["steps_counted"]:
+        steps = f"about {found['steps']:.0f} steps"
     words = {
         "table": table,
         "paths": f"{count(found['paths'], 'path')} to rest, {steps}",
