@@ -109,7 +109,7 @@ def solve_contact(
         )
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
-    if sample is not None and not (isinstance(sample, Integral) and sample >= 1):
+    if sample is not None and (isinstance(sample, bool) or not (isinstance(sample, Integral) and sample >= 1)):
         raise InvalidProblem(f"sample: must be a whole number of balls, 1 or more, or None, got {sample!r}")
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()

@@ -68,7 +68,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
     """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
     ``processor_`` is what one process takes alone; ``seconds_of_meshes`` are those of each discretisation.
-    ``perhaps`` has the cost of other numbers of meshes, with the chance of each.
+    ``perhaps`` has the cost of other numbers of meshes whose chance is at least `LEAST`.
     """
     problem, most, box = plan.problem, plan.budget.most_unknowns, plan.box(PATH_FINDER)
     forms = describe_forms(problem)
@@ -105,7 +105,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         "linear_solver": choose(last.unknowns, mixed, given, last.order).describe(),
         "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in plan.reduction.planes],
         "unknowns": round(last.unknowns),
-        "meshes": [f"{level}: about {grouped(each.unknowns)} unknowns" for level, each in zip(taken, meshes)]  # noqa: B905
+        "meshes": [f"{level}: about {grouped(plan.unknowns(level))} unknowns" for level in taken]
         + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
         **cost(len(taken)),
         "memory_bytes_at_most": largest.memory_bytes(ranks),

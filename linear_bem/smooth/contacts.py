@@ -169,7 +169,7 @@ class SmoothContacts:
             reach / np.array([self.problem.balls[ball].radius for ball in touching]),
             np.max((reach[:, None] + reach[near[:, 1:]]) / away[:, 1:], axis=1, initial=0.0),
         )
-        chosen = set(np.linspace(0, len(nodes) - 1, count).astype(int).tolist())
+        chosen = set(np.linspace(0, len(nodes) - 1, min(count, len(nodes))).astype(int).tolist())
         for size in sizes:
             shares = np.round(size / (np.max(size) or 1.0), 9)  # roundoff does not choose one of two balls of a pair
             chosen |= set(np.argsort(-shares, kind="stable")[: count // 4].tolist())

@@ -140,10 +140,11 @@ class Evolution:
                 member, before_it = Record(), self.steps
                 try:
                     self._follow(member, given, number, lambda: None)
-                    members.append(self._member(member, number))
                 except KeyboardInterrupt:
                     self.steps = before_it  # the same command computes this member anew
                     raise
+                with signals.held():
+                    members.append(self._member(member, number))
                 keep()
             found = self._end(record.moments, given)
             if self._is_layer:

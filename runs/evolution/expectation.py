@@ -1,8 +1,8 @@
-"""What ``plan`` says of ``evolve``: the runs of its table of pairs, its paths, and the time of each part."""
+"""What ``plan`` says of ``evolve``: how many runs and steps it takes, and the time of each of its parts."""
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,18 +12,11 @@ from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
 from runs.evolution.drift import Drift
 from runs.evolution.evolving import TABLES, balls_of, start
-from runs.evolution.forces import DirectForces, Forces
+from runs.evolution.forces import DirectForces
 from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.evolution.outcome import COARSER
 from runs.evolution.pair_table import DEPTHS
-from runs.evolution.providers import (
-    DIRECT_ACCURACY,
-    MEASURED,
-    PAIR_ACCURACY,
-    kinds,
-    point_loads,
-    table_of,
-)
+from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, PAIR_ACCURACY, kinds, point_loads, table_of
 from runs.look_ahead import MEMORY, measured
 from runs.models import MODELS, Model, as_command, planned_runs
 from runs.process.machine import slowness
@@ -31,15 +24,28 @@ from runs.scene.scene_file import Scene
 
 STEPS, CROWD, COARSE, FINER = 5.5, 600.0, 1e-4, 1.0 / 3.0
 """Steps of a path to rest for each ball with the tolerance `COARSE`; number of balls from which on they grow less;
-power of the tolerance with which they grow. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many, 1000 balls
-1400 where they gather, but 120 to 1100 where they keep apart."""
+power of the tolerance with which they grow. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many, one of 30 took
+ten times as many; 1000 balls 1400 where they gather, but 120 to 1100 where they keep apart."""
 PATIENCE = 3.0
 """Time [s] that a path is followed to count and time its steps."""
 LATER, TOUCHING = 1.0, 40
 """What a step takes longer than the first ones, when fewer balls touch: so many times their time, from so many balls
 on; of fewer in proportion."""
+EVALUATIONS, WARM, SEARCH = 4.6, 0.3, 10.0
+"""Forces evaluated in a step; time of the full model next to a state that it has solved, over that of a first solution,
+where that is not measured; how often the search for an equilibrium asks for T at two places of each coordinate."""
 PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
 """Time of the pictures [s], and more for each of the balls that are drawn one by one, and for each path."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A path followed for a while: its steps, their time [s], sigma [m] reached, and whether it came to its end."""
+
+    steps: int
+    seconds: float
+    sigma: float
+    ended: bool
 
 
 def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -> dict[str, Any]:
@@ -52,45 +58,55 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     direct = sliding.forces == "direct" and model.name != "point_load"
     missing = [] if direct else _missing(scene, model, problem)
     table = planned_runs(model, missing, scene.tangential_force, scene.budget)
-    parts = {"table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"]}
-    taken, step, ended = _path(scene, problem, direct)
-    later = 1.0 if ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
-    usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
-    steps = taken if ended else max(usual, taken)
+    path = _path(scene, problem)
+    steps = float(path.steps)
+    if not path.ended:  # steps become longer where balls slow down
+        usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
+        steps = max(steps, min(usual, steps * sliding.end / path.sigma))
+    later = 1.0 if path.ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
+    evaluation = _evaluation(scene, problem, solution) if direct and steps else 0.0
+    step = EVALUATIONS * evaluation if direct else later * path.seconds / max(path.steps, 1)
     # a coarser path is for the error of the positions
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
-    parts["paths"] = paths * steps * later * step
-    parts["check"] = 2.0 * solution if model.name != "finite_strain" and size <= MEASURED else 0.0
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
-    parts["pictures"] = slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble)
+    parts = {
+        "table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"],
+        "paths": paths * steps * step,
+        # the full model, and by it the forces if they are direct
+        "check": (4.0 if direct else 2.0) * solution if model.name != "finite_strain" and size <= MEASURED else 0.0,
+        "equilibrium": SEARCH * 4.0 * drawn * evaluation if "rolling_resistance" not in scene.drift else 0.0,
+        "pictures": slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble),
+    }
     alone = sum(parts.values())
     cost = {"seconds": alone, "memory_bytes": MEMORY}
     if table is not None:
         cost = table | {"processor_seconds": alone, "seconds": alone - parts["table"] + table["seconds"]}
-    counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": ended}
+    counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": path.ended}
     return {**counted, "parts": parts, **as_command(cost)}
 
 
 def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) -> str:
     """Return the expectation in words; ``memory`` are those of its values."""
+    steps = count(round(found["steps"]), "step")
+    if not found["steps_counted"]:
+        rounded = float(f"{found['steps']:.1g}")
+        steps = f"perhaps {rounded:.0f} steps, or a third to three times as many"
+    by = f"{count(found['runs'], 'run')} by {model} for the table of pairs"
+    words = {
+        "table": "the balls alone" if model == "point_load" else by,
+        "paths": f"{count(found['paths'], 'path')} of {steps}",
+        "check": "the full linear model at start and end",
+        "equilibrium": "the equilibrium next to the end",
+        "pictures": "pictures",
+    }
+    parts = ", ".join(f"{duration(seconds)} for {words[key]}" for key, seconds in found["parts"].items() if seconds)
     alone = "processor_seconds" not in found
     said = f"about {duration(found['seconds'])} on {'one idle core' if alone else 'two idle cores'}"
     said += f", {memory['memory_bytes']}"
     if not alone:
         said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
-    table = f"{count(found['runs'], 'run')} by {'linear_bem' if model == 'point_load' else model} for the forces"
-    rounded = float(f"{found['steps']:.1g}")
-    steps = f"perhaps {rounded:.0f} steps, or a third to three times as many"
-    if found["steps_counted"]:
-        steps = f"about {found['steps']:.0f} steps"
-    words = {
-        "table": table,
-        "paths": f"{count(found['paths'], 'path')} to rest, {steps}",
-        "check": "the full linear model at start and end",
-        "pictures": "pictures",
-    }
-    parts = [f"{duration(seconds)} for {words[key]}" for key, seconds in found["parts"].items() if seconds > 0.0]
-    return f"evolve: {said} ({', '.join(parts)})"
+    still = "" if found["steps"] else "; by point loads nothing moves from the start"
+    return f"evolve: {said}: {parts}{still}"
 
 
 def _missing(scene: Scene, model: Model, problem: Problem) -> list[Problem]:
@@ -111,11 +127,8 @@ def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
     return result.solved.seconds * states / one.size
 
 
-def _path(scene: Scene, problem: Problem, direct: bool) -> tuple[int, float, bool]:
-    """Return steps of a path, the time [s] of one, and whether the path came to its end within the patience.
-
-    It is followed by point loads where a table is to be made.
-    """
+def _path(scene: Scene, problem: Problem) -> Followed:
+    """Follow the first path by point loads, until the patience ends."""
     sliding, balls = scene.reciprocation, balls_of(scene)
     assert sliding is not None
     depths = np.array(DEPTHS) * max(problem.load.values)
@@ -123,16 +136,27 @@ def _path(scene: Scene, problem: Problem, direct: bool) -> tuple[int, float, boo
     def estimated(ball: Ball) -> list[float]:
         return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths))
 
-    forces: Forces = point_loads(problem, balls.cell, estimated)
-    if direct:
-        forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
-    drift = Drift(forces, balls, tolerance, sliding.rest)
+    drift = Drift(point_loads(problem, balls.cell, estimated), balls, tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
     next(moments)
     begun, spent = time.process_time(), 0.0
-    for _ in moments:
+    for moment in moments:
         spent = time.process_time() - begun
-        if spent > PATIENCE:
-            return drift.steps, spent / drift.steps, False
-    return drift.steps, spent / max(drift.steps, 1), True
+        if spent > PATIENCE and not moment.resting:
+            return Followed(drift.steps, spent, moment.sigma, ended=False)
+    return Followed(drift.steps, spent, sliding.end, ended=True)
+
+
+def _evaluation(scene: Scene, problem: Problem, solution: float) -> float:
+    """Return the time [s] of T by the full model next to a state that it has solved."""
+    if solution > PATIENCE:
+        return WARM * solution
+    sliding = scene.reciprocation
+    assert sliding is not None
+    forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
+    x = start(balls_of(scene), problem.positions, sliding, 0)
+    forces(x)
+    begun = time.process_time()
+    forces(x * (1.0 + 1e-3))
+    return time.process_time() - begun

@@ -127,7 +127,12 @@ def test_a_sample_of_the_only_ball_in_contact_judges_it():
     assert np.all(forces(result) == 0.0)
 
 
-@pytest.mark.parametrize("size", [0, -1, 1.5])
+@pytest.mark.parametrize("size", [0, -1, 1.5, True])
 def test_a_sample_of_no_balls_is_refused(size):
     with pytest.raises(InvalidProblem, match=f"sample: must be a whole number of balls, 1 or more.* got {size}"):
         solve_contact(scene("approach"), 1e-2, sample=size)
+
+
+def test_a_sample_of_more_balls_than_there_are_takes_all():
+    pair = Problem(Layer(1.0, 0.45, 2.0), (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), 1.0)), Load("approach", (0.1, 0.1)))
+    assert solve_contact(pair, 1e-2, sample=10**20).result().solved.accuracy["sample"] == [0, 1]

@@ -137,9 +137,7 @@ def test_a_plan_of_many_balls_says_how_long_they_take(
     plan_scene(read_scene(file), None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
     # what 121 balls usually take
-    assert re.search(
-        r"evolve: about .* on one idle core, .* for 1 path to rest, perhaps 300 steps, .* pictures", printed
-    )
+    assert re.search(r"evolve: about .* on one idle core, .* for 1 path of perhaps \d+ steps, .* pictures", printed)
 
 
 @pytest.mark.parametrize(

@@ -32,11 +32,40 @@ def scene(folder: Path, accuracy: str) -> Scene:
     return read_scene(path)
 
 
-def paths_of(drift: Scene, monkeypatch: pytest.MonkeyPatch) -> float:
-    """Return the planned time [s] of all paths, steps of which take 1 s."""
-    monkeypatch.setattr(expectation, "_path", lambda *_: (1, 1.0, False))
+def paths_of(drift: Scene, followed: expectation.Followed, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Return the planned time [s] of all paths, of one of which ``followed`` is known."""
+    monkeypatch.setattr(expectation, "_path", lambda *_: followed)
     monkeypatch.setattr(expectation, "_missing", lambda *_: [])
     return float(expectation.expectation(drift, MODELS["point_load"], drift.problem, 0.0)["parts"]["paths"])
+
+
+def test_a_path_that_is_followed_for_a_while_bounds_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    drift = read_scene(ROOT / "runs" / "scenes" / "layer_of_36_balls.toml")
+    assert drift.reciprocation is not None
+    end, both = drift.reciprocation.end, 1.0 + 0.1 ** (1 / 3)  # and the coarser path
+    for steps, share, expected in ((20, 0.5, 40.0), (20, 1e-9, 198.0 / 1.06), (400, 1e-9, 400.0)):
+        partly = expectation.Followed(steps, 1.0 * steps, share * end, ended=False)
+        later = 1.0 + 36 / expectation.TOUCHING
+        assert paths_of(drift, partly, monkeypatch) == pytest.approx(expected * later * both)
+    whole = expectation.Followed(50, 5.0, end, ended=True)
+    assert paths_of(drift, whole, monkeypatch) == pytest.approx(5.0 * both)
+
+
+def test_direct_forces_are_planned_with_the_search_for_an_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml")
+    assert given.reciprocation is not None
+    drift = {**given.drift, "reciprocation": given.reciprocation.model_copy(update={"forces": "direct"})}
+    model, direct = MODELS["linear_bem"], dataclasses.replace(given, drift=drift)
+    path = expectation.Followed(10, 1e-3, given.reciprocation.end, ended=True)
+    monkeypatch.setattr(expectation, "_path", lambda *_: path)
+    # a solution that takes long is not made for a plan
+    slow = expectation.expectation(direct, model, direct.problem, 10.0)["parts"]
+    assert slow["table"] == 0.0
+    assert slow["check"] == 40.0
+    assert slow["paths"] == pytest.approx((1.0 + 0.1 ** (1 / 3)) * 10 * 4.6 * 3.0)
+    assert slow["equilibrium"] == pytest.approx(10.0 * 4 * 2 * 3.0)
+    quick = expectation.expectation(direct, model, direct.problem, 0.5)["parts"]
+    assert 0.0 < quick["equilibrium"] < slow["equilibrium"]
 
 
 def test_an_evolution_is_planned_with_the_runs_of_its_table(
@@ -46,13 +75,10 @@ def test_an_evolution_is_planned_with_the_runs_of_its_table(
     monkeypatch.setattr(planning, "PATIENCE", 0.0)  # the advice is another test's
     plan_scene(read_scene(DRIFTING), None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
-    said = r"evolve: about [^,]* on two idle cores, about [^;]* GB; on one [^,]*, about [^(]* GB \("
-    assert re.search(
-        rf"{said}[^,]* for 13 runs by finite_strain for the forces, .* steps, [^,]* for pictures\)", printed
-    )
-    assert (
-        "finite_strain: hyperelastic finite elements evolve" in printed
-    )  # nothing of a mesh that evolve does not make
+    said = r"evolve: about [^,]* on two idle cores, about [^;]* GB; on one [^,]*, about [^:]* GB: [^,]* for 13 runs by"
+    assert re.search(rf"{said} finite_strain for the table of pairs, .* [^,]* for pictures", printed)
+    # nothing of a mesh that evolve does not make
+    assert "finite_strain: hyperelastic finite elements evolve" in printed
 
 
 def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
@@ -62,10 +88,10 @@ def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
     monkeypatch.setattr(planning, "PATIENCE", 0.0)
     plan_scene(read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml"), None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
-    said = re.search(r"evolve: about ([\d.]+) s on one idle core, .*\(([\d.]+) s for 27 runs by linear_bem", printed)
+    said = re.search(r"evolve: about ([\d.]+) s on one idle core, [^:]*: ([\d.]+) s for 27 runs by linear_bem", printed)
     assert said is not None
     assert 2.0 < float(said[2]) < float(said[1]) < 120.0  # 3.3 s for the runs of a pair on rubber
-    assert re.search(r"s for 1 path to rest, about \d+ steps, [\d.]+ s for the full linear model at start", printed)
+    assert re.search(r"s for 1 path of \d+ steps, [\d.]+ s for the full linear model at start", printed)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +106,8 @@ def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
     asked = dataclasses.replace(given, drift={**given.drift, "reciprocation": more})
     assert given.reciprocation.tolerance == 1e-6
     assert given.reciprocation.ensemble == 1
-    here, there = paths_of(asked, monkeypatch), paths_of(given, monkeypatch)
+    partly = expectation.Followed(1, 1.0, 1e-12, ended=False)
+    here, there = paths_of(asked, partly, monkeypatch), paths_of(given, partly, monkeypatch)
     assert here == pytest.approx(times * there)
 
 
@@ -93,7 +120,7 @@ def test_the_drift_of_point_loads_is_planned_without_a_table(
     found = json.loads(capsys.readouterr().out)["evolution"]
     assert found["runs"] == 1  # the ball alone
     assert found["steps"] > 10
-    assert found["parts"].keys() == {"table", "paths", "check", "pictures"}
+    assert found["parts"].keys() == {"table", "paths", "check", "equilibrium", "pictures"}
     assert found["seconds"] > sum(found["parts"].values())
 
 
@@ -127,6 +154,17 @@ def test_times_are_those_of_this_machine(tmp_path: Path, monkeypatch: pytest.Mon
         assert here["memory_bytes"] == there["memory_bytes"]
     assert said["seconds_of_meshes"] == [2.5 * value for value in measured["seconds_of_meshes"]]
     assert as_command({"seconds": 1.0})["seconds"] == 1.0 + 2.5 * models.COMMAND_SECONDS
+
+
+def test_pictures_take_as_much_longer_as_the_machine_is_slower(monkeypatch: pytest.MonkeyPatch) -> None:
+    drift = read_scene(ROOT / "runs" / "scenes" / "experiment_nine_30mm.toml")
+    parts = []
+    for factor in (1.0, 2.5):
+        monkeypatch.setattr(expectation, "slowness", lambda factor=factor: factor)
+        monkeypatch.setattr(expectation, "_path", lambda *_: expectation.Followed(0, 0.0, 1.0, ended=True))
+        monkeypatch.setattr(expectation, "_missing", lambda *_: [])
+        parts.append(expectation.expectation(drift, MODELS["point_load"], drift.problem, 0.0)["parts"]["pictures"])
+    assert parts[1] == pytest.approx(2.5 * parts[0])
 
 
 def test_this_machine_is_timed_once() -> None:
