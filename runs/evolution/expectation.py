@@ -31,9 +31,10 @@ PATIENCE = 3.0
 LATER, TOUCHING = 1.0, 40
 """What a step takes longer than the first ones, when fewer balls touch: so many times their time, from so many balls
 on; of fewer in proportion."""
-EVALUATIONS, WARM, SEARCH = 4.6, 0.3, 10.0
+EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 20.0
 """Forces evaluated in a step; time of the full model next to a state that it has solved, over that of a first solution,
-where that is not measured; how often the search for an equilibrium asks for T at two places of each coordinate."""
+of more than `IN_ONE_FILE` balls (of fewer it is measured: 0.01 to 0.04); how often the search for an equilibrium asks
+for T at two places of each coordinate."""
 PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
 """Time of the pictures [s], and more for each of the balls that are drawn one by one, and for each path."""
 
@@ -150,7 +151,7 @@ def _path(scene: Scene, problem: Problem) -> Followed:
 
 def _evaluation(scene: Scene, problem: Problem, solution: float) -> float:
     """Return the time [s] of T by the full model next to a state that it has solved."""
-    if solution > PATIENCE:
+    if problem.size > IN_ONE_FILE:
         return WARM * solution
     sliding = scene.reciprocation
     assert sliding is not None
