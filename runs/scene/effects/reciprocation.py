@@ -33,7 +33,10 @@ class ReciprocationTable(Table):
     ensemble: Whole = 1
     """Number of runs, each with the next seed."""
     tolerance: Number = 1e-6
-    """Error of one step of the path, in radii: 1e-9 (far from (0, 0) the roundoff of positions) to 0.01."""
+    """Error of one step of the path, in radii: 1e-9 (far from (0, 0) the roundoff of positions) to 0.01.
+
+    A hundred times larger takes a quarter to a tenth of the steps: 1e-4 does for hundreds of balls whose groups count.
+    """
     rest: Number = 1e-6
     """Force over load below which a ball counts as at rest."""
     forces: Literal["pairs", "direct"] = "pairs"
