@@ -69,7 +69,7 @@ def _row(table: str, key: str, field: FieldInfo) -> dict[str, str]:
     known = examples(table)
     return {
         "key": f"`{key}`",
-        "meaning": field.description or "",
+        "meaning": " ".join((field.description or "").split()),
         "value": meaning(field),
         "default": "needed" if field.is_required() else "" if field.default is None else _toml(field.default),
         "example": _toml(known[key]) if key in known else "",
