@@ -1,11 +1,12 @@
 """Contacts on grids: refinement by doubling, forces and fields."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import map_coordinates
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
@@ -26,6 +27,8 @@ COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""
 SPARSE = 0.3
 """Contact radius over a patch's half width below which the patch is made smaller before grids are refined."""
+DRAWN = 48
+"""Cells along a side of a patch whose displacement is drawn outside of it."""
 MOST_CELLS = 1_200_000
 """Largest number of cells in all patches."""
 
@@ -188,8 +191,24 @@ class GridContacts:
     def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the surface displacement [m], positive into the layer, at any surface points [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        return self._displacement(x, y, zip(self.patches.patches, self.state.pressures, strict=True))
+
+    def drawn_displacement(self, x: Array, y: Array) -> Array:
+        """Return the surface displacement [m] at points (n,) [m] for a picture: to about 1e-3 of the largest, quickly.
+
+        Between the cells of a patch it is interpolated, elsewhere that of the pressures averaged to `DRAWN` cells.
+        """
+        averaged = [p.averaged(q, DRAWN) for p, q in zip(self.patches.patches, self.state.pressures, strict=True)]
+        out = self._displacement(x, y, averaged)
+        for patch, w in zip(self.patches.patches, self.state.displacements, strict=True):
+            here = patch.cell_of(x, y)[2]
+            places = [(x[here] - patch.x[0, 0]) / patch.cell, (y[here] - patch.y[0, 0]) / patch.cell]
+            out[here] = map_coordinates(w, places, order=1, mode="nearest")
+        return out
+
+    def _displacement(self, x: Array, y: Array, loads: Iterable[tuple[Patch, Array]]) -> Array:
         flat_x, flat_y, out = x.ravel(), y.ravel(), np.zeros(x.size)
-        for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
+        for patch, p in loads:
             loaded = p > 0.0
             cx, cy = (c[loaded] for c in patch.points)
             half = 0.5 * patch.cell
