@@ -1,12 +1,11 @@
 """Contacts on grids: refinement by doubling, forces and fields."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import map_coordinates
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
@@ -14,8 +13,8 @@ from linear_bem.grid.clusters import shared_patches
 from linear_bem.grid.outline import edge_error, edge_mean, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
+from linear_bem.grid.surface import drawn, surface_displacement
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.layer.rectangle_load import love_rectangle
 from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
@@ -27,8 +26,6 @@ COARSEST = 32
 """Cells across a patch on the first grid; a patch is about 1.3 contact diameters wide."""
 SPARSE = 0.3
 """Contact radius over a patch's half width below which the patch is made smaller before grids are refined."""
-DRAWN = 48
-"""Cells along a side of a patch whose displacement is drawn outside of it."""
 MOST_CELLS = 1_200_000
 """Largest number of cells in all patches."""
 
@@ -191,34 +188,12 @@ class GridContacts:
     def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the surface displacement [m], positive into the layer, at any surface points [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        return self._displacement(x, y, zip(self.patches.patches, self.state.pressures, strict=True))
+        loads = zip(self.patches.patches, self.state.pressures, strict=True)
+        return surface_displacement(self.kernel, loads, x, y)
 
     def drawn_displacement(self, x: Array, y: Array) -> Array:
-        """Return the surface displacement [m] at points (n,) [m] for a picture: to about 1e-3 of the largest, quickly.
-
-        Between the cells of a patch it is interpolated, elsewhere that of the pressures averaged to `DRAWN` cells.
-        """
-        averaged = [p.averaged(q, DRAWN) for p, q in zip(self.patches.patches, self.state.pressures, strict=True)]
-        out = self._displacement(x, y, averaged)
-        for patch, w in zip(self.patches.patches, self.state.displacements, strict=True):
-            here = patch.cell_of(x, y)[2]
-            places = [(x[here] - patch.x[0, 0]) / patch.cell, (y[here] - patch.y[0, 0]) / patch.cell]
-            out[here] = map_coordinates(w, places, order=1, mode="nearest")
-        return out
-
-    def _displacement(self, x: Array, y: Array, loads: Iterable[tuple[Patch, Array]]) -> Array:
-        flat_x, flat_y, out = x.ravel(), y.ravel(), np.zeros(x.size)
-        for patch, p in loads:
-            loaded = p > 0.0
-            cx, cy = (c[loaded] for c in patch.points)
-            half = 0.5 * patch.cell
-            for part in np.array_split(np.arange(x.size), x.size * cx.size // 2_000_000 + 1):
-                dx, dy = flat_x[part, None] - cx, flat_y[part, None] - cy
-                block = love_rectangle(dx, dy, half, half)
-                if not self.kernel.homogeneous:
-                    block = block + patch.cell**2 * self.kernel.smooth(np.hypot(dx, dy))
-                out[part] += block @ p[loaded]
-        return out.reshape(x.shape)
+        """Return the surface displacement [m] at points (n,) [m] for a picture, quickly; see `drawn`."""
+        return drawn(self.kernel, self.patches.patches, self.state.pressures, self.state.displacements, x, y)
 
     @cached_property
     def certificate(self) -> dict[str, float]:

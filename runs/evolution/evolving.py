@@ -13,12 +13,11 @@ from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.touching import overlap_faults
-from runs.evolution import outcome, saved_path, showing, structure
+from runs.evolution import after_path, outcome, saved_path, showing, structure
 from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
-from runs.evolution.pair_forces import PairForces
-from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider, provider, require_forces
+from runs.evolution.providers import Provider, provider, require_forces
 from runs.evolution.record import Record, events, gathered_at, summary
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
@@ -36,8 +35,6 @@ FORMAT = 2
 SAVED_EVERY, SAVING, TOLD_EVERY = 5.0, 10.0, 10.0
 """Interval [s] at which an unfinished path is saved, or so many times what saving takes if that is longer; interval [s]
 of the lines that say how far it is."""
-LAST = ("direct_check", "balls", "position_error", "equilibrium", "pair_equilibria")
-"""Results that need the complete path and take time; an unfinished document has those that are known."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -126,7 +123,7 @@ class Evolution:
         below = self._common(earlier)
         record = Record.from_dict(earlier, self.balls, self._folder, below)
         complete = record.ended(self.end)
-        found = {key: earlier[key] for key in LAST if complete and "direct_check" in earlier and key in earlier}
+        found = after_path.saved(earlier) if complete else {}
         members = {m["seed"]: m for m in earlier.get("ensemble", []) if below == np.inf or _rests(m, below)}
         if earlier.get("path"):
             self._tell(self._goes_on(record, complete=complete))
@@ -153,7 +150,9 @@ class Evolution:
                 with signals.held():
                     members[first + number] = self._member(member, number)
                 keep()
-            ends = self._end(record.moments, given, found, keep)
+            ends = after_path.results(
+                self.session, given, self.balls, record.moments, self.tolerance, found, self._tell, keep
+            )
             if self._is_layer:
                 write_csv(
                     self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
@@ -282,57 +281,6 @@ class Evolution:
                 "notes": notes,
                 "certificate": {},
             },
-        }
-
-    def _end(self, moments: list[Moment], given: Provider, found: Document, keep: Callable[[], None]) -> Document:
-        """Return the results that need the complete path; those in ``found`` are not computed again, new ones kept."""
-        forces, balls, model = given.forces, self.balls, self.session.model.name
-        begin, end = moments[0].positions, moments[-1].positions
-
-        def once(key: str, words: str, results: Callable[[], Document]) -> None:
-            if key in found:
-                self._tell(f"{words}: saved")
-                return
-            self._tell(words)
-            found.update(results())
-            keep()
-
-        def check() -> Document:
-            rows, full = outcome.direct_check(
-                self.problem, balls, forces, moments, self.session.scene.tangential_force or DIRECT_ACCURACY
-            )
-            if full and model != "linear_bem":
-                full = outcome.without_pressures(self.problem, moments[-1], full)
-            return {"direct_check": rows, **({"balls": full} if full else {})}
-
-        def coarser() -> Document:
-            tolerance, rest = self.tolerance, self.sliding.rest
-            return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, rest)}
-
-        def equilibrium() -> Document:
-            pairs = given.cheap and len(end) == 2
-            return {
-                "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
-                "pair_equilibria": outcome.pair_equilibria(forces, balls) if pairs else None,
-            }
-
-        if model != "finite_strain" and self.problem.size <= MEASURED:
-            words = "the path is at its end; the full linear model at its start and end, for the error of T"
-            once("direct_check", words, check)
-        if not balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
-            words = f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions"
-            once("position_error", words, coarser)
-            if balls.cell is None and balls.rolling == 0.0:
-                once("equilibrium", "the equilibrium next to the end", equilibrium)
-        return {
-            "rest": outcome.rest(moments[-1]),
-            "position_error": found.get("position_error"),
-            "equilibrium": found.get("equilibrium"),
-            "pair_equilibria": found.get("pair_equilibria"),
-            "momentum": outcome.momentum(moments),
-            "pair_table": given.table,
-            "direct_check": found.get("direct_check"),
-            "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
         }
 
 
