@@ -80,12 +80,14 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     # what is printed and saved as the end is the full model where that is the model asked for
     assert ("the final state of the balls is the full linear model's" in said) == (model == "linear_bem")
     assert ("positions are not wrapped into the cell" in said) == bool(more)
+    assert "of processor time with what follows the path, without pictures" in " ".join(said.split())
+    assert ("the table of pairs took" in " ".join(said.split())) == (model == "linear_bem")
 
 
 def test_too_many_balls_for_the_full_model_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("runs.evolution.evolving.MEASURED", 3)
+    monkeypatch.setattr("runs.evolution.after_path.MEASURED", 3)
     monkeypatch.setattr("runs.evolution.providers.MEASURED", 3)
     monkeypatch.setattr(showing, "LISTED", 3)
     assert evolved(tmp_path, "linear_bem", CELL)["direct_check"] is None
