@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 
 
 class Started(TypedDict):
-    """Setting of an answering discretisation: ``forms`` of the elements by region, ``versions`` of the libraries."""
+    """Setting of an answering discretisation: ``forms`` of the elements by region, ``versions`` of the libraries.
+
+    ``states``: number of those to be solved, at small strain and at loads between the load steps, too.
+    """
 
     model: str
     mesh: str
@@ -21,6 +24,7 @@ class Started(TypedDict):
     load_steps: int
     symmetry_planes: int
     resumed_steps: int
+    states: int
     versions: dict[str, str]
 
 

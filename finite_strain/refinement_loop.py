@@ -156,7 +156,7 @@ class Refinement:
                 "model": plan.model, "mesh": run.name, "forms": describe_forms(plan.problem),
                 "unknowns": record.unknowns, "ranks": self.comm.size, "load_steps": len(plan.goals),
                 "symmetry_planes": len(plan.reduction.planes), "resumed_steps": len(record.steps),
-                "versions": compat.versions(),
+                "states": len(plan.loads) * (1 if run.small is None else 2), "versions": compat.versions(),
             })  # fmt: skip
         self._resume(run, record, number)
         reached = record.rows[-1].own.fraction if record.rows else 0.0

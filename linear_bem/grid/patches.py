@@ -58,6 +58,18 @@ class Patch:
         j = np.rint((y - self.y[0, 0]) / self.cell).astype(int)
         return i, j, (i >= 0) & (i < self.nx) & (j >= 0) & (j < self.ny)
 
+    def averaged(self, pressure: Array, most: int) -> tuple[Patch, Array]:
+        """Return a patch of up to about ``most`` cells along a side with the mean ``pressure`` of the cells in each."""
+        of = -(-max(self.nx, self.ny) // most)
+        padded = np.pad(pressure, ((0, -self.nx % of), (0, -self.ny % of)))
+        nx, ny = padded.shape[0] // of, padded.shape[1] // of
+        x, y = (
+            c + 0.5 * self.cell * (n * of - m)
+            for c, n, m in zip(self.centre, (nx, ny), (self.nx, self.ny), strict=True)
+        )
+        coarse = Patch(self.kernel, (x, y), of * self.cell, nx, ny, self.members, self.nodes)
+        return coarse, padded.reshape(nx, of, ny, of).mean(axis=(1, 3))
+
     @property
     def reach(self) -> float:
         """Half diagonal [m]."""

@@ -111,7 +111,9 @@ def draw_contacts(folder: Path, solution: Solution, balls: Sequence[Mapping[str,
     origin, along, _ = surface.section_line([ball["position"] for ball in balls])
     line = np.linspace(*_span(balls, along), 801)
     x, y = (origin + np.outer(line - along @ origin, along)).T
-    _draw_section(below, (line, -solution.displacement(x, y)), solution.problem, balls, scale)
+    contacts = solution.contacts
+    depth = contacts.displacement(x, y) if isinstance(contacts, SmoothContacts) else contacts.drawn_displacement(x, y)
+    _draw_section(below, (line, -depth), solution.problem, balls, scale)
     save_figure(figure, folder, "surface", ("png",))
 
 

@@ -11,6 +11,7 @@ from linear_bem.arrays import Array
 from runs.display.style import BLUE, GREY, ORANGE, blank, grid, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
+from runs.evolution.structure import nearest_distances
 from runs.process.files import replacing
 
 Document = Mapping[str, Any]
@@ -22,6 +23,8 @@ ALIKE = 0.03
 """Displacement over that of the whole path below which two configurations look the same."""
 NAMED = 8
 """Largest number of curves that a legend names."""
+CURVES = 40
+"""Largest number of pairs whose distances are drawn one by one: more hide each other."""
 NEIGHBOURS = 1.5
 """Starting distance over the smallest one up to which a pair's distance is drawn."""
 
@@ -81,18 +84,33 @@ def draw_top_views(
 
 @look()
 def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
-    """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b."""
+    """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b.
+
+    Of more than `CURVES` pairs, how far away the nearest other ball of each is: least, median, quartiles, largest.
+    """
     from matplotlib import colormaps  # noqa: PLC0415
 
     path = document["path"]
     cycle = np.array([m["cycle"] for m in path])
     pairs = starting_neighbours(np.array(path[0]["positions"]), balls, NEIGHBOURS)
-    distance = np.array([np.hypot(*balls.between(np.array(m["positions"]), pairs).T) for m in path])
+    each = len(pairs) <= CURVES
+    places = [np.array(m["positions"]) for m in path]
+    if each:
+        distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places])
+    else:
+        distance = np.array([np.quantile(nearest_distances(x, None), (0.0, 0.25, 0.5, 0.75, 1.0)) for x in places])
     figure = blank(5.6, 3.8)
     axis = figure.subplots()
-    colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
-    for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
-        axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
+    if each:
+        colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
+        for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
+            axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
+    else:
+        axis.fill_between(
+            cycle, *(1e3 * distance[:, [1, 3]].T), color=BLUE, alpha=0.25, lw=0.0, label="half of all balls"
+        )
+        for k, style, words in ((4, "--", "largest"), (2, "-", "median"), (0, ":", "least")):
+            axis.plot(cycle, 1e3 * distance[:, k], color=BLUE, ls=style, label=words)
     axis.axhline(1e3 * balls.smallest, color="0.55", lw=0.8, ls=":", zorder=0)
     axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
     axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
@@ -102,7 +120,10 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
         "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
         xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
     )  # fmt: skip
-    if len(pairs) <= NAMED:
+    if not each:
+        axis.legend(fontsize=8, loc="best")
+        axis.set_title("distance of each ball to the nearest other one", fontsize=9)
+    elif len(pairs) <= NAMED:
         axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(pairs) > 4 else 1, loc="best")
     else:
         axis.set_title(f"{len(pairs)} pairs of neighbours and next neighbours", fontsize=9)

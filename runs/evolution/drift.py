@@ -30,6 +30,8 @@ from runs.evolution.hard_balls import HardBalls, Pairs, resistances
 
 LONGEST = 0.25
 """Largest displacement in one step, over the smallest touching distance."""
+AT_END = 1.0 - 1e-12
+"""Share of a path's end from which it counts as reached."""
 PUSHING = 1e-6
 """Contact force over the largest force from which a contact counts as pushing."""
 
@@ -40,7 +42,7 @@ class Moment:
 
     ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
     more. ``step`` [m]: length of the next step, ``spare`` [m]: how far beyond the first new contact it may go. With
-    both, a restart reproduces the uninterrupted path exactly.
+    both, a restart reproduces the uninterrupted path exactly. ``steps``: number of those taken from the start.
     """
 
     sigma: float
@@ -52,6 +54,7 @@ class Moment:
     step: float
     spare: float
     resting: bool
+    steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class _Trial:
 
 
 class Drift:
-    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps`` counts those taken.
+    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps`` counts those from the start.
 
     ``rest`` is the largest (T + pushes)/Q of any ball at which nothing is taken to move any more.
     """
@@ -86,10 +89,14 @@ class Drift:
         self.steps = 0
 
     def path(
-        self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0
-    ) -> Iterator[Moment]:
-        """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included."""
-        x, state = start, self.forces(start)
+        self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0,
+        steps: int = 0,
+    ) -> Iterator[Moment]:  # fmt: skip
+        """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included.
+
+        The last step alone depends on ``end``, which may cut it short.
+        """
+        x, state, self.steps = start, self.forces(start), steps
         while True:
             contacts = self.balls.touching(x, self.tolerance)
             opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None
@@ -97,9 +104,10 @@ class Drift:
             speed = float(np.max(np.hypot(*velocity.T)))
             if step is None:
                 step = 0.02 * self._longest(speed)
-            moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, speed <= self.rest)
+            resting = speed <= self.rest
+            moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, resting, self.steps)
             yield moment
-            if moment.resting or sigma >= end * (1.0 - 1e-12):
+            if resting or sigma >= AT_END * end:
                 return
             taken, x, state, step, spare = self._advance(moment, velocity, end)
             self.steps += 1

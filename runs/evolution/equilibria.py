@@ -163,7 +163,7 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
             break
     raise NotConverged(
         f"none within {float(np.max(np.abs(x - start))):.3g} m of the final positions; where the search ended, "
-        f"(T + pushes)/Q is {residual:.1e}"
+        f"{residual:.1e} of its load still drives a ball"
     )
 
 

@@ -13,12 +13,11 @@ from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.touching import overlap_faults
-from runs.evolution import outcome, showing, structure
-from runs.evolution.drift import Drift, Moment
+from runs.evolution import after_path, outcome, saved_path, showing, structure
+from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
-from runs.evolution.pair_forces import PairForces
-from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider, provider, require_forces
+from runs.evolution.providers import Provider, provider, require_forces
 from runs.evolution.record import Record, events, gathered_at, summary
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
@@ -98,7 +97,6 @@ class Evolution:
         self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.end = self.sliding.end
-        self.steps = 0
 
     def complete(self, *, pictures: bool = True) -> Document | None:
         """Compute the path to its end and return the finished document on rank 0 (collective)."""
@@ -111,6 +109,7 @@ class Evolution:
             return None
         document, record = self._run(given)
         session.save(document, rows(document))
+        saved_path.drop_from(self._folder, len(record.moments))
         if pictures:
             showing.draw(session, document, record.moments, self.balls, self._arrangements if self._is_layer else [])
         session.finish(document["solved"])
@@ -121,32 +120,39 @@ class Evolution:
         began = time.process_time()
         earlier = self.session.saved
         before = float(earlier.get("solved", {}).get("seconds", 0.0))
-        self.steps = int(earlier.get("solved", {}).get("iterations", 0))
-        members: list[Document] = list(earlier.get("ensemble", []))
-        record = Record.from_dict(earlier, self.balls, self._folder)
+        below = self._common(earlier)
+        record = Record.from_dict(earlier, self.balls, self._folder, below)
+        complete = record.ended(self.end)
+        found = after_path.saved(earlier) if complete else {}
+        members = {m["seed"]: m for m in earlier.get("ensemble", []) if below == np.inf or _rests(m, below)}
+        if earlier.get("path"):
+            self._tell(self._goes_on(record, complete=complete))
 
         def document(converged: bool) -> Document:
-            return self._document(record, members, given, converged, before + time.process_time() - began)
+            known = [members[seed] for seed in sorted(members)]
+            seconds = before + time.process_time() - began
+            return self._document(record, known, given, converged, seconds) | found
 
         def keep() -> None:
             unfinished = document(False)
             self.session.save(unfinished, rows(unfinished))
 
+        first = self.sliding.seed
         try:
-            self._follow(record, given, 0, keep)
-            members[:1] = [self._member(record, 0)]
+            self._follow(record, given, 0, keep, members)
+            members[first] = self._member(record, 0)
             keep()
-            for number in range(len(members), self.sliding.ensemble):
-                member, before_it = Record(), self.steps
-                try:
-                    self._follow(member, given, number, lambda: None)
-                except KeyboardInterrupt:
-                    self.steps = before_it  # the same command computes this member anew
-                    raise
+            for number in range(1, self.sliding.ensemble):
+                if first + number in members:
+                    continue
+                member = Record()
+                self._follow(member, given, number, lambda: None, members)
                 with signals.held():
-                    members.append(self._member(member, number))
+                    members[first + number] = self._member(member, number)
                 keep()
-            found = self._end(record.moments, given)
+            ends = after_path.results(
+                self.session, given, self.balls, record.moments, self.tolerance, found, self._tell, keep
+            )
             if self._is_layer:
                 write_csv(
                     self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
@@ -155,7 +161,26 @@ class Evolution:
             if record.moments:
                 keep()
             raise
-        return document(True) | found, record
+        return document(True) | ends, record
+
+    def _common(self, earlier: Mapping[str, Any]) -> float:
+        """Return sigma [m] up to which a saved path of another number of cycles is that of this one; else infinity.
+
+        Its last step, which its number of cycles cut short, is not.
+        """
+        given = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
+        was = earlier.get("cycles", given)  # older versions saved the scene alone
+        return np.inf if was == self.sliding.cycles else AT_END * self.end * min(1.0, was / self.sliding.cycles)
+
+    def _goes_on(self, record: Record, *, complete: bool) -> str:
+        """Return where a saved path goes on."""
+        if complete:
+            cycle = self.sliding.cycles_after(record.moments[-1].sigma)
+            return f"the saved path is complete, to cycle {cycle:.4g}"
+        if record.continuation is None:
+            return "the saved path has no state to go on from: it begins again at cycle 0"
+        cycle = self.sliding.cycles_after(record.continuation.sigma)
+        return f"the saved path goes on at cycle {cycle:.4g} of {self.sliding.cycles:g}, after {record.steps} steps"
 
     @property
     def _folder(self) -> Path:
@@ -182,6 +207,7 @@ class Evolution:
         gathered = gathered_at(record.moments, self.balls)
         return {
             "seed": self.sliding.seed + number,
+            "steps": record.steps,
             **found,
             "cycles_end": self.sliding.cycles_after(found["sigma_end"]),
             "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
@@ -192,22 +218,24 @@ class Evolution:
         print_status(words)
         self.session.folder.log(words)
 
-    def _follow(self, record: Record, given: Provider, number: int, keep: Callable[[], None]) -> None:
+    def _follow(
+        self, record: Record, given: Provider, number: int, keep: Callable[[], None], members: Mapping[int, Document]
+    ) -> None:
         """Compute the path of a member (0: the first) from where it is, and ``keep`` what there is now and then."""
-        if record.ended:
+        if record.ended(self.end):
             return
+        before = sum(m.get("steps", 0) for m in members.values())
         drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
         goes_on = record.continuation
         if goes_on is None:
             path = drift.path(start(self.balls, self._nominal, self.sliding, number), self.end)
         else:
-            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare)
+            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare, goes_on.steps)
         written = told = time.monotonic()
-        saving, before = 0.0, self.steps
+        saving = 0.0
         for moment in path:
             with signals.held():
-                self.steps = before + drift.steps
-                record.take(moment, self.balls, last=moment.resting or moment.sigma >= self.end * (1.0 - 1e-12))
+                record.take(moment, self.balls, last=moment.resting or moment.sigma >= AT_END * self.end)
             now = time.monotonic()
             if now - written > max(SAVED_EVERY, SAVING * saving):
                 keep()
@@ -218,7 +246,8 @@ class Evolution:
                 member = f"member {number + 1} of {self.sliding.ensemble}: " if self.sliding.ensemble > 1 else ""
                 cycle, contacts = self.sliding.cycles_after(moment.sigma), len(moment.contacts)
                 self._tell(
-                    f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {self.steps} steps, {contacts} contacts, "
+                    f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {before + moment.steps} steps, "
+                    f"{contacts} contacts, "
                     f"{moment.speed:.1e} of the load drives the fastest ball (at rest: {self.sliding.rest:.1e})"
                 )
 
@@ -237,13 +266,14 @@ class Evolution:
             "model": self.session.model.name,
             "balls": outcome.without_pressures(self.problem, record.moments[-1]),
             "steps": [],
+            "cycles": self.sliding.cycles,
             "path": [{"cycle": cycles(moment["sigma"]), **moment} for moment in kept["path"]],
             "continuation": kept["continuation"],
             "events": [{"cycle": cycles(e.sigma), "sigma": e.sigma, "pair": e.pair, "kind": e.kind} for e in happened],
             "ensemble": members,
             "solved": {
                 "converged": converged,
-                "iterations": self.steps,
+                "iterations": record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed),
                 "unknowns": 2 * self.problem.size,
                 "seconds": seconds,
                 "ranks": ranks.rank_and_size()[1],
@@ -253,41 +283,10 @@ class Evolution:
             },
         }
 
-    def _end(self, moments: list[Moment], given: Provider) -> Document:
-        """Return the results that need the complete path."""
-        forces, balls = given.forces, self.balls
-        begin, end = moments[0].positions, moments[-1].positions
-        found: Document = {
-            "rest": outcome.rest(moments[-1]),
-            "position_error": None,
-            "equilibrium": None,
-            "pair_equilibria": None,
-            "momentum": outcome.momentum(moments),
-            "pair_table": given.table,
-            "direct_check": None,
-            "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
-        }
-        model = self.session.model.name
-        if model != "finite_strain" and self.problem.size <= MEASURED:
-            self._tell("the path is at its end; the full linear model at its start and end, for the error of T")
-            found["direct_check"], full = outcome.direct_check(
-                self.problem, balls, forces, moments, self.session.scene.tangential_force or DIRECT_ACCURACY
-            )
-            if full and model == "linear_bem":
-                found["balls"] = full
-            elif full:
-                found["balls"] = outcome.without_pressures(self.problem, moments[-1], full)
-        if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
-            return found
-        self._tell(f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions")
-        found["position_error"] = outcome.position_error(
-            moments, forces, balls, begin, self.tolerance, self.sliding.rest
-        )
-        if balls.cell is None and balls.rolling == 0.0:
-            self._tell("the equilibrium next to the end")
-            found["equilibrium"] = outcome.equilibrium(forces, balls, end, given.difference)
-            found["pair_equilibria"] = outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None
-        return found
+
+def _rests(member: Mapping[str, Any], below: float) -> bool:
+    """Return whether a member of the ensemble comes to rest before sigma = ``below`` [m]."""
+    return bool(member["at_rest"]) and float(member["sigma_end"]) < below
 
 
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -39,7 +39,8 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
     left = f"largest |T|/Q left: {found['force_over_load']:.2g}"
     if not found["at_rest"]:
         return (
-            f"still moving after {cycles:.4g} cycles; largest driving force: {found['speed']:.2g} of the load ({left})"
+            f"still moving after {cycles:.4g} cycles, to go on raise [reciprocation] cycles and run the same command "
+            f"again; {found['speed']:.2g} of its load drives the fastest ball ({left})"
         )
     holds = [count(contacts, "contact")] if contacts else []
     if rolling > 0.0:

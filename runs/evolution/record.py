@@ -12,7 +12,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import OutputUnusable
 from runs.evolution import saved_path
-from runs.evolution.drift import Moment
+from runs.evolution.drift import AT_END, Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls, Pairs
 from runs.process.json_values import Document
@@ -30,20 +30,27 @@ NEIGHBOURS = 1.2
 class Continuation:
     """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m].
 
-    Without a next step it is chosen as at the start of a path.
+    ``steps``: number of those taken from the start.
     """
 
     sigma: float
     positions: Array
-    step: float | None = None
-    spare: float = 0.0
+    step: float
+    spare: float
+    steps: int = 0
+
+    @classmethod
+    def at(cls, moment: Moment) -> Continuation:
+        """Return the restart state at a moment whose next step is known."""
+        return cls(moment.sigma, moment.positions, moment.step, moment.spare, moment.steps)
 
 
 @dataclass
 class Record:
-    """The kept moments of one path; ``continuation`` is where it resumes, None at its start and at its end.
+    """The kept moments of one path; ``continuation`` is where it resumes, None at its start.
 
-    ``damage`` says which saved moment could not be read, if any.
+    At the end of a path it is the state before the last step, where a longer path goes on. ``damage`` says which saved
+    moment could not be read, if any.
     """
 
     moments: list[Moment] = field(default_factory=list)
@@ -52,26 +59,27 @@ class Record:
     damage: str = ""
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any], balls: HardBalls, folder: Path) -> Record:
+    def from_dict(cls, document: Mapping[str, Any], balls: HardBalls, folder: Path, below: float = np.inf) -> Record:
         """Return the record of a saved document, with its keys "path" and "continuation"; empty where they are not.
 
         ``folder`` holds the moments of many balls; a path with a damaged one ends before it, and continues there.
+        Of a path that was to end elsewhere, moments from sigma = ``below`` [m] on are left out.
         """
-        goes_on = document.get("continuation")
-        if goes_on is not None:
-            goes_on = Continuation(goes_on["sigma"], np.array(goes_on["positions"]), goes_on["step"], goes_on["spare"])
-        saved = document.get("path", [])
-        if balls.many:
-            moments: list[Moment] = []
-            try:
-                for number in range(len(saved)):
-                    moments.append(saved_path.read(folder, number))
-            except OutputUnusable as error:
-                last = moments[-1] if moments else None
-                where = None if last is None else Continuation(last.sigma, last.positions)
-                return cls(moments, where, len(moments), f"{error}: the path from there on was computed again")
-            return cls(moments, goes_on, len(moments))
-        return cls([_from_dict(moment, balls) for moment in saved], goes_on)
+        kept = [moment for moment in document.get("path", []) if moment["sigma"] < below]
+        goes_on, moments, damage = document.get("continuation"), list[Moment](), ""
+        try:
+            for number, moment in enumerate(kept):
+                moments.append(_read(folder, number, moment["sigma"]) if balls.many else _from_dict(moment, balls))
+        except OutputUnusable as error:
+            damage = f"{error}: the path from there on was computed again"
+        if goes_on is not None and goes_on["sigma"] < below and not damage:
+            known = Continuation(**{**goes_on, "positions": np.array(goes_on["positions"])})
+            return cls(moments, known, len(moments))
+        if goes_on is None and len(moments) == len(document.get("path", [])):
+            return cls(moments, None, len(moments))
+        while moments and np.isnan(moments[-1].step):  # saved by an older version
+            moments.pop()
+        return cls(moments, Continuation.at(moments[-1]) if moments else None, len(moments), damage)
 
     def to_dict(self, balls: HardBalls, folder: Path) -> Document:
         """Return the JSON object that `from_dict` reads; moments of many balls are written to ``folder``."""
@@ -85,14 +93,20 @@ class Record:
             "continuation": None if goes_on is None else {**vars(goes_on), "positions": goes_on.positions.tolist()},
         }
 
+    def ended(self, end: float) -> bool:
+        """Whether the path is complete: at rest, or at sigma = ``end`` [m]."""
+        return bool(self.moments) and (self.moments[-1].resting or self.moments[-1].sigma >= AT_END * end)
+
     @property
-    def ended(self) -> bool:
-        """Whether the path is complete."""
-        return bool(self.moments) and self.continuation is None
+    def steps(self) -> int:
+        """Number of steps from the start to the last known moment."""
+        known = [state.steps for state in (*self.moments[-1:], self.continuation) if state is not None]
+        return max(known, default=0)
 
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
         """Keep the moment if the balls have moved enough, and always store the restart state."""
-        self.continuation = None if last else Continuation(moment.sigma, moment.positions, moment.step, moment.spare)
+        if not last:
+            self.continuation = Continuation.at(moment)
         if self.moments and not last:
             before = self.moments[-1]
             moved = float(np.max(np.abs(moment.positions - before.positions)))
@@ -107,7 +121,7 @@ class Record:
 
 
 def to_dict(moment: Moment, balls: HardBalls) -> Document:
-    """Return the JSON object of a moment, without the next step."""
+    """Return the JSON object of a moment."""
     return {
         "sigma": moment.sigma,
         "positions": moment.positions.tolist(),
@@ -118,6 +132,9 @@ def to_dict(moment: Moment, balls: HardBalls) -> Document:
         "pushes": moment.pushes.tolist(),
         "speed": moment.speed,
         "resting": moment.resting,
+        "step": moment.step,
+        "spare": moment.spare,
+        "steps": moment.steps,
     }
 
 
@@ -126,12 +143,19 @@ def in_brief(moment: Moment) -> Document:
     return {"sigma": moment.sigma, "contacts": len(moment.contacts), "speed": moment.speed, "resting": moment.resting}
 
 
+def _read(folder: Path, number: int, sigma: float) -> Moment:
+    moment = saved_path.read(folder, number)
+    if moment.sigma != sigma:
+        raise OutputUnusable(f"{folder / saved_path.name(number)}: is of another path")
+    return moment
+
+
 def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:
     state = State(*(np.array(data[key]) for key in ("tangential_force", "normal_force", "tangential_force_error")))
     contacts = np.array([balls.number(i, j) for i, j in data["contacts"]], dtype=np.intp)
     return Moment(
         data["sigma"], np.array(data["positions"]), state, contacts, np.array(data["pushes"]), data["speed"],
-        np.nan, np.nan, data["resting"],
+        data.get("step") or np.nan, data.get("spare", np.nan), data["resting"], data.get("steps", 0),
     )  # fmt: skip
 
 

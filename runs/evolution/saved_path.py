@@ -22,19 +22,28 @@ def write(folder: Path, number: int, moment: Moment) -> None:
         np.savez(
             file, positions=moment.positions, tangential=moment.state.tangential, normal=moment.state.normal,
             error=moment.state.error, contacts=moment.contacts, pushes=moment.pushes,
-            scalars=np.array([moment.sigma, moment.speed, float(moment.resting)]),
+            scalars=np.array([moment.sigma, moment.speed, moment.resting, moment.step, moment.spare, moment.steps]),
         )  # fmt: skip
 
 
+def drop_from(folder: Path, number: int) -> None:
+    """Delete the moments from ``number`` on, which an earlier, longer path left."""
+    while (file := folder / name(number)).exists():
+        file.unlink()
+        number += 1
+
+
 def read(folder: Path, number: int) -> Moment:
-    """Return a saved moment; its next step is not saved. Raises `OutputUnusable`."""
+    """Return a saved moment; older files do not have its next step. Raises `OutputUnusable`."""
     file = folder / name(number)
     try:
         with open(file, "rb") as opened, np.load(opened) as data:  # numpy leaves a damaged file open
             state = State(data["tangential"], data["normal"], data["error"])
-            sigma, speed, resting = data["scalars"].tolist()
+            sigma, speed, resting, *later = data["scalars"].tolist()
+            step, spare, steps = later or (np.nan, np.nan, 0)
             return Moment(
-                sigma, data["positions"], state, data["contacts"], data["pushes"], speed, np.nan, np.nan, bool(resting)
-            )
+                sigma, data["positions"], state, data["contacts"], data["pushes"], speed, step, spare, bool(resting),
+                int(steps),
+            )  # fmt: skip
     except DAMAGED as error:
         raise OutputUnusable(f"{file}: cannot be read ({error})") from None

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from runs.display import tables
-from runs.display.numbers import number
+from runs.display.numbers import duration, number
 from runs.display.rows import legend_of_balls
 from runs.evolution import drawing, layer_pictures, outcome
 from runs.evolution.drift import Moment
@@ -88,7 +88,13 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         )
     lines += _compared(document)
     solved = document["solved"]
-    lines.append(f"{solved['iterations']} steps in {number(solved['seconds'], 3)} s of processor time")
+    table = document["pair_table"]
+    made = [] if table is None else [table["single"], *table["pairs"], *table["additivity"]]
+    beside = (
+        f"; the table of pairs took {duration(sum(row['seconds'] for row in made))} when it was made" if made else ""
+    )
+    took = f"{number(solved['seconds'], 3)} s of processor time with what follows the path, without pictures"
+    lines.append(f"{solved['iterations']} steps: {took}{beside}")
     if document["equilibrium"] is not None:
         lines.append(_balance(document["equilibrium"], smallest, length))
     for pair in document["pair_equilibria"] or []:

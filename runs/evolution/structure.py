@@ -93,11 +93,17 @@ def structure_factor(x: Array, cell: Array | None, largest: float) -> tuple[Arra
 
 
 def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
-    """Return the arrangement at one moment in numbers, lengths [m]."""
+    """Return the arrangement at one moment in numbers, lengths [m]; the largest S(k) in a cell alone.
+
+    Without one S(k) is largest at k = 0, whatever the arrangement.
+    """
     x, cell = moment.positions, balls.cell
     nearest, sizes, order = nearest_distances(x, cell), cluster_sizes(balls, x), hexatic_order(x, cell)
-    waves, power = structure_factor(x, cell, 4.0 * np.pi / balls.smallest)
-    peak = int(np.argmax(power))
+    peak = {}
+    if cell is not None:
+        waves, power = structure_factor(x, cell, 4.0 * np.pi / balls.smallest)
+        largest = int(np.argmax(power))
+        peak = {"structure_peak": float(power[largest]), "structure_peak_wave_number": float(waves[largest])}
     return {
         "sliding_path_over_friction": moment.sigma,
         "nearest_distance_mean": float(np.mean(nearest)),
@@ -109,8 +115,7 @@ def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
         "coordination": 2.0 * len(moment.contacts) / len(x),
         "hexatic_local": float(np.mean(np.abs(order))),
         "hexatic_global": float(np.abs(np.mean(order))),
-        "structure_peak": float(power[peak]),
-        "structure_peak_wave_number": float(waves[peak]),
+        **peak,
         "largest_force_over_largest_load": float(
             np.max(np.hypot(*moment.state.tangential.T)) / np.max(moment.state.normal)
         ),

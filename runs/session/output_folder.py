@@ -3,7 +3,7 @@
 import contextlib
 import shutil
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -35,10 +35,13 @@ class OutputFolder:
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed.
+    ``free`` names a part of the identity and a key in it whose value may change: a finished run then goes on.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
-        self.path = path
+    def __init__(
+        self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False, free: Sequence[str] = ()
+    ) -> None:
+        self.path, self._free = path, free
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
         self.stopped = False
@@ -76,9 +79,9 @@ class OutputFolder:
             )
         if (mark is not None or damaged) and fresh:
             self._clear()
-        elif mark is not None and mark.get("identity") != self.identity:
+        elif mark is not None and (fixed := self._fixed(mark.get("identity"))) != self._fixed(self.identity):
             raise OutputUnusable(
-                f"{self.path}: holds another run ({difference(mark.get('identity'), self.identity)}); "
+                f"{self.path}: holds another run ({difference(fixed, self._fixed(self.identity))}); "
                 "name another --out, or replace that run with --fresh"
             )
         state = self._state()
@@ -105,9 +108,19 @@ class OutputFolder:
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
+    def _fixed(self, identity: Any) -> Any:
+        """Return an identity without the key that may change."""
+        if not self._free or not isinstance(identity, dict) or self._free[0] not in identity:
+            return identity
+        part, key = self._free
+        return {**identity, part: {k: v for k, v in identity[part].items() if k != key}}
+
     def _state(self) -> str | None:
         mark = read_json(self.path / MARK)
-        return None if mark is None else mark.get("state")
+        if mark is None:
+            return None
+        goes_on = mark.get("state") == FINISHED and mark.get("identity") != self.identity
+        return INTERRUPTED if goes_on else mark.get("state")
 
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""

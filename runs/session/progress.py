@@ -16,6 +16,8 @@ from runs.session.terminal import Bar, on_terminal, print_status
 LAST_OF_SEARCH = 0.9
 """Share of the path finder's work at the beginning of its last step."""
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
+SMALL_STRAIN = "small strain"
+"""Last words of a mesh's name where its states at small strain are solved."""
 EVERY = 2.0
 """Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")
@@ -52,6 +54,8 @@ class Progress:
         self._bar = Bar(self.clock) if root and expected and on_terminal() else None
         self._step_began = self._noted = time.monotonic()
         self._cuts = self._steps = self._steps_done = 0
+        self._states = self._states_done = 0.0
+        self._small: bool | None = None  # whether the state that is being solved is at small strain
         self._begun = False
 
     def __enter__(self) -> Progress:
@@ -67,7 +71,10 @@ class Progress:
         """Print size and setting of the run."""
         signals.check()
         self._steps, self._steps_done = info["load_steps"], info["resumed_steps"]
-        self.clock.next_mesh(float(info["unknowns"]), self._steps_done / self._steps)
+        share = self._steps_done / self._steps
+        self._states = float(info.get("states", self._steps))
+        self._states_done, self._small = share * self._states, None
+        self.clock.next_mesh(float(info["unknowns"]), share)
         if self.root:
             words = _setting(info)
             self.log(f"started: {words}")
@@ -83,6 +90,8 @@ class Progress:
         if not self._begun:
             self._begun = True
             self.clock.begin()
+        if self._steps:
+            self._state_begins(mesh.endswith(SMALL_STRAIN))
         if self.root:
             self.log(f"attempt: mesh {mesh}, fraction {_word(fraction)}, cuts {cuts}")
             before, self._cuts = self._cuts, cuts
@@ -95,6 +104,13 @@ class Progress:
                 self._print_status(f"{where}   {self._times()}", where)
         if not self._steps:  # the path finder: the step that begins now ends there
             self.clock.reached(min(fraction, LAST_OF_SEARCH))
+
+    def _state_begins(self, small: bool | None) -> None:
+        """Note that a state begins, at small strain or not, or none; one of the other kind before it is done."""
+        if self._small is not None and small != self._small:
+            self._states_done += 1.0
+        self._small = small
+        self.clock.reached(min(self._states_done / self._states, 1.0))
 
     def newton(self, iteration: int, residual: float) -> None:
         """Check for an interruption at every iteration."""
@@ -118,7 +134,10 @@ class Progress:
         now = time.monotonic()
         top = surface() if self.draw is not None else None
         self._steps_done += 1
-        self.clock.reached(self._steps_done / max(self._steps, 1))
+        if self._steps:
+            self._state_begins(None)
+            if self._steps_done == self._steps:
+                self.clock.reached(1.0)
         if self.root:
             text = f"{self._line(step)}   {duration(now - self._step_began)}, {self._times()}"
             self.take(step)

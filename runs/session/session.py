@@ -129,7 +129,8 @@ class Session:
             identity["steps"] = scene.steps
         name = f"{scene.path.stem}-{self.command}"
         default = Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
-        return OutputFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
+        into, free = self.options.out or default, ("reciprocation", "cycles")
+        return OutputFolder(into, identity, scene.text, fresh=self.options.fresh, free=free)
 
     def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
         """Run the model over its load path and return its result with the notes of this run.

@@ -100,6 +100,9 @@ def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
             assert b.peak_pressure == pytest.approx(a.peak_pressure, rel=0.01)
         x, y = np.array([0.1, -0.9, 2.5]), np.array([0.2, 0.0, -1.0])
         assert grid.displacement(x, y) == pytest.approx(smooth.displacement(x, y), rel=1e-3)
+        line = np.linspace(-3.0, 3.0, 101)
+        away = grid.contacts.drawn_displacement(line, 0.1 * line) - grid.displacement(line, 0.1 * line)
+        assert np.max(np.abs(away)) < 2e-3 * grid.result().balls[0].approach
 
 
 @pytest.mark.parametrize("shape", ["line of four", "three by three"])

@@ -59,7 +59,7 @@ def test_a_path_continues_from_the_last_moment_before_a_damaged_one(damaged: int
         moment = Moment(float(number), x, state, np.array([], int), np.array([]), 1.0, 0.5, 0.1, False)
         record.take(moment, balls, last=number == 3)
     document = record.to_dict(balls, tmp_path / "path")
-    assert Record.from_dict(document, balls, tmp_path / "path").ended
+    assert Record.from_dict(document, balls, tmp_path / "path").ended(3.0)
     file = tmp_path / "path" / saved_path.name(damaged)
     file.write_bytes(file.read_bytes()[:100])
     found = Record.from_dict(document, balls, tmp_path / "path")

@@ -80,12 +80,14 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     # what is printed and saved as the end is the full model where that is the model asked for
     assert ("the final state of the balls is the full linear model's" in said) == (model == "linear_bem")
     assert ("positions are not wrapped into the cell" in said) == bool(more)
+    assert "of processor time with what follows the path, without pictures" in " ".join(said.split())
+    assert ("the table of pairs took" in " ".join(said.split())) == (model == "linear_bem")
 
 
 def test_too_many_balls_for_the_full_model_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("runs.evolution.evolving.MEASURED", 3)
+    monkeypatch.setattr("runs.evolution.after_path.MEASURED", 3)
     monkeypatch.setattr("runs.evolution.providers.MEASURED", 3)
     monkeypatch.setattr(showing, "LISTED", 3)
     assert evolved(tmp_path, "linear_bem", CELL)["direct_check"] is None
@@ -109,7 +111,7 @@ def test_sentences_of_the_end() -> None:
     assert "the rolling resistance of 0.004 of the load holds the balls" in outcome.rest_sentence(rest, 0, 5.0, 4e-3)
     assert "1 contact holds the balls" in outcome.rest_sentence(rest, 1, 5.0)
     moving = {"at_rest": False, "speed": 5.9e-5, "force_over_load": 3.1e-3}
-    assert "largest driving force: 5.9e-05 of the load" in outcome.rest_sentence(moving, 0, 100.0)
+    assert "5.9e-05 of its load drives the fastest ball" in outcome.rest_sentence(moving, 0, 100.0)
     begin = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0], [3.0, 4.0]])
     alone = {"contacts": 0, "groups": [1, 1, 1, 1], "positions": (2.0 * begin).tolist()}
     length = Unit("mm", 1e-3)

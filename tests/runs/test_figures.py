@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,10 +14,13 @@ import pytest
 from linear_bem import Ball, Layer, Load, Problem, solve_contact
 from linear_bem.indenter import Punch
 from linear_bem.smooth.contacts import SmoothContacts
+from runs.commands.solve import solve_scene
 from runs.display import figures, surface
 from runs.display.contact_patch import contact_patch
 from runs.display.numbers import Scale, number
 from runs.display.style import error_bars, minus
+from runs.scene.scene_file import read_scene
+from runs.session.session import Options
 from runs.studies.figures.map_materials import _continued
 from runs.studies.figures.pair import line_through
 
@@ -171,6 +175,29 @@ def test_a_linear_solution_is_drawn_with_its_own_contacts_and_surface(
     (line,) = (line for line in below.lines if line.get_label() == "surface")
     at, heights = line.get_data()
     assert np.interp([-1.5, 1.5], at, heights) == pytest.approx([-0.1, -0.1], abs=2e-3)
+
+
+def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, out = tmp_path / "pair.toml", tmp_path / "out"
+    file.write_text(
+        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\n"
+        "positions = [[-1.5, 0], [1.5, 0]]\n[load]\napproach = 0.1\n",
+        encoding="utf-8",
+    )
+
+    def stopped(*given: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(figures, "draw_contacts", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            solve_scene(read_scene(file), None, Options(False, out, False))
+    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["solved"]["converged"]
+    assert not (out / "surface.png").exists()
+    solve_scene(read_scene(file), None, Options(False, out, False))
+    assert (out / "surface.png").exists()
 
 
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])

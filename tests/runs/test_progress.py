@@ -112,6 +112,30 @@ def test_lines_tell_the_time_passed_and_left(capsys: pytest.CaptureFixture[str])
     assert "left" not in capsys.readouterr().err
 
 
+def test_every_state_of_a_mesh_brings_the_end_nearer(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = Time()
+    monkeypatch.setattr("runs.session.progress.Clock", functools.partial(Clock, now=at))
+    progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None, expected=(10.0, 120.0))
+    progress.attempt("coarse", 1.0, 0)
+    at.now += 10.0
+    progress.started({**STARTED, "states": 6})  # three loads, one of them between the load steps
+    left = []
+    for load in (0.25, 0.5, 1.0):
+        for mesh in ("finer", "finer, small strain"):
+            progress.attempt(mesh, load, 0)
+            progress.attempt(mesh, load, 1)
+            left.append(progress.clock.left)
+            at.now += 20.0
+        if load > 0.25:
+            progress.step_done(STEP, lambda: None)
+    assert left == pytest.approx([120.0, 100.0, 80.0, 60.0, 40.0, 20.0])
+    assert progress.clock.left == pytest.approx(0.0)
+    said = capsys.readouterr().err
+    assert "finer, small strain mesh: 25 % of the load   30 s in all, about 1 min 40 s left" in said
+
+
 class Terminal(io.StringIO):
     """A standard error that a person watches."""
 

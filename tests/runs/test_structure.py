@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from runs.evolution import structure
+from runs.evolution import drawing, structure
+from runs.evolution.drift import Moment
+from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from tests.runs.foam_balls import line
 from tests.runs.lattices import triangular
@@ -87,3 +92,21 @@ def test_the_hexatic_order_counts_neighbours_across_wide_voids_of_any_cell() -> 
         moves = np.array([(i, j) for i in range(3) for j in range(3)])
         repeated = (x[None] + cell * moves[:, None]).reshape(-1, 2)
         assert structure.hexatic_order(repeated, 3 * cell)[: len(x)] == pytest.approx(order, abs=1e-9)
+
+
+def test_the_peak_of_the_structure_factor_is_a_number_of_a_cell(tmp_path: Path) -> None:
+    x = np.array([[3.0 * i, 3.0 * j] for i in range(8) for j in range(8)])
+    state = State(np.ones((64, 2)), np.ones(64), np.zeros(64))
+    moment = Moment(0.0, x, state, np.array([], int), np.array([]), 1.0, 0.5, 0.1, False)
+    assert "structure_peak" not in structure.row(moment, HardBalls(np.ones(64)))
+    path = [{"cycle": 0.0, "positions": x}, {"cycle": 2.0, "positions": 0.8 * x}]
+    drawn: list[Any] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawing, "save_figure", lambda figure, *_: drawn.append(figure.axes[0]))
+        for part in (x, x[:9]):
+            shown = [{**m, "positions": np.array(m["positions"])[: len(part)]} for m in path]
+            drawing.draw_distances(tmp_path, {"path": shown}, HardBalls(np.ones(len(part))))
+    many, few = drawn
+    assert len(many.lines) == 4  # least, median, largest, and where balls touch
+    assert many.lines[1].get_ydata() == pytest.approx([3e3, 2.4e3])
+    assert len(few.lines) == 10  # seven pairs along a row, one across, one diagonal, and where balls touch

@@ -21,7 +21,7 @@ class ReciprocationTable(Table):
     amplitude: Length
     """Of the sliding, from the middle to one end: a cycle slides by four amplitudes."""
     cycles: Number
-    """How many; the run ends earlier where all balls come to rest."""
+    """How many; the run ends earlier where all balls come to rest. A saved run goes on to a larger number."""
     friction: Number
     """Effective coefficient of friction; it changes only the time scale."""
     direction: Direction = (1.0, 0.0)

@@ -1,0 +1,76 @@
+"""The results that need the complete path, one after the other: those that are saved are not computed again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from runs.evolution import outcome
+from runs.evolution.drift import Moment
+from runs.evolution.hard_balls import HardBalls
+from runs.evolution.pair_forces import PairForces
+from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider
+from runs.process.json_values import Document
+from runs.session.session import Session
+
+KEYS = ("direct_check", "balls", "position_error", "equilibrium", "pair_equilibria")
+"""Results that take time; an unfinished document has those that are known."""
+
+
+def saved(earlier: Mapping[str, Any]) -> Document:
+    """Return what a saved document has of them; its balls are the full model's only if that was asked."""
+    return {key: earlier[key] for key in KEYS if key in earlier and (key != "balls" or earlier.get("direct_check"))}
+
+
+def results(
+    session: Session, given: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
+    tell: Callable[[str], None], keep: Callable[[], None],
+) -> Document:  # fmt: skip
+    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and kept.
+
+    ``tolerance`` [m] is that of the path; ``tell`` takes a line for each.
+    """
+    forces, problem, sliding, model = given.forces, session.problem, session.scene.reciprocation, session.model.name
+    assert sliding is not None
+    begin, end = moments[0].positions, moments[-1].positions
+
+    def once(key: str, words: str, compute: Callable[[], Document]) -> None:
+        if key in found:
+            tell(f"{words}: saved")
+            return
+        tell(words)
+        found.update(compute())
+        keep()
+
+    def check() -> Document:
+        accuracy = session.scene.tangential_force or DIRECT_ACCURACY
+        rows, full = outcome.direct_check(problem, balls, forces, moments, accuracy)
+        if full and model != "linear_bem":
+            full = outcome.without_pressures(problem, moments[-1], full)
+        return {"direct_check": rows, **({"balls": full} if full else {})}
+
+    def coarser() -> Document:
+        return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, sliding.rest)}
+
+    def equilibrium() -> Document:
+        pairs = given.cheap and len(end) == 2
+        return {
+            "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
+            "pair_equilibria": outcome.pair_equilibria(forces, balls) if pairs else None,
+        }
+
+    if model != "finite_strain" and problem.size <= MEASURED:
+        once("direct_check", "the full linear model at start and end of the path, for the error of T", check)
+    if not balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
+        words = f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions"
+        once("position_error", words, coarser)
+        if balls.cell is None and balls.rolling == 0.0:
+            once("equilibrium", "the equilibrium next to the end", equilibrium)
+    return {
+        "rest": outcome.rest(moments[-1]),
+        "position_error": found.get("position_error"),
+        "equilibrium": found.get("equilibrium"),
+        "pair_equilibria": found.get("pair_equilibria"),
+        "momentum": outcome.momentum(moments),
+        "pair_table": given.table,
+        "direct_check": found.get("direct_check"),
+        "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
+    }

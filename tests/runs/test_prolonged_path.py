@@ -1,0 +1,165 @@
+"""A run of ``evolve`` with another number of cycles: it goes on from the saved path, to what one run gives."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runs.evolution import evolving, outcome, showing
+from runs.evolution.evolving import evolve_scene
+from runs.process import signals
+from runs.scene.scene_file import read_scene
+from runs.session.output_folder import OutputFolder
+from runs.session.session import Options
+
+TEXT = """
+[layer]
+thickness = "80 mm"
+young = "57.4 kPa"
+poisson = 0.3
+[balls]
+radius = "10 mm"
+positions = POSITIONS
+shape = "sphere"
+[load]
+approach = "3 mm"
+[reciprocation]
+amplitude = "80 mm"
+cycles = CYCLES
+friction = 20
+perturbation = "0.1 mm"
+seed = 3
+ensemble = MEMBERS
+tolerance = TOLERANCE
+"""
+THREE = [[0.0, 0.0], [0.031, 0.004], [0.011, 0.035]]
+MANY = [[0.025 * i + 0.003 * (j % 3), 0.025 * j + 0.002 * (i % 4)] for i in range(11) for j in range(10)]
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(showing, "draw", lambda *given: None)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+
+
+def evolved(folder: Path, cycles: float, places: list[list[float]], members: int = 2) -> dict[str, Any]:
+    """Return the document without times."""
+    folder.mkdir(exist_ok=True)
+    file = folder / "scene.toml"
+    changes = {"POSITIONS": places, "CYCLES": cycles, "MEMBERS": members, "TOLERANCE": 1e-4}
+    text = TEXT
+    for name, value in changes.items():
+        text = text.replace(name, str(value))
+    file.write_text(text, encoding="utf-8")
+    evolve_scene(read_scene(file), "point_load", Options(False, folder / "out", False), folder / "tables")
+    document: dict[str, Any] = json.loads((folder / "out" / "result.json").read_text(encoding="utf-8"))
+    del document["solved"]["seconds"]
+    return document
+
+
+@pytest.mark.parametrize("then", [[3.0, 90.0, 400.0, 500.0], [400.0, 90.0]])
+def test_another_number_of_cycles_goes_on_to_what_one_run_gives(then: list[float], tmp_path: Path) -> None:
+    for cycles in then:
+        document = evolved(tmp_path / "changed", cycles, THREE)
+    assert document == evolved(tmp_path / "one", then[-1], THREE)
+    assert (tmp_path / "changed/out/steps.csv").read_bytes() == (tmp_path / "one/out/steps.csv").read_bytes()
+
+
+@pytest.mark.parametrize("places", [THREE, MANY])
+def test_only_what_is_missing_is_computed(
+    places: list[list[float]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    members = 2 if places is THREE else 1
+    short = evolved(tmp_path / "changed", 30.0, places, members)
+    long = evolved(tmp_path / "changed", 40.0, places, members)
+    said = capsys.readouterr().err
+    assert f"goes on at cycle {short['continuation']['sigma'] * 20.0 / 0.32:.4g} of 40, after " in said
+    assert long == evolved(tmp_path / "one", 40.0, places, members)
+    cut = evolved(tmp_path / "changed", 20.0, places, members)
+    assert cut == evolved(tmp_path / "less", 20.0, places, members)
+    files = (sorted(p.name for p in (tmp_path / name / "out" / "path").glob("*")) for name in ("changed", "less"))
+    assert next(files) == next(files)
+
+
+@pytest.mark.parametrize("after", [4, 12])
+@pytest.mark.parametrize("places", [THREE, MANY])
+def test_a_longer_run_that_is_killed_goes_on_too(
+    after: int, places: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    members, left = 2 if places is THREE else 1, after
+    evolved(tmp_path / "changed", 30.0, places, members)
+
+    def dies() -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        for interval in ("SAVED_EVERY", "SAVING"):
+            patch.setattr(evolving, interval, -1.0)
+        patch.setattr(signals, "check", dies)
+        with pytest.raises(KeyboardInterrupt):
+            evolved(tmp_path / "changed", 70.0, places, members)
+    for cycles in (35.0, 70.0):
+        document = evolved(tmp_path / "changed", cycles, places, members)
+        assert document == evolved(tmp_path / f"one {cycles:g}", cycles, places, members)
+
+
+def test_what_follows_a_saved_path_is_not_computed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def stops(*given: Any) -> dict[str, Any]:
+        raise KeyboardInterrupt
+
+    def check(*given: Any) -> tuple[list[Any], list[Any]]:
+        asked.append("check")
+        return [], []
+
+    monkeypatch.setattr(outcome, "direct_check", check)
+    with monkeypatch.context() as patch:
+        patch.setattr(outcome, "equilibrium", stops)
+        with pytest.raises(KeyboardInterrupt):
+            evolved(tmp_path / "stopped", 30.0, THREE)
+    capsys.readouterr()
+    document = evolved(tmp_path / "stopped", 30.0, THREE)
+    said = capsys.readouterr().err
+    assert asked == ["check"]
+    assert "the saved path is complete, to cycle 30" in said
+    assert said.count(": saved") == 2  # the check, and the path by a coarser tolerance
+    assert document == evolved(tmp_path / "one", 30.0, THREE)
+
+
+def test_a_path_of_an_older_version_begins_again(tmp_path: Path) -> None:
+    evolved(tmp_path / "old", 30.0, THREE)
+    file = tmp_path / "old" / "out" / "result.json"
+    old = json.loads(file.read_text(encoding="utf-8"))
+    del old["cycles"]
+    for moment in old["path"]:
+        del moment["step"], moment["spare"], moment["steps"]
+    file.write_text(json.dumps({**old, "continuation": None}), encoding="utf-8")
+    assert evolved(tmp_path / "old", 40.0, THREE) == evolved(tmp_path / "one", 40.0, THREE)
+
+
+def test_a_moving_path_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    evolved(tmp_path / "short", 3.0, THREE)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "still moving after 3 cycles, to go on raise [reciprocation] cycles and run the same command again" in said
+
+
+def test_a_finished_folder_whose_free_key_changes_is_unfinished(tmp_path: Path) -> None:
+    free = ("drift", "cycles")
+    first = OutputFolder(tmp_path, {"drift": {"cycles": 3, "seed": 1}}, "", free=free)
+    first.save({"answer": 1}, [])
+    first.finish()
+    assert first.finished() is not None
+    first.close()
+    again = OutputFolder(tmp_path, {"drift": {"cycles": 4, "seed": 1}}, "", free=free)
+    assert again.finished() is None
+    assert again.saved() == {"answer": 1}
+    again.close()
