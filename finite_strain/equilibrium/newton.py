@@ -119,8 +119,8 @@ class NewtonSolver:
     def solve(self, tolerance: float, force: float, fraction: float, keeps: bool = False) -> Equilibrium:
         """Bring the model into equilibrium at a fraction of the load, from its present state.
 
-        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: the last solve's tangent is
-        near enough to begin with. Raises `NotConverged`, with the state as it was before, when Newton's method fails.
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: begin with the last solve's
+        tangent, which is near enough. If Newton's method fails, restores the state before and raises `NotConverged`.
         """
         self.tolerance, self._targets = tolerance * force, fraction * self.control.full
         near_end = max(NEAR_END * force, self.tolerance)
@@ -166,7 +166,7 @@ class NewtonSolver:
             raise
 
     def _iterate(self) -> int:
-        """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
+        """Run Newton's method from ``_x``, with direct factors if the Krylov method fails; return its iterations."""
         solves = self.system.solves
         try:
             self.snes.solve(None, self._x)
