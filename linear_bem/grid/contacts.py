@@ -252,7 +252,7 @@ def grid_levels(
                     f"contacts, more than {MOST_CELLS}; use balls of more equal size, fewer balls, or a smaller load"
                 )
             return
-        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across each contact")
+        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across one contact's patch")
         contacts = _solve(problem, kernel, patches, start, before)
         if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue
