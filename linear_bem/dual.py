@@ -34,7 +34,7 @@ def has_kinks(indenter: Indenter) -> bool:
 
 
 def height_faults(shapes: Iterable[object]) -> list[str]:
-    """Return a message per indenter whose height is no expression that all models accept, or not 0 or level at 0."""
+    """Return a message per height that is not an expression for all models, or not 0, or not level, at the axis."""
     bodies = {id(shape): shape for shape in shapes if isinstance(shape, Indenter)}
     return list(dict.fromkeys(text for body in bodies.values() for text in _faults_of(body)))
 

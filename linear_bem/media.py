@@ -96,7 +96,7 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
     if own.far_ratio is not None and not 0.0 <= own.far_ratio < math.inf:
         faults.append(f"layer.far_ratio: must not be negative, and finite, got {own.far_ratio}")
     if substrate is not None:
-        faults.append("substrate: is part of the response in place of the layer, got another; leave it out")
+        faults.append("substrate: is part of the response of the layer, got a separate one; leave it out")
     return faults
 
 

@@ -105,7 +105,7 @@ def solve_point_load(problem: Problem) -> Result:
     sharp = next((b.shape for b in problem.balls if isinstance(b.shape, Cone | Punch)), None)
     if sharp is not None:
         raise UnsupportedProblem(
-            f"balls.shape: point_load needs balls whose contact grows as a ball's does, got {sharp}; use linear_bem"
+            f"balls.shape: point_load does not support cones and punches, got {sharp}; use linear_bem"
         )
     begun = time.perf_counter()
     kernel = LayeredKernel.of(problem)

@@ -257,7 +257,7 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
     if not np.all(np.isfinite(error)):
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
-        note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
+        note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}"
     return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, (note,))
 
 

@@ -102,7 +102,7 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
             "half-space give Layer and substrate)"
         )
     if problem.periodic is not None:
-        raise UnsupportedProblem(f"{what}: is available for balls in an infinite plane, not in a cell that repeats")
+        raise UnsupportedProblem(f"{what}: is available on an infinite layer, not in a cell that repeats")
     if np.ndim(depth) != 0:
         raise InvalidProblem(f"{what}: depth must be one number, got an array of {np.size(depth)}; ask depth by depth")
     widest = float(np.sqrt(np.max(solution.contacts.contact_areas) / np.pi))

@@ -74,7 +74,7 @@ def _plane(box: Box) -> tuple[np.ndarray, np.ndarray]:
             if isinstance(error, ThirdBodyError):
                 raise
             raise UnsupportedProblem(
-                f"gmsh makes no mesh of this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
+                f"gmsh cannot mesh this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
                 f"{min(zone.contact_radius for zone in box.zones):.3g} m, a box {box.x[1] - box.x[0]:.3g} m wide; "
                 "lengths that differ by more than a thousand times are better left to linear_bem"
             ) from error

@@ -31,7 +31,7 @@ def relative_to(record: Record) -> str:
 
 
 def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
-    """Return the notes on the answers of a run's last discretisation; ``why`` the run ended, its time [``seconds``]."""
+    """Return the notes on a discretisation's answers; ``why``: reason for the run's end, ``seconds``: its time [s]."""
     notes, last = form_notes(plan.problem), record.steps[-1]
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     if is_near_zero(record) and record.scale > 0.0:
@@ -81,7 +81,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "contact of the surface with itself is not computed"
         )
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
-    notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
+    notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
     return notes + _overrun(plan, record, seconds)
 
 

@@ -238,7 +238,7 @@ class LoadPath:
             self._newton(record, rough=ROUGH)
             work = float(self.model.part_forces() @ (contact.approaches - np.array(self._last.approaches)))
             if self.model.energy() - self._last.energy > work + SURPLUS * abs(work):
-                raise NotConverged("the equilibrium found holds more energy than was put in: its surface is crumpled")
+                raise NotConverged("the equilibrium stores more energy than the balls' work: its surface is crumpled")
             self.source = contact.penalised
 
     def _multiply(self, source: Penalised, record: StepRecord, gradually: bool = False) -> None:

@@ -97,7 +97,7 @@ def _without_pressure(problem: Problem) -> str:
     law = problem.finite_strain.chosen
     if isinstance(law, Law):
         return "" if law.takes_pressure else law.name
-    return "an own energy psi(F)"
+    return "a user-defined energy psi(F)"
 
 
 def form_faults(problem: Problem, model: str) -> list[str]:

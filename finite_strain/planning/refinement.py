@@ -71,9 +71,9 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     else:
         level = "elements nearly turned inside out, on a finer mesh as well"
     if isinstance(level, str):
-        return f"what remains is {level}"
+        return f"the accuracy is limited by {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
-        return "an own mesh is neither refined nor made wider: give a finer or a wider one"
+        return "a user's mesh is neither refined nor widened: give a finer or wider one"
     wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
         level = replace(level, fineness=level.fineness - STEP)
@@ -111,7 +111,7 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
         if not stiffened or last.terms[largest] < STEADY * before.terms.get(largest, 0.0):
             return replace(level, penalty=STIFFER * level.penalty)
         if level.order == HIGHEST:  # penalties do not depend on the mesh
-            return "penetration that stiffer penalties leave: Newton's method does not follow them"
+            return "penetration: Newton's method fails with stiffer penalties"
         level = before.level
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
     if largest == "transfer" and (steady or level.extent > before.level.extent):  # a wider domain may help more

@@ -39,7 +39,7 @@ _SHARED_NODES = 1.35
 
 @dataclass(frozen=True)
 class GivenMesh:
-    """A user's own mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
+    """A user's mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -212,7 +212,7 @@ def _check_supported(problem: Problem, model: str) -> None:
             f"ask for model {model_of(problem)}"
         )
     if not 0.0 < problem.layer.thickness < math.inf:
-        rule = f"layer.thickness: {model} meshes the layer and needs a finite one"
+        rule = f"layer.thickness: {model} meshes the layer and needs a finite thickness"
         faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
     if isinstance(problem.layer, SurfaceResponse):
         faults.append(f"layer: {model} needs a material, got the response of its surface; use linear_bem")

@@ -87,8 +87,8 @@ class MeasuredResponse:
             if end > LAST:
                 raise InvalidProblem(
                     f"layer.response: must tend to 1 exponentially, differs from 1 by more than {UNITY:g} at {LAST:g}; "
-                    "young and poisson must be those at the surface; give a medium that is graded up to its surface a "
-                    "thin homogeneous skin"
+                    "young and poisson must be those at the surface; add a thin homogeneous skin to a medium that is "
+                    "graded up to its surface"
                 )
         log_t = np.linspace(np.log(FIRST), np.log(end), 200 * int(np.ceil(np.log(end / FIRST))))
         values = self._asked(np.exp(log_t))
