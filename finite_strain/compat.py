@@ -183,7 +183,7 @@ def cell_dofs(space: Any) -> np.ndarray:
 
 
 def vtx_writer() -> Any:
-    """Return DOLFINx's writer of VTX; None where it was built without ADIOS2, as Debian 12's."""
+    """Return DOLFINx's VTX writer; None if DOLFINx was built without ADIOS2, as in Debian 12."""
     return getattr(import_module("dolfinx.io"), "VTXWriter", None)
 
 

@@ -222,7 +222,7 @@ class Model:
         return self.readings("stiffness")
 
     def volume_residual(self) -> np.ndarray:
-        """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
+        """Return the potential's derivative by this rank's own pressures [N]; zero for idle pressures."""
         return self._by_pressure(self._volume_residuals)
 
     def volume_weights(self, bound: float) -> np.ndarray:

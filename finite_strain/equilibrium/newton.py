@@ -106,7 +106,7 @@ class NewtonSolver:
                 part.close()
 
     def _take(self, x: PETSc.Vec) -> None:
-        """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
+        """Write the model's state into a vector: its fields and its unknown approaches, if any."""
         self.model.fields.get(x)
         self.system.store(x, np.linalg.lstsq(self.control.moves, self.model.contact.approaches, rcond=None)[0])
 
@@ -151,7 +151,7 @@ class NewtonSolver:
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
     def _set(self, x: PETSc.Vec) -> None:
-        """Set the model to the state in a vector: its fields and, where they are unknowns, its approaches."""
+        """Set the model to the state in a vector: its fields and its unknown approaches, if any."""
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))

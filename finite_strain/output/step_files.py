@@ -1,4 +1,4 @@
-"""A step's files: arrays whose rows are spread over the ranks in one HDF5 file, and XDMF text beside it.
+"""Writes the files of a load step: arrays with rows from all ranks into one HDF5 file, and an XDMF file with it.
 
 Rank 0 writes, because Debian's h5py does not support MPI. Each step has an XDMF file, and there is an index over all
 steps for ParaView and meshio. The text is written here because the library's own writer puts every field on a

@@ -34,7 +34,7 @@ class Rule:
 
 
 RULES = ((1e-5, Rule(0.4, 3.7, 3.6)), (1e-7, Rule(0.3, 4.5, 4.0)))
-"""Rules by the least precision. Measured on 400 random loads per (40 H)^2, splines of order 8 (rms error of one load):
+"""(Least precision, rule). Measured on 400 random loads per (40 H)^2, splines of order 8 (rms error of one load):
 first split: field 1e-6/H and 6e-8/H, slope (`ParticleMesh.slope`) 1e-6/H^2 and 1.5e-7/H^2; second split, layers of
 0.02 to 1 H: 5e-7/H and 5e-8/H, 9e-7/H^2 and 5e-8/H^2, times ``far_ratio`` where that is above 1.
 """

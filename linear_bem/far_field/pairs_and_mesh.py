@@ -27,7 +27,7 @@ from linear_bem.memory import require
 
 NOWHERE = np.zeros((1, 2))
 AROUND = 1.5
-"""Distance over a contact's first size from its centre within which all its points stay while it grows."""
+"""All points of a growing contact stay within this multiple of its first size from its centre."""
 PAIR, NODE, BALL, GROUP = 5e-6, 4e-7, 1e-5, 2e-3
 """Processor time [s] per near pair, node of a doubled mesh, ball on a mesh, and group; used to choose the method."""
 NODE_BYTES = 34.0

@@ -165,7 +165,7 @@ def response_of(layer: Layer, substrate: Elastic | None) -> LayerResponse | Meas
 
 
 def scaled_media(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
-    """Return media of the same response scaled to E1 = 1 and h = 1, so that media of one ratio share a table."""
+    """Return media with the same response, scaled to E1 = 1 and h = 1, so that similar media share one table."""
     if isinstance(layer, SurfaceResponse):
         return layer, None
     base = None if substrate is None else Elastic(substrate.young / layer.young, substrate.poisson)

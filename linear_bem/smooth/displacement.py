@@ -250,7 +250,7 @@ class DirectSums:
 def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:
     """Return the displacement [m] at any surface points from one zone, relative error below about 1e-8.
 
-    Inside: by chords through the point. Outside: by more nodes nearer to the edge; close to it, these for 1/r only.
+    Inside: by chords through the point. Outside: by more nodes for points near the edge; closest to it, for 1/r only.
     """
     zone = n.zone
     xi, eta = zone.frame(x, y)
