@@ -27,7 +27,7 @@ FORMAT = 22
 DEFAULT_ACCURACY = 0.02
 """Default relative accuracy of the tangential force."""
 Inspect = Callable[[Step, dict[str, Any]], None]
-"""Takes an answered step and its DOLFINx functions by name."""
+"""Receives a step with results and its DOLFINx functions by name."""
 
 
 def solve(
@@ -57,15 +57,15 @@ def solve(
         Layer, balls and load. With the effect ``finite_strain`` the layer is hyperelastic and contact is in the
         deformed configuration; without it the same code uses linear elasticity and linearised contact.
     model
-        Which of the two is expected: "finite_strain" or "small_strain"; a problem of the other one is refused.
+        The expected model, "finite_strain" or "small_strain"; a problem of the other model is refused.
     tangential_force
         Relative accuracy of T at full load: meshes are refined until the error estimate meets it, or until the
         next mesh would exceed the budget. ``solved.accuracy`` states the accuracy reached and why refinement ended.
     comm
         MPI communicator; by default all ranks of the run.
     folder
-        Folder for mesh, fields and checkpoint. An interrupted run of the same problem resumes from there, except one
-        whose law or body is a function: its name does not say what it computes.
+        Folder for mesh, fields and checkpoint. An interrupted run of the same problem resumes from there, except if
+        its law or body is a function, which cannot be compared.
     observer
         Follows the progress of the run; see `Observer`. Called on all ranks.
     fields
@@ -79,21 +79,20 @@ def solve(
     numerics
         Numerical parameters that studies vary.
     solver_options
-        PETSc's options of the Newton and linear solvers without a prefix, such as ``{"pc_type": "lu"}``; they win over
-        the built-in choice and over those of the prefix ``thirdbody_`` in ``PETSC_OPTIONS``.
+        PETSc's options of the Newton and linear solvers without a prefix, such as ``{"pc_type": "lu"}``; they override
+        the built-in choice and options with the prefix ``thirdbody_`` in ``PETSC_OPTIONS``.
     inspect
-        Called on all ranks after every answered step on each discretisation, except steps that a resumed run already
-        has, with the `Step` and the DOLFINx functions by name: "displacement" [m], and of mixed regions
-        "layer_pressure", "substrate_pressure" [Pa], positive in tension. They live on the simulated part, in its own
-        frame, and change with the next step: copy what is kept. They are the mesh's own solution, which the
-        small-strain problem does not correct, unlike T and Q, or under given forces D.
+        Function called on all ranks after every step with results on each discretisation, except steps that a resumed
+        run already has. Arguments: the `Step`, and the DOLFINx functions by name: "displacement" [m] and, for mixed
+        regions, "layer_pressure", "substrate_pressure" [Pa], positive in tension. They are defined on the simulated
+        part, in its own frame, and change with the next step: copy what you keep. They are the uncorrected solution on
+        the mesh; the small-strain problem corrects only T and Q (or D, if forces are prescribed).
     mesh
-        An own mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
+        A user's mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
         tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and
-        the flat "top" z = 0 and "bottom". It holds the whole scene, or its part x >= 0 or y >= 0 (or both) if it ends
-        there and the scene is its own mirror image. Sides in the planes of its bounding box slide in them, others are
-        free. It is used with elements of order 2, 3 and at need 4, and never refined: the error bar of T comes from
-        these orders.
+        the flat "top" z = 0 and "bottom". The mesh holds the whole scene, or its part x >= 0 or y >= 0 (or both) if it
+        ends there and the scene is its own mirror image. Sides in the planes of its bounding box slide in these planes;
+        others are free. The mesh is never refined: elements of order 2, 3 and, if needed, 4 give the error of T.
 
     """
     check_arguments(
@@ -142,9 +141,9 @@ def plan(
     unknowns: float | None = None,
     steps: Sequence[float] | None = (1.0,),
 ) -> dict[str, Any]:
-    """Return what `solve` would simulate and what it would cost, without DOLFINx; arguments as there.
+    """Return the plan of a `solve` and its cost, without DOLFINx; arguments as for `solve`.
 
-    Times [s] are those of the machine that `finite_strain.planning.cost` was measured on; commands scale them.
+    Times [s] are those of the machine on which `finite_strain.planning.cost` was measured; commands scale them.
     """
     check_arguments(problem=problem, tangential_force=tangential_force, seconds=seconds, unknowns=unknowns, steps=steps)
     from finite_strain.planning.forecast import forecast  # noqa: PLC0415

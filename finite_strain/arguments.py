@@ -1,4 +1,4 @@
-"""What `finite_strain.solve` takes, so that a value of a wrong type is refused by its name before any work."""
+"""Checks the types of the arguments of `finite_strain.solve` before any work; messages name the argument."""
 
 from collections.abc import Mapping, Sequence
 from numbers import Real
@@ -29,11 +29,11 @@ RULES: dict[str, tuple[Any, str]] = {
     "solver_options": (lambda v: v is None or _options(v), 'PETSc options such as {"pc_type": "lu"}'),
     "inspect": (lambda v: v is None or callable(v), "a function of a step and its functions"),
 }
-"""Per argument whether a value is one, and what it must be."""
+"""Per argument: the check of its type, and the words for a valid value."""
 
 
 def check_arguments(**given: Any) -> None:
-    """Raise `InvalidProblem` with every argument that is of another type than it must be."""
+    """Raise `InvalidProblem` with a message per argument of a wrong type."""
     faults = [f"{name}: must be {RULES[name][1]}, got {v!r:.80}" for name, v in given.items() if not RULES[name][0](v)]
     if faults:
         raise InvalidProblem(*faults)

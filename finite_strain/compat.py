@@ -1,6 +1,6 @@
 """Every difference between the supported DOLFINx versions (0.5, 0.9, 0.11), and nothing else.
 
-Call positional arguments only where keyword names changed between versions.
+Pass arguments by position only where keyword names changed between versions.
 """
 
 import fcntl
@@ -83,7 +83,7 @@ def _name_spacing(domain: Any) -> None:
 
 
 def compile_form(form: Any, comm: MPI.Comm) -> Any:
-    """Return the compiled form (collective over comm), from or into a cache of our own."""
+    """Return the compiled form (collective over comm), by way of the project's own cache."""
     with _compiler_cache(comm) as options:
         return dolfinx.fem.form(form, **options)
 
@@ -104,8 +104,8 @@ def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
 def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     """Yield the compiler's options, as a keyword argument (collective).
 
-    Runs share the cache and compile side by side. A source without its ``.cached`` file, for which the compiler would
-    wait, is what a killed run has left if no other run compiles now, or if it is older than the compiler would wait.
+    Runs share the cache and may compile at the same time. A source without its ``.cached`` file, for which the compiler
+    would wait, was left by a killed run if no other run compiles now, or if it is older than this waiting time.
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
     failure = None
@@ -135,9 +135,9 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def _unfinished(cache: Path, changed: int) -> list[Path]:
-    """Return the sources without a ``.cached`` file in a folder that was last ``changed`` then [ns].
+    """Return the sources without a ``.cached`` file in a folder last ``changed`` at this time [ns].
 
-    Thousands of forms may be there: listing them for every form would take a fifth of a small run.
+    There may be thousands of forms: listing them for every form would take a fifth of a small run.
     """
     there = set(os.listdir(cache))
     return [cache / name for name in there if name.endswith(".c") and f"{name}.cached" not in there]
@@ -151,8 +151,8 @@ def vector_of(function: Any) -> PETSc.Vec:
 def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
     """Return the compiled expression at reference points (n, 3) of a cell (collective over comm).
 
-    Without its variables, by which derivatives were taken: UFL numbers them one after the other, and the name in the
-    cache would depend on what was compiled before.
+    UFL's variables, needed for derivatives, are removed: UFL numbers them consecutively, and names in the cache would
+    depend on what was compiled before.
     """
     value = map_expr_dag(_WithoutVariables(), apply_derivatives(apply_algebra_lowering(value)))
     with _compiler_cache(comm) as options:
@@ -183,7 +183,7 @@ def cell_dofs(space: Any) -> np.ndarray:
 
 
 def vtx_writer() -> Any:
-    """Return DOLFINx's writer of VTX; None where it was built without ADIOS2, as Debian 12's."""
+    """Return DOLFINx's VTX writer; None if DOLFINx was built without ADIOS2, as in Debian 12."""
     return getattr(import_module("dolfinx.io"), "VTXWriter", None)
 
 
@@ -204,7 +204,7 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
         if failure:
             raise failure
         answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
-    return answer[0], answer[1], answer[2]  # of more since DOLFINx 0.10
+    return answer[0], answer[1], answer[2]  # DOLFINx 0.10 and later return more
 
 
 def versions() -> dict[str, str]:

@@ -33,9 +33,9 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
 
 
 def on_all(comm: MPI.Comm, action: Callable[[], object]) -> None:
-    """Run ``action`` on every rank; if it fails on some, raise on all: its own error there, a note of it elsewhere.
+    """Run ``action`` on every rank; if it fails on some, raise on all: the error there, a notice of it elsewhere.
 
-    The note is a `ThirdBodyError` only if all errors are: callers free collective objects after these alone.
+    The notice is a `ThirdBodyError` only if all errors are: callers free collective objects only after such errors.
     """
     failure: Exception | None = None
     try:

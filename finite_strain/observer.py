@@ -1,4 +1,4 @@
-"""The protocol of a run's observers, which follow its progress. No DOLFINx here."""
+"""The protocol of observers that follow the progress of a run (without DOLFINx)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 class Started(TypedDict):
-    """Setting of an answering discretisation: ``forms`` of the elements by region, ``versions`` of the libraries.
+    """Set-up of a discretisation with results: ``forms`` of elements by region, ``versions`` of libraries.
 
-    ``states``: number of those to be solved, at small strain and at loads between the load steps, too.
+    ``states``: number of states to be solved, including those at small strain and between the load steps.
     """
 
     model: str
@@ -36,18 +36,18 @@ class Observer(Protocol):
     """
 
     def started(self, info: Started, /) -> None:
-        """Note that an answering discretisation starts."""
+        """Receive the start of a discretisation with results."""
 
     def attempt(self, mesh: str, fraction: float, cuts: int, /) -> None:
-        """Note that a load step starts: name of the mesh, target load fraction, number of cut-backs so far."""
+        """Receive the start of a load step: name of the mesh, target load fraction, number of cut-backs so far."""
 
     def newton(self, iteration: int, residual: float, /) -> None:
-        """Note an iteration and its residual norm [N]."""
+        """Receive a Newton iteration and its residual norm [N]."""
 
     def step_done(self, step: Step, surface: Callable[[], SurfaceFields | None], /) -> None:
-        """Take an answered step; ``surface`` gathers the whole scene's top surface on rank 0 (collective).
+        """Receive a step with results; ``surface`` gathers the whole scene's top surface on rank 0 (collective).
 
-        Its error bars may still change: after full load, steps with few smaller loads are judged by larger ones, too.
+        Errors of the step may still change: after full load, larger loads also count for steps with few smaller loads.
         """
 
 

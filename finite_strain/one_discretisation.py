@@ -1,4 +1,4 @@
-"""One discretisation of a run: the run's own model and its small-strain pair, each with its load path."""
+"""One discretisation of a run: the problem's model and its small-strain pair, each with its load path."""
 
 import math
 import time
@@ -30,8 +30,8 @@ from meshes.layer import write_layer_mesh
 LARGEST_PENETRATION = 1e-4
 """Largest penetration at a node, over the ball's radius, that `ModelRun.enforce` accepts."""
 STIFFER, ROUNDS = 4.0, 3
-"""Factor on the penalties otherwise, and how often: each halves the penetration, and the last tangent still serves as
-preconditioner (`thirdbody study discretisations` has the alternatives)."""
+"""Factor on the penalties above that limit, and how often: each time the penetration halves, and the last tangent still
+serves as preconditioner (alternatives: `thirdbody study discretisations`)."""
 
 
 def mesh_box(box: Box, file: Path, comm: MPI.Comm) -> Meshed:
@@ -67,7 +67,7 @@ class ModelRun:
     def enforce(self, record: StepRecord) -> int:
         """Stiffen the contact of an equilibrium with multipliers, `ROUNDS` times; return how often in all (collective).
 
-        It ends when no ball penetrates more than `LARGEST_PENETRATION`. Penalties that were stiff from the start count.
+        Ends when no ball penetrates more than `LARGEST_PENETRATION`. Penalties that were stiff from the start count.
         """
         if not record.augmented:
             return 0
@@ -102,7 +102,7 @@ class ModelRun:
 
 
 class MeshRun:
-    """The run's own model and, where the plan pairs it, the small-strain one on the same mesh and order."""
+    """The problem's model and, if the plan is paired, the small-strain model on the same mesh and order."""
 
     def __init__(
         self, plan: RunPlan, level: Discretisation, mesh: Path | Meshed, comm: MPI.Comm, observer: Observer, name: str

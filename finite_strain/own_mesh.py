@@ -1,7 +1,7 @@
-"""A mesh of the user's own: read, held against the problem, and tagged as the meshes of runs are.
+"""A user's mesh: reads it, checks it against the problem, and tags it like the meshes that a run makes.
 
-It has the scene's frame and metres: the top is z = 0. It holds the whole scene or, where it ends at a mirror plane
-x = 0 or y = 0 of the scene, the part beyond it. Flat sides slide in their plane, other sides are free.
+Coordinates are in metres in the scene's frame; the top is z = 0. The mesh holds the whole scene or, if it ends at a
+mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane; others are free.
 """
 
 import hashlib
@@ -26,11 +26,11 @@ from linear_bem.problem import Problem
 from meshes.box import TAGS
 
 CELLS = {"hexahedron": (8, 27), "tetrahedron": (4, 10)}
-"""Nodes of the cells that are read: straight ones, and curved ones of order 2."""
+"""Numbers of nodes of the accepted cells: straight ones, and curved ones of order 2."""
 FLAT = 1e-6
 """Largest distance of nodes from the plane of their face, over the thickness of the layer."""
 SOLID = 1e-3
-"""Largest difference of the layer's volume from thickness times top, relative."""
+"""Largest relative difference between the layer's volume and its thickness times the area of the top."""
 LEAST_NODES = 9
 """Fewest corners of elements under a ball's expected contact at full load: two elements across it."""
 CLEAR = 1.5
@@ -74,7 +74,7 @@ class OwnMesh:
         self.simplices = cell == "tetrahedron"
 
     def fit(self, problem: Problem, expected: Sequence[Indentation]) -> tuple[Reduction, GivenMesh]:
-        """Return the part of the scene that the mesh holds, and its measures; raises `InvalidProblem` on all ranks."""
+        """Return the part of the scene in the mesh, and the mesh's dimensions; raises `InvalidProblem` on all ranks."""
         low, high = self._range(np.ones(len(self.nodes), dtype=bool))
         thickness = problem.layer.thickness
         near = FLAT * thickness
@@ -136,7 +136,7 @@ class OwnMesh:
         return np.asarray(facets[facets < self.mesh.topology.index_map(2).size_local])
 
     def _tag(self, planes: dict[str, tuple[int, float]], near: float) -> list[str]:
-        """Return what is wrong with the tagged facets, each of which lies in a plane."""
+        """Return a message per fault of the tagged facets; those of each name must lie in one plane."""
         faults = []
         for name, (axis, value) in planes.items():
             tagged = self.facet_tags.find(TAGS[name])
@@ -165,7 +165,7 @@ class OwnMesh:
         self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
 
     def _check_solid(self, thickness: float) -> None:
-        """Raise if the layer has holes, which the small-strain problem beside it has not."""
+        """Raise `InvalidProblem` if the layer has holes, which the small-strain problem cannot represent."""
         cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])
         facets = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)(TAGS["top"])
         forms = compat.compile_forms([constant(self.mesh, 1.0) * measure for measure in (cells, facets)], self.comm)
@@ -178,7 +178,7 @@ class OwnMesh:
     def _check_balls(
         self, reduction: Reduction, radii: Sequence[float], sides: dict[int, tuple[float, float]], near: float
     ) -> None:  # fmt: skip
-        """Raise if a ball presses outside the mesh, or on too few elements."""
+        """Raise `InvalidProblem` if a ball presses outside the mesh, or on too few elements."""
         corners = self.nodes[:, : 4 if self.simplices else 8].reshape(-1, 3)
         here = corners[np.abs(corners[:, 2]) <= near, :2]
         top = np.unique(np.round(np.concatenate(self.comm.allgather(here)) / near), axis=0) * near

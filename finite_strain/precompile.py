@@ -2,9 +2,9 @@
 
     mpirun -n 2 python -m finite_strain.precompile
 
-Forms do not depend on numbers. These are for given approaches of spheres on a neo-Hookean layer with nu below 0.49: in
-a model of which a facet may touch one ball (between mirror planes) or two, with elements of each order, without fields
-to be written.
+Forms do not depend on parameter values. These are for prescribed approaches of spheres on a neo-Hookean layer with nu
+below 0.49: for models in which a facet may touch one ball (between mirror planes) or two, with elements of each order,
+without output of fields.
 """
 
 import tempfile
@@ -20,11 +20,11 @@ from finite_strain.planning.run_plan import plan_run
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 
 RADII = ((1.0, 1.0), (1.0, 1.2))
-"""Radii of two balls: alike, with a mirror plane between them, or unlike."""
+"""Radii of two balls: equal, with a mirror plane between them, or different."""
 
 
 def precompile(comm: MPI.Comm) -> None:
-    """Compile the forms; every rank compiles a share of them, by itself."""
+    """Compile the forms; every rank compiles its share independently."""
     layer, substrate = Layer(young=1.0, poisson=0.48, thickness=1.16), Elastic(young=1e3, poisson=0.3)
     jobs = [(order, radii) for order in range(HIGHEST, PATH_FINDER.order - 1, -1) for radii in RADII]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""One run: discretisations from coarse to fine; every load step is paired, evaluated, written and reported."""
+"""One finite-element run: from coarse to fine, each discretisation solves, evaluates and saves all load steps."""
 
 import hashlib
 import math
@@ -59,7 +59,7 @@ class Refinement:
         )  # fmt: skip
         if plan.given is not None:
             parts = (*parts, plan.given)
-        if plan.has_own_functions:  # a function's name does not say what it computes: never resumed
+        if plan.has_own_functions:  # functions cannot be compared: never resumed
             parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
         self.records: list[Record]
@@ -69,7 +69,7 @@ class Refinement:
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def _saved(self) -> tuple[list[Record], list[str]]:
-        """Return what an earlier run saved, without the steps of its last mesh whose states are damaged (rank 0)."""
+        """Return an earlier run's records, without last steps whose states are damaged, and notes (rank 0)."""
         records, note = saved_records(self.folder, self.key)
         notes, number = [note], len(records) - 1
         while records and not records[-1].finished and records[-1].rows:
@@ -138,7 +138,7 @@ class Refinement:
             raise
         run.close()  # after other errors, possibly on one rank only, no collective call is safe
         record.finished = True
-        for place, old in enumerate(record.steps):  # again: those with few smaller loads are judged by larger ones
+        for place, old in enumerate(record.steps):  # again: larger loads now help to judge smaller ones
             record.steps[place] = self._answer(number, old.step, old.account)
         self._judge(record)
         self._save()
@@ -198,13 +198,13 @@ class Refinement:
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _is_last(self, number: int, fraction: float) -> bool:
-        """Return whether a load step is that of full load on a mesh with answers."""
+        """Return whether a load step is full load on a mesh with results."""
         return number > 0 and fraction == self.plan.goals[-1]
 
     def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
         """Yield each load step of the run's own model, predicted from the coarser discretisation.
 
-        Full load begins with the penalties that the coarser one needed there.
+        Full load starts with the penalties that the coarser discretisation needed there.
         """
         for fraction in path:
             rounds = self.records[number - 1].stiffened if self._is_last(number, fraction) else 0
@@ -215,7 +215,7 @@ class Refinement:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))
 
     def _truth(self, number: int, fraction: float) -> LinearTruth | str:
-        """Return what `linear_bem` says at a load fraction, asked once (collective)."""
+        """Return the result of `linear_bem` at a load fraction, or its error message; solved once (collective)."""
         if fraction not in self.truths:
             self.truths[fraction] = on_root(self.comm, partial(self._answers(number).truth, fraction))
         return self.truths[fraction]
@@ -228,9 +228,9 @@ class Refinement:
     def _pair(
         self, run: ModelRun | None, record: Record, number: int, fraction: float, rounds: int
     ) -> ContactState | None:
-        """Return the small-strain state at a load fraction, None once no equilibrium was found.
+        """Return the small-strain state at a load fraction; None after it has once found no equilibrium.
 
-        ``rounds`` is how often the own contact was stiffened: the pair's is as stiff when its multipliers are added.
+        ``rounds`` is how often the hyperelastic contact was stiffened; the pair gets the same penalty for multipliers.
         """
         if run is None or (record.rows and record.rows[-1].small is None):
             return None
@@ -256,7 +256,7 @@ class Refinement:
         return next(iter(self._saved_states(run, number - 1, model, [fraction])), None)
 
     def _saved_states(self, run: ModelRun, number: int, model: str, fractions: list[float]) -> list[State]:
-        """Return a discretisation's states at load fractions but those whose files are missing or damaged."""
+        """Return a discretisation's states at load fractions, except those with missing or damaged files."""
         files = [self._file(number, model, fraction) for fraction in fractions]
         sound = on_root(self.comm, lambda: [file for file in files if not Snapshot.fault(file)])
         return [run.predicted_by(Snapshot.load(file)) for file in sound]

@@ -1,4 +1,4 @@
-"""Small-strain contact of rigid balls with a layered half-space: the paper's model, on numpy and scipy.
+"""Small-strain contact of rigid balls with a layered half-space: the boundary element model (numpy and scipy only).
 
 >>> from linear_bem import Ball, Elastic, Layer, Load, Problem, solve
 >>> pair = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))

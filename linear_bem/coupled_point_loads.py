@@ -28,7 +28,7 @@ RelationAndSlope = Callable[[Array], tuple[Array, Array]]
 
 
 INEXACT = 1e-5
-"""Residual of each linear system: three Newton steps reach 1e-13, with 0.6 of the products that 1e-10 takes."""
+"""Relative residual of each linear system: three Newton steps reach 1e-13, with 0.6 of the matrix products of 1e-10."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def distances(points: Array) -> Array:
 
 
 def estimated_relations(problem: Problem, radii: Array) -> tuple[Relation, Relation]:
-    """Return force from approach and approach from force of paraboloids of these radii [m], each alone (Ritz)."""
+    """Return the functions force(approach) and approach(force) of isolated paraboloids with these radii [m] (Ritz)."""
 
     def force(approaches: Array) -> Array:
         return estimates(problem.layer, problem.substrate, radii, "approach", approaches)[1]
@@ -70,8 +70,8 @@ def couple(
     """Return the state of all balls for any kind of load.
 
     ``mutual`` holds K(L_ij) [m/N], 0 on the diagonal; ``inverse`` returns effective approaches from forces.
-    ``tolerance`` bounds the residual over the largest approach, and ten times it the error of a total force over it.
-    ``report`` takes a line per Newton step.
+    ``tolerance`` bounds the residual over the largest approach; a total force is met to 10 ``tolerance`` (relative).
+    ``report`` receives a line per Newton step. Raises `NotConverged`.
     """
     values = np.array(problem.load.values, dtype=float)
     if problem.load.kind == "force":
@@ -108,7 +108,7 @@ def couple(
 def _effective(
     mutual: Influence, relation: Relation, approaches: Array, start: Array, tolerance: float, report: Report
 ) -> Array:
-    """Return the effective approaches for a relation without its derivative: differences replace it."""
+    """Return the effective approaches [m] for a relation whose derivative is formed by finite differences."""
     scale = float(np.max(np.abs(approaches)))
 
     def with_slope(d: Array) -> tuple[Array, Array]:

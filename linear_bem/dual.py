@@ -1,4 +1,4 @@
-"""Exact slopes of an indenter's height by dual numbers, and whether its height is an expression that these take."""
+"""Exact slopes of an indenter's height by dual numbers, and checks that a user's height permits them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from linear_bem.arrays import Array
 from linear_bem.indenter import HeightFunction, Indenter
 
 APEX = 1e-12
-"""Largest height over the radius at the axis that counts as roundoff of an own body."""
+"""Largest height at the axis, over the radius, that counts as roundoff in a user's body."""
 POINTED = 1e-3
 """Slope at a distance of 1e-9 radii from the axis that only a pointed tip or a tilt exceeds."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
-"""Functions of numpy in `SLOPES`; np.where is none, because it may jump, which no error estimate would notice."""
+"""numpy functions in `SLOPES`, for messages; np.where is excluded, as no error estimate would notice its jumps."""
 
 
 def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
@@ -34,13 +34,13 @@ def has_kinks(indenter: Indenter) -> bool:
 
 
 def height_faults(shapes: Iterable[object]) -> list[str]:
-    """Return what keeps the heights of indenters from being expressions that all models take, one text each."""
+    """Return a message per height that is not an expression for all models, or not 0, or not level, at the axis."""
     bodies = {id(shape): shape for shape in shapes if isinstance(shape, Indenter)}
     return list(dict.fromkeys(text for body in bodies.values() for text in _faults_of(body)))
 
 
 def _faults_of(body: Indenter) -> list[str]:
-    name, as_it_is = f"{type(body).__name__}.height", "any as a plain function f(x, y): Ball(..., shape=f)"
+    name, as_it_is = f"{type(body).__name__}.height", "any function f(x, y): Ball(..., shape=f)"
     if isinstance(body, HeightFunction):
         name, as_it_is = getattr(body.function, "__name__", "f"), "it"
     aside = np.array([0.01 * body.apex_radius])
@@ -48,7 +48,7 @@ def _faults_of(body: Indenter) -> list[str]:
     try:
         expression = isinstance(body.height(at, at), Dual)
     except Exception:  # whatever a user's function raises
-        body.height(aside, aside)  # a fault of the user's own
+        body.height(aside, aside)  # raises again if the function itself is faulty
         expression = False
     if not expression:
         return [
@@ -71,7 +71,7 @@ def _faults_of(body: Indenter) -> list[str]:
 
 @dataclass(frozen=True)
 class Dual(NDArrayOperatorsMixin):
-    """Values with their derivatives by x and y (forward-mode automatic differentiation); ``kinked``: these may jump."""
+    """Values with their x and y derivatives (forward-mode automatic differentiation); ``kinked``: these may jump."""
 
     value: Array
     dx: Array
@@ -112,6 +112,6 @@ SLOPES: dict[np.ufunc, Callable[..., tuple[Any, ...]]] = {
     np.cosh: lambda a: (np.sinh(a),),
     np.tanh: lambda a: (1.0 - np.tanh(a) ** 2,),
 }
-"""Functions that a height may use, with their derivatives by each operand; the exponent of a power is a number."""
+"""Functions that a height may use, with their derivative by each operand; the exponent of a power must be a number."""
 KINKED = {np.absolute, np.maximum, np.minimum}
-"""Those of `SLOPES` whose slope jumps."""
+"""Functions of `SLOPES` whose slope jumps."""

@@ -13,25 +13,25 @@ from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.tangential_forces import half_space_pulls, layer_pulls
 
 LEAST = 1e-9
-"""Least relative error of all quantities, that of the kernel's table."""
+"""Smallest relative error of all quantities: that of the kernel's table."""
 KINK = 20.0
-"""Factor of errors by polynomials under bodies with kinks: on 32 pairs and single bodies they were up to 15 times too
-small."""
+"""Factor on error estimates with polynomials under bodies with kinks: for 32 pairs and single bodies the estimates were
+up to 15 times too small."""
 
 
 def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
-    """Return `half_space_pulls` [N] on every ball; in a cell by the others and the images next to them."""
+    """Return `half_space_pulls` [N] on every ball; in a periodic cell, neighbouring images count too."""
     return half_space_pulls(contacts.kernel, *_with_images(contacts), softest, fading)[: contacts.problem.size]
 
 
 def felt(contacts: SmoothContacts) -> Array:
-    """Return `layer_pulls` [N] on every ball, of the same: how far a relative change of all pressures changes T."""
+    """Return `layer_pulls` [N] on every ball: the change of T per relative change of all pressures."""
     reach = max(n.zone.reach for n in contacts.smooth.nodes)
     return layer_pulls(contacts.kernel, *_with_images(contacts), reach)[: contacts.problem.size]
 
 
 def _with_images(contacts: Contacts) -> tuple[Array, Array]:
-    """Return positions [m] and forces [N] of all balls; in a cell of the images next to them, too."""
+    """Return positions [m] and forces [N] of all balls and, in a periodic cell, of their neighbouring images."""
     positions, forces = contacts.problem.positions, contacts.normal_forces
     if contacts.problem.periodic is not None:
         shifts = np.array([(0, 0), *((m, n) for m in (-1, 0, 1) for n in (-1, 0, 1) if m or n)])
@@ -41,9 +41,9 @@ def _with_images(contacts: Contacts) -> tuple[Array, Array]:
 
 
 def reference_force(contacts: Contacts) -> float:
-    """Return the force [N] that accuracy is relative to: the largest T, or 1e-4 of T on a half-space.
+    """Return the force [N] to which the accuracy of T refers: the largest T, at least 1e-4 of T on a half-space.
 
-    It is infinite for one ball, which has no T: there the accuracy of forces and approaches decides.
+    Infinite for a single ball, which has no T: then the accuracy of forces and approaches decides.
     """
     if contacts.problem.size == 1:
         return math.inf
@@ -60,12 +60,12 @@ def least_error(contacts: Contacts) -> Array:
 
 
 def route_difference(contacts: Contacts) -> Array:
-    """Return the difference [N] of T on every ball by the mutual formula and by the slope integral."""
+    """Return the difference [N] between T by the mutual formula and T by the slope integral, per ball."""
     return np.asarray(np.max(np.abs(contacts.mutual_force - contacts.slope_force), axis=1))
 
 
 def error_of_one(contacts: SmoothContacts) -> Array:
-    """Return an estimate of T's error [N] from one solution: by the difference of its routes, and by its residual."""
+    """Estimate the error of T [N] on every ball from one solution: its residual, and its T by two formulas."""
     residual = contacts.certificate["gap_in_contact"] * pulls(contacts)
     return np.maximum(np.maximum(3.0 * route_difference(contacts), residual), least_error(contacts))
 
@@ -73,8 +73,8 @@ def error_of_one(contacts: SmoothContacts) -> Array:
 def change(before: Contacts, after: Contacts) -> tuple[Array, float]:
     """Return the change of every T [N] and the largest relative change of loads and approaches.
 
-    On polynomials a tenth of the changes of area and peak pressure counts too; on grids these are too noisy, and what
-    the edges' place in the cells leaves open of loads and approaches counts.
+    With polynomials, a tenth of the changes of area and peak pressure counts too. On grids these are too noisy; there
+    the error of loads and approaches from the unknown position of the edges within cells counts.
     """
     error = np.maximum(np.max(np.abs(after.mutual_force - before.mutual_force), axis=1), least_error(after))
     loads = float(np.max(np.abs(after.normal_forces - before.normal_forces)) / np.max(after.normal_forces))
@@ -95,7 +95,7 @@ Errors = dict[str, Array]
 
 
 def quantities(contacts: Contacts) -> Errors:
-    """Return the quantities that `Errors` belong to, one entry per ball each."""
+    """Return the quantities to which `Errors` refer, one entry per ball each."""
     return {
         "normal_force": contacts.normal_forces,
         "approach": contacts.approaches,
@@ -107,10 +107,10 @@ def quantities(contacts: Contacts) -> Errors:
 def errors_of_one(contacts: Contacts) -> Errors:
     """Return error estimates from one solution, by its residual; on a grid by its coarseness.
 
-    On polynomials of degree d a gap g in contact is corrected by pressures of about g k/(2 pi singular), the
+    With polynomials of degree d, a gap g in contact is corrected by pressures of about g k/(2 pi singular), the
     half-space's response at the largest wave number that the polynomials resolve, k = 4 d/a; forces and approaches are
     correct to second order in the error of the pressure, at least to a fifth of g over the approach. The
-    factors are chosen on scans of pairs, and hold on the scenes of `tests/linear_bem/test_errors.py`.
+    factors come from scans of pairs and hold for the scenes of `tests/linear_bem/test_errors.py`.
     """
     values = quantities(contacts)
     if isinstance(contacts, GridContacts):
@@ -134,7 +134,7 @@ def edge_peak(contacts: GridContacts) -> float:
     """Return the relative error of a peak pressure at the edge of the contact with a film stiffer than its base.
 
     The peak is about as wide as the film is thick, h: cells of side d miss it by (d/h)^2/2, at most 0.15. Measured at
-    E1/E2 = 30 and 100, h = 0.05 R: 0.070 at d/h = 0.39, 0.056 at 0.44, 0.004 at 0.2; two grids may miss it alike.
+    E1/E2 = 30 and 100, h = 0.05 R: 0.070 at d/h = 0.39, 0.056 at 0.44, 0.004 at 0.2; two grids may have equal errors.
     """
     if contacts.kernel.homogeneous or contacts.kernel.far_ratio <= 1.0:
         return 0.0
@@ -142,10 +142,10 @@ def edge_peak(contacts: GridContacts) -> float:
 
 
 def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None = None) -> Errors:
-    """Return error estimates from the last refinement; ``previous`` are those of the refinement before.
+    """Return error estimates from the last refinement; ``previous`` are the estimates of the refinement before.
 
-    On polynomials the change itself. On grids, which converge with uneven steps, twice the change or half of what was
-    estimated before, whichever is larger, above `_on_one_grid`.
+    With polynomials, the change itself. On grids, which converge unevenly, twice the change or half of the previous
+    estimate, whichever is larger, plus `_on_one_grid`.
     """
     old, new = quantities(before), quantities(after)
     errors = {name: np.abs(new[name] - old[name]) + LEAST * np.abs(new[name]) for name in new}
@@ -160,7 +160,7 @@ def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None 
 
 
 def _on_one_grid(contacts: GridContacts) -> Errors:
-    """Return what two grids may miss alike: a share of cell over contact radius squared, and the place of the edge."""
+    """Return errors that two grids may share: of order (cell/contact radius)^2, and from the position of the edge."""
     values = quantities(contacts)
     errors = {k: (0.1 * contacts.coarseness**2 + contacts.edge_shares) * np.abs(v) for k, v in values.items()}
     errors["contact_area"] = contacts.area_errors
@@ -169,7 +169,7 @@ def _on_one_grid(contacts: GridContacts) -> Errors:
 
 
 def _at_prescribed_load(contacts: Contacts, errors: Errors) -> Errors:
-    """Return errors with those of what the load prescribes: 0 for approaches, what is missing for forces."""
+    """Return the errors with those of prescribed quantities set: 0 for approaches, the unmet part for forces."""
     load, touching = contacts.problem.load, contacts.normal_forces > 0.0
     if isinstance(contacts, SmoothContacts):
         bodies = {id(b.shape): b.shape for b in contacts.problem.balls if isinstance(b.shape, Indenter)}
@@ -179,7 +179,7 @@ def _at_prescribed_load(contacts: Contacts, errors: Errors) -> Errors:
     if load.kind == "approach":
         errors["approach"] = np.zeros(contacts.problem.size)
     else:
-        # a ball that only touches rests on a surface that is known as well as the deepest ball's approach
+        # the surface under a ball without load is as accurate as the approach of the deepest ball
         errors["approach"] = np.where(touching, errors["approach"], np.max(errors["approach"][touching]))
     if load.kind == "force":
         errors["normal_force"] = np.abs(contacts.normal_forces - np.array(load.values))
@@ -187,7 +187,7 @@ def _at_prescribed_load(contacts: Contacts, errors: Errors) -> Errors:
 
 
 def missed_pulls(contacts: GridContacts) -> Array:
-    """Return the T [N] on every ball from contacts smaller than a grid cell, which a grid misses, by Hertz's forces."""
+    """Return T [N] on every ball from contacts smaller than a grid cell, which the grid misses; forces by Hertz."""
     problem, forces = contacts.problem, contacts.normal_forces.copy()
     for i, (depth, _) in overlapping(contacts).items():
         forces[i] = 4.0 / 3.0 * math.sqrt(problem.balls[i].radius * depth**3) / (math.pi * contacts.kernel.singular)

@@ -39,19 +39,19 @@ def _cap(squared: Any, steep: float = 1.0) -> Any:
 class Indenter:
     """A rigid surface with its lowest point at the origin; lengths in m.
 
-    An own body is a function f(x, y), or, with an edge (``reach``) or sides (``gap``), a frozen dataclass derived from
-    this one with the property ``apex_radius`` and ``height(x, y)``. All models take an expression of ``+ - * / **``,
-    abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum and minimum, 0 at the origin. Its slope
-    must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
+    A user-defined body is a function f(x, y) or, if it has an edge (``reach``) or sides (``gap``), a frozen dataclass
+    derived from this one with the property ``apex_radius`` and the method ``height(x, y)``. All models accept an
+    expression of ``+ - * / **``, abs and numpy's sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum and minimum
+    that is 0 at the origin. Its slope must be finite: ``np.sqrt(x**2 + y**2)`` has none on the axis.
 
-    A kink, such as ``np.maximum`` makes, costs accuracy where it lies in a contact: both models take more unknowns.
-    Forces converge; errors that polynomials (`linear_bem`) state under such a body are widened by what was measured,
-    those of a plain function f(x, y) are not. The peak pressure at a kink that sticks out (maximum) has no limit: finer
-    grids and meshes only raise it. At one that goes in (minimum) the surface may part from the body.
+    A kink inside a contact, for example from ``np.maximum``, costs accuracy: both models need more unknowns. Forces
+    converge; error estimates with polynomials (`linear_bem`) are enlarged by a measured factor, except under a plain
+    function f(x, y). The peak pressure at a convex kink (maximum) has no limit: it grows as grids and meshes are
+    refined. At a concave kink (minimum) the surface may lift off the body.
     """
 
     def __init_subclass__(cls) -> None:
-        # a dataclass would take the property for the default of a field of its name, and fail to set it
+        # a dataclass would use the property as the default of a field with this name, and fail to set it
         hidden = [key for key in ("apex_radius", "reach") if key in inspect.get_annotations(cls)]
         if any(key not in cls.__dict__ for key in hidden):
             raise TypeError(f"{cls.__name__}: make {hidden[0]} a property or a constant, and name the field otherwise")
@@ -68,7 +68,7 @@ class Indenter:
 
     @property
     def apex_radius(self) -> float:
-        """Radius of curvature [m] at the lowest point, the length that estimates are scaled by."""
+        """Radius of curvature [m] at the lowest point, the length scale of estimates."""
         raise InvalidProblem(
             f"balls.shape: {type(self).__name__} must define apex_radius, its radius of curvature [m] at the apex, got "
             "none; add a constant or property of this name, such as apex_radius = 2.5e-3"
@@ -98,14 +98,14 @@ class Indenter:
     def gap(self, x: Any, y: Any, z: Any) -> Any:
         """Return a distance [m] of points from the body, negative inside, with gradient (0, 0, -1) at its apex.
 
-        By default the vertical distance; bodies with a closed surface override it by one that also holds sideways.
+        By default the vertical distance; bodies with a closed surface override it with one that also holds sideways.
         """
         return self.height(x, y) - z
 
 
 @dataclass(frozen=True)
 class _OfRadius(Indenter):
-    """A body that ``radius`` [m] scales."""
+    """A body whose size is given by ``radius`` [m]."""
 
     radius: float
 
@@ -117,7 +117,7 @@ class _OfRadius(Indenter):
 
 @dataclass(frozen=True)
 class HeightFunction(_OfRadius):
-    """The body of a function f(x, y) that is an expression as `Indenter` takes it; ``radius`` is that of its `Ball`."""
+    """The body of a function f(x, y), an expression as described in `Indenter`; ``radius`` is that of its `Ball`."""
 
     function: Callable[..., Any]
 
@@ -178,7 +178,7 @@ class Ellipsoid(Indenter):
 
     @property
     def apex_radius(self) -> float:
-        """Geometric mean a b / c [m] of the two."""
+        """Geometric mean a b / c [m] of the two apex radii of curvature."""
         a, b, c = self.semi_axes
         return a * b / c
 
@@ -188,7 +188,7 @@ class Ellipsoid(Indenter):
         return max(self.semi_axes[:2])
 
     def half_width(self, x: float, y: float) -> float:
-        """Return the distance [m] of the equator from the axis in that direction."""
+        """Return the distance [m] of the equator from the axis along (x, y)."""
         a, b, _ = self.semi_axes
         return 1.0 / math.hypot(x / a, y / b)
 
@@ -198,7 +198,7 @@ class Ellipsoid(Indenter):
         return c * _cap(x**2 / a**2 + y**2 / b**2)
 
     def gap(self, x: Any, y: Any, z: Any) -> Any:
-        """Return c (s - 1) [m], s = 1 on the whole ellipsoid: for a sphere the distance itself."""
+        """Return c (s - 1) [m], s = 1 on the whole ellipsoid; for a sphere this is the distance."""
         a, b, c = self.semi_axes
         return c * ((x**2 / a**2 + y**2 / b**2 + (z - c) ** 2 / c**2 + TINY**2) ** 0.5 - 1.0)
 
@@ -236,7 +236,7 @@ class Cone(Indenter):
 class Punch(_OfRadius):
     """A flat-ended cylinder whose edge is rounded by a quarter circle of ``edge_radius`` [m].
 
-    Its end has no curvature: ``apex_radius``, the length that estimates are scaled by, is the radius of the cylinder.
+    Its end has no curvature: ``apex_radius``, the length scale of estimates, is the radius of the cylinder.
     """
 
     edge_radius: float

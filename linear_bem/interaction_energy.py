@@ -1,8 +1,8 @@
-r"""A third formula for T: minus the derivative of the elastic energy by a ball's position at fixed approaches.
+r"""A third formula for T: minus the derivative of the elastic energy with respect to a ball's position.
 
 The elastic energy is U = 1/2 int p w dA. At fixed approaches the normal forces do no work, so an
-in-plane displacement of ball i changes U by -T_i. Each component takes four more solutions
-(fourth-order difference). It is independent of the mutual formula and the slope integral.
+in-plane displacement of ball i changes U by -T_i per length. Each component needs four more solutions
+(fourth-order difference). This formula is independent of the mutual formula and the slope integral.
 """
 
 from dataclasses import replace
@@ -24,9 +24,8 @@ def elastic_energy(solution: Solution) -> float:
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
     """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
 
-    ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image, and of
-    a ball alone to 1 % of its radius. Touching balls may overlap in it, because only their contacts with the layer are
-    modelled.
+    The ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image, for a single
+    ball to 1 % of its radius. The moved ball may overlap others, because only contacts with the layer are modelled.
     """
     problem = solved(solution, "energy_force").problem
     approaches = tuple(float(d) for d in solution.contacts.approaches)

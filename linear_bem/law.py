@@ -1,9 +1,9 @@
-"""Hyperelastic laws of the layer, named by their dimensionless numbers.
+"""Hyperelastic laws of the layer, with dimensionless parameters.
 
 The layer's Young's modulus and Poisson's ratio set shear modulus mu and Lame's constant lambda of every law at small
-strain; the law's own numbers say what follows at finite strain. With I1, I2 and the stretches l of F, and J = det F:
-A = I1 - 3 - 2 ln J and B = I2 - 3 - 4 ln J, the paper's I1 - 3 and I2 - 3 where the volume is kept (Ciarlet and
-Geymonat's extension to compressible solids), and U = lambda/2 (J - 1)^2 or its mixed form. No DOLFINx here.
+strain; the law's parameters set its response at finite strain. With I1, I2 and the stretches l of F, and J = det F:
+A = I1 - 3 - 2 ln J and B = I2 - 3 - 4 ln J, the published I1 - 3 and I2 - 3 at constant volume (Ciarlet and Geymonat's
+extension to compressible solids), and U = lambda/2 (J - 1)^2 or its mixed form. This module needs no DOLFINx.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ FOAM_LIMIT = 0.45
 
 @dataclass(frozen=True)
 class Law:
-    """A hyperelastic law; a subclass's fields are its numbers, all dimensionless."""
+    """A hyperelastic law; the fields of a subclass are its dimensionless parameters."""
 
     name: ClassVar[str]
     takes_pressure: ClassVar[bool] = True
     """Whether the volumetric energy is U, which has a mixed form up to Poisson's ratio 0.5."""
 
     def faults(self, poisson: float) -> list[str]:
-        """Return what is wrong with the numbers on a layer of a Poisson's ratio: "key: rule, got value", one each."""
+        """Return a message "key: rule, got value" per faulty parameter, for a layer with this Poisson's ratio."""
         texts = []
         for f in fields(self):
             value = getattr(self, f.name)
@@ -41,7 +41,7 @@ class Law:
         return []
 
     def doubts(self, poisson: float) -> list[str]:
-        """Return where the energy is not known to be polyconvex, one sentence each; none: it is everywhere."""
+        """Return a sentence per range where the energy is not known to be polyconvex; empty if it is everywhere."""
         return []
 
 
@@ -113,7 +113,7 @@ class Gent(Law):
 
 @dataclass(frozen=True)
 class _Stretches(Law):
-    """A sum over terms of exponent a and weight w, the term's part of mu."""
+    """A sum over terms with exponent a and weight w, the term's share of mu."""
 
     exponents: tuple[float, ...]
     weights: tuple[float, ...]
@@ -139,7 +139,7 @@ class _Stretches(Law):
 class Ogden(_Stretches):
     """sum of 2 mu w / a^2 (l1^a + l2^a + l3^a - 3 - a ln J), plus U.
 
-    ``exponents`` a and ``weights`` w, which add up to 1: w = mu_a a / (2 mu) of the paper's mu_a
+    ``exponents`` a and ``weights`` w, which add up to 1: w = mu_a a / (2 mu) with the published mu_a
     [Ogden 1972, doi 10.1098/rspa.1972.0026].
     """
 
@@ -150,7 +150,7 @@ class Ogden(_Stretches):
 class Hyperfoam(_Stretches):
     """sum of 2 mu w / a^2 [l1^a + l2^a + l3^a - 3 + (J^(-a b) - 1) / b], b = nu / (1 - 2 nu), for foams.
 
-    ``exponents`` a and ``weights`` w, which add up to 1: w = mu_a / mu of the paper's mu_a
+    ``exponents`` a and ``weights`` w, which add up to 1: w = mu_a / mu with the published mu_a
     [Storakers 1986, doi 10.1016/0022-5096(86)90033-5]. Poisson's ratio up to 0.45.
     """
 
@@ -170,11 +170,11 @@ class Hyperfoam(_Stretches):
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, Ogden, Hyperfoam)}
 """Every law by its name."""
 Energy = Callable[[Any], Any]
-"""psi(F): own strain energy per reference volume [Pa], an expression of the form language (UFL) in F (3, 3)."""
+"""psi(F): user-defined strain energy per reference volume [Pa], a form-language (UFL) expression in F (3, 3)."""
 
 
 def law_of(name: str, numbers: Mapping[str, Any]) -> tuple[Law | None, list[str]]:
-    """Return the law of a name with its numbers, or None and what is wrong: "key: rule, got value", one each."""
+    """Return the law of this name with its parameters, or None and a message "key: rule, got value" per fault."""
     if name not in LAWS:
         return None, [f'law: must be one of {", ".join(LAWS)}, got "{name}"']
     takes = [f.name for f in fields(LAWS[name])]

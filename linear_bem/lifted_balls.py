@@ -27,12 +27,12 @@ Same = TypeVar("Same", SmoothContacts, GridContacts)
 
 
 TOUCHING, OVERLOOKED = 1e-9, 1e-4
-"""Least depth over the largest approach at which a ball without force touches: among few and among many balls.
+"""Least depth over the largest approach at which a ball without force counts as touching, for few and for many balls.
 
-At 1e-4 of the others' depth it carries 1e-6 of their force."""
+At 1e-4 of the others' depth, a ball carries 1e-6 of their force."""
 CLEAR = 0.4
-"""Largest place where a ball among many may touch, over the distance of its axis from the next one: a polynomial
-follows the displacement up to there, not under the next contact."""
+"""Largest distance of a touching point from its ball's axis, over that of the next axis, for many balls: a polynomial
+fits the displacement up to there, but not under the next contact."""
 
 
 class Touched(NotConverged):
@@ -65,7 +65,7 @@ def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
 
 
 def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[float, float]]]:
-    """Return `rest` of many balls; among many smooth contacts all at once, to about 1e-5 of the displacement."""
+    """Return `rest` of these balls; with many smooth contacts all at once, to about 1e-5 of the displacement."""
     if not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED:
         said = seldom(contacts.report, "height of rest: ")
         found: list[tuple[float, tuple[float, float]]] = []
@@ -93,7 +93,7 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
 
 
 def nearest(problem: Problem) -> Array:
-    """Return the distance [m] of the axis of every ball to the next one, to an image of it, or to one of its own."""
+    """Return the distance [m] from every ball's axis to the nearest other axis or image, its own images included."""
     cell = problem.cell
     places = wrapped(problem.positions, cell)
     to_others = cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1]
@@ -133,7 +133,7 @@ def smooth_state(
     pair_precision: float | None = None,
     report: Report = silent,
 ) -> SmoothContacts:
-    """Return the contacts at one degree; raises `Touched` if further balls touch, `Lost`, and `NotConverged`.
+    """Return the contacts at one degree; raises `Touched` or `Lost` if balls gain or lose contact, `NotConverged`.
 
     ``precision``, ``pair_precision`` and ``report`` are those of `solve_smooth`.
     """

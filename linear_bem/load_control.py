@@ -12,7 +12,7 @@ Groups = list[tuple[list[int], float]]
 
 
 def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups:
-    """Return the groups of a load; balls are numbered by position in ``touching``."""
+    """Return the groups of a load; balls are numbered by their position in ``touching``."""
     if load.kind == "force":
         return [([k], load.values[i] * singular) for k, i in enumerate(touching)]
     if load.kind == "total_force":

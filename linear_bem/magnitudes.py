@@ -1,4 +1,4 @@
-"""Which numbers can be computed with: none whose powers overflow, none that are lost in roundoff beside others."""
+"""Accepted magnitudes of numbers: no powers that overflow, no number that is lost in roundoff beside others."""
 
 import math
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ REMEDIES = {
     "periodic.lengths": ", or leave periodic out",
     "substrate.young": ", or leave the substrate out: the base is then rigid",
 }
-"""What else to do, by key."""
+"""Further remedies in messages, by key."""
 
 
 def is_number(value: object) -> bool:
@@ -25,9 +25,9 @@ def is_number(value: object) -> bool:
 
 
 def range_faults(numbers: Mapping[str, float], unit: str = "", of: float = 1.0, what: str = "") -> list[str]:
-    """Return which ``numbers``, by key, are outside `SIZES`, or outside `RATIOS` of ``of``, which is ``what`` in words.
+    """Return a message per number outside `SIZES` or, if ``what`` describes ``of`` in words, outside `RATIOS` of it.
 
-    Numbers that are not positive and finite are the fault of another rule.
+    Numbers that are not positive and finite are left to other checks.
     """
     least, most = RATIOS if what else SIZES
     faults = []

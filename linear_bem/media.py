@@ -1,4 +1,4 @@
-"""What is pressed into: elastic solids, the layer, and media known by the response of their surface."""
+"""Materials: elastic solids, the layer, and media given by the response of their surface."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from linear_bem.arrays import Array
 
 LINEAR_UP_TO = 0.5
-"""Approach over the layer's thickness above which a note is given, where only the layer is deformed.
+"""Approach over the layer's thickness above which a note is given, if only the layer is deformed.
 
 At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
 """
@@ -49,11 +49,11 @@ class Layer(Elastic):
 
 @dataclass(frozen=True)
 class SurfaceResponse(Layer):
-    """A medium known by the response G of its surface, in place of layer and substrate; linear model only.
+    """A medium given by the response G of its surface, in place of layer and substrate; linear model only.
 
     A pressure p cos(k x) displaces the surface down by 2 (1 - poisson^2)/(young k) G(k thickness) p cos(k x): ``young``
-    and ``poisson`` (-1 to 0.5) are those at the surface, ``thickness`` is the unit [m] that G's argument is counted in.
-    ``response`` takes and returns arrays; G > 0 must tend to 1 exponentially at large arguments, as where the material
+    and ``poisson`` (-1 to 0.5) are those at the surface; ``thickness`` [m] is the unit of length in G's argument.
+    ``response`` accepts and returns arrays; G > 0 must tend to 1 exponentially at large arguments, as if the material
     next to the surface is homogeneous. ``far_ratio`` is G(0), the compliance far from a load over that of the material
     at the surface (0 over a rigid base); None: measured by G at 1e-6. Derivation: linear_bem/README.md.
     """
@@ -63,14 +63,14 @@ class SurfaceResponse(Layer):
 
 
 def without_empty_layer(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
-    """Return the substrate alone, as a half-space, where the layer has no thickness; else both as they are."""
+    """Return the substrate alone, as a half-space, if the layer has no thickness; else both unchanged."""
     if layer.thickness > 0.0 or substrate is None:
         return layer, substrate
     return Layer(substrate.young, substrate.poisson, math.inf), None
 
 
 def material_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
-    """Return what is wrong with a layer and its substrate, one sentence each with key, rule and value."""
+    """Return a message per fault of a layer and its substrate, with key, rule and value."""
     faults = []
     thickness = layer.thickness
     if not (thickness > 0.0 or (thickness == 0.0 and substrate is not None)):
@@ -96,12 +96,12 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
     if own.far_ratio is not None and not 0.0 <= own.far_ratio < math.inf:
         faults.append(f"layer.far_ratio: must not be negative, and finite, got {own.far_ratio}")
     if substrate is not None:
-        faults.append("substrate: is part of the response in place of the layer, got another; leave it out")
+        faults.append("substrate: is part of the response of the layer, got a separate one; leave it out")
     return faults
 
 
 def large_strain_note(layer: Layer, substrate: Elastic | None, deepest: float, contact_area: float) -> tuple[str, ...]:
-    """Return a note where a layer is pressed in so deep [m] that small strain does not hold, given a contact's area."""
+    """Return a note if ``deepest`` [m] is too deep for small strain under a contact of ``contact_area`` [m^2]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
         return ()
     share, radius = deepest / layer.thickness, math.sqrt(contact_area / math.pi)

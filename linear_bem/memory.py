@@ -1,4 +1,4 @@
-"""The memory that is free, and the refusal of problems that need more, before anything is allocated."""
+"""Free memory, and the refusal of problems that need more, before any allocation."""
 
 import ctypes
 import os
@@ -8,11 +8,11 @@ from pathlib import Path
 from linear_bem.errors import TooLarge
 
 SHARE = 0.9
-"""Share of the free memory that a problem may take."""
+"""Share of the free memory that a problem may use."""
 
 
 def free_memory() -> float:
-    """Return the free memory [bytes]: what Linux could hand out without swapping, else all of the machine's."""
+    """Return the free memory [bytes]: on Linux, what is available without swapping, else the machine's total."""
     lines = Path("/proc/meminfo")
     if lines.exists():
         for line in lines.read_text(encoding="ascii").splitlines():
@@ -33,6 +33,6 @@ def require(needed: float, what: str, remedy: str) -> None:
 
 
 def give_back() -> None:
-    """Return freed memory to the system, where the C library (glibc) would keep it for later allocations."""
+    """Return freed memory to the system; the C library (glibc) would keep it for later allocations."""
     with suppress(OSError, AttributeError, TypeError):  # not glibc
         ctypes.CDLL(None).malloc_trim(0)

@@ -1,4 +1,4 @@
-"""Figures of results and solutions in plan; matplotlib is imported where something is drawn."""
+"""Plan-view figures of results and solutions; matplotlib is imported only to draw them."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from linear_bem.arrays import Array
 
 UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
-"""Units of the axes: the largest of which the figure is at least a tenth wide; the drawn data are in m."""
+"""Units of the axes: the largest that is at most ten times the figure's extent is used; the drawn data are in m."""
 NUMBERED = 100
 """Largest number of balls that are numbered."""
 CELLS = 200
@@ -16,9 +16,9 @@ CELLS = 200
 
 
 def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
-    """Return a figure of contacts (circles of their areas) and T (arrows, the largest with its size) of numbered balls.
+    """Return a figure of numbered balls: contacts as circles of equal area, T as arrows, the largest T in the title.
 
-    ``balls`` are `BallResult`s. With ``pressure`` [Pa] as a function of surface points [m] it is drawn as a map.
+    ``balls`` are `BallResult`s. A ``pressure`` [Pa] as a function of surface points [m] is drawn as a map.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.patches import Circle  # noqa: PLC0415

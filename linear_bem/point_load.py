@@ -94,8 +94,8 @@ class _Single:
 def solve_point_load(problem: Problem) -> Result:
     """Return the result of the point-load law for any number of balls and any kind of load.
 
-    Each kind of ball (radius and shape) takes 1 to 6 solutions of one alone, most of the time where many differ.
-    Raises `UnsupportedProblem` for finite strain, cones and punches.
+    Each kind of ball (radius and shape) needs 1 to 6 solutions of a single ball; with many kinds these dominate the
+    time. Raises `UnsupportedProblem` for finite strain, a periodic cell, cones and punches.
     """
     problem = problem.without_empty_layer()
     if problem.finite_strain is not None:
@@ -105,7 +105,7 @@ def solve_point_load(problem: Problem) -> Result:
     sharp = next((b.shape for b in problem.balls if isinstance(b.shape, Cone | Punch)), None)
     if sharp is not None:
         raise UnsupportedProblem(
-            f"balls.shape: point_load needs balls whose contact grows as a ball's does, got {sharp}; use linear_bem"
+            f"balls.shape: point_load does not support cones and punches, got {sharp}; use linear_bem"
         )
     begun = time.perf_counter()
     kernel = LayeredKernel.of(problem)

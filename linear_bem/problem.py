@@ -1,4 +1,4 @@
-"""The contact problem: bodies, materials and load, without discretisation and tolerances; every model takes one.
+"""The contact problem that every model accepts: bodies, materials and load, without discretisation and tolerances.
 
 SI units; z points up out of the layer, whose free surface is z = 0; an approach is positive into the layer.
 """
@@ -38,8 +38,8 @@ class Ball:
     elements it must be an expression such as `Indenter` describes.
 
     A body is whole by default: it must not overlap others. An ``asperity`` is a cap on a rigid surface, of which
-    only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross the
-    lower one is there. Linear model only.
+    only the part near its apex exists: it may stand closer to others than their radii, and where two surfaces cross,
+    the lower one counts. Linear model only.
     """
 
     position: tuple[float, float]
@@ -75,21 +75,21 @@ class Load:
 class FiniteStrain:
     """Effect: a hyperelastic layer with contact in the deformed configuration.
 
-    ``law`` is a `Law` with its numbers such as ``Gent(limit=30.0)``, the name of one without numbers, or an own strain
-    energy psi(F) of the form language; see `linear_bem.law`. It is the layer's: a substrate is neo-Hookean.
+    ``law`` is a `Law` with its parameters such as ``Gent(limit=30.0)``, the name of a law without parameters, or a
+    user-defined strain energy psi(F) in UFL; see `linear_bem.law`. It applies to the layer; a substrate is neo-Hookean.
     """
 
     law: str | Law | Energy = "neo_hookean"
 
     @property
     def chosen(self) -> Law | Energy:
-        """The law, of a problem that was accepted."""
+        """The law as an object; requires an accepted problem."""
         law = law_of(self.law, {})[0] if isinstance(self.law, str) else self.law
         assert law is not None
         return law
 
     def faults(self, poisson: float) -> list[str]:
-        """Return what is wrong with the law on a layer of a Poisson's ratio, one text each."""
+        """Return a message per fault of the law on a layer with this Poisson's ratio."""
         law, texts = law_of(self.law, {}) if isinstance(self.law, str) else (self.law, [])
         if isinstance(law, Law):
             texts = law.faults(poisson)
@@ -100,17 +100,17 @@ class FiniteStrain:
 
 @dataclass(frozen=True)
 class Periodic:
-    """Effect: a rectangular cell of the layer with its balls that repeats along x and y; linear model only.
+    """Effect: the layer and its balls are one rectangular cell that repeats along x and y; linear model only.
 
-    ``lengths`` [m] are those of the cell. All balls have images at distances of whole lengths, under the same load;
-    forces are those of one cell. Approaches and displacements count from the mean level of the layer's underside, those
-    of a half-space from the mean level of its surface; see `linear_bem.layer.cell`.
+    ``lengths`` [m] are the sides of the cell. Every ball has images at multiples of the sides, under the same load;
+    forces are those of one cell. Approaches and displacements are measured from the mean level of the layer's
+    underside, on a half-space from the mean level of its surface; see `linear_bem.layer.cell`.
     """
 
     lengths: tuple[float, float]
 
     def faults(self) -> list[str]:
-        """Return what is wrong with the lengths."""
+        """Return a message per fault of the lengths."""
         lengths, must = self.lengths, "periodic.lengths: must be two lengths"
         if not (_are_numbers(lengths) and len(lengths) == 2):
             return [f"{must} in metres, along x and y, such as (10.0, 10.0), got {lengths!r:.80}"]
@@ -137,7 +137,7 @@ PARTS: dict[str, tuple[type, str]] = {
     "elements": (Elements, 'Elements("mixed")'),
     "periodic": (Periodic, "Periodic((10.0, 10.0))"),
 }
-"""What the parts of a problem are, beside its balls, with an example; only the first two are needed."""
+"""Type and example of the parts of a problem other than its balls; only the first two are required."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class Problem:
         return replace(self, layer=layer, substrate=substrate)
 
     def _type_faults(self) -> list[str]:
-        """Return the values that are not numbers; strings with units are accepted in scene files only."""
+        """Return a message per value of a wrong type; strings with units are accepted in scene files only."""
         if not isinstance(self.balls, Sequence) or not all(isinstance(ball, Ball) for ball in self.balls):
             return [f"balls: must be a tuple of Ball, a single one as (Ball(...),), got {self.balls!r:.80}"]
         faults = [
@@ -265,7 +265,7 @@ class Problem:
         return overlap_faults(whole, self.positions, self.cell)
 
     def _size_faults(self) -> list[str]:
-        """Return which numbers are too large or too small, by themselves or beside the others."""
+        """Return a message per number that is too large or too small, in itself or relative to others."""
         radii = {f"balls.radius[{i}]": ball.radius for i, ball in enumerate(self.balls)}
         young, thickness, largest = self.layer.young, self.layer.thickness, max(radii.values())
         faults = [*range_faults(radii, "m"), *range_faults({"layer.young": young}, "Pa")]

@@ -36,7 +36,7 @@ def height(ball: Ball) -> Height:
 
 
 def _check_apex(ball: Ball) -> None:
-    """Raise `InvalidProblem` where a callable is not 0 at the ball's axis, from which approaches are measured."""
+    """Raise `InvalidProblem` if a callable is not 0 at the ball's axis, from which approaches are measured."""
     assert callable(ball.shape)
     apex = np.asarray(ball.shape(np.zeros(1), np.zeros(1)), dtype=float)
     if apex.shape != (1,):

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 Report = Callable[[str], None]
-"""Takes a line at every step; an exception that it raises ends the solution."""
+"""Receives a line at every step; an exception that it raises ends the solution."""
 
 
 def silent(text: str) -> None:
@@ -24,9 +24,9 @@ class Timed:
 
 
 def seldom(report: Report, before: str = "", seconds: float = 2.0) -> Report:
-    """Return a report with ``before`` in front that drops lines within so many seconds of the last one, or this call.
+    """Return a report that prefixes ``before`` and drops lines within ``seconds`` of the last line or of this call.
 
-    The last one is that of the whole solution where ``report`` is `Timed`.
+    If ``report`` is `Timed`, the last line of the whole solution counts.
     """
     timed = report if isinstance(report, Timed) else Timed(report)
 

@@ -16,9 +16,9 @@ from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem
 
 COLUMNS = ("ball", "x [m]", "y [m]", "D [m]", "Q [N]", "Tx [N]", "Ty [N]", "± [N]", "peak p [Pa]", "area [m²]")
-"""Of the table of balls in `Result.summary`."""
+"""Headings of the table of balls in `Result.summary`."""
 LONGEST = 20
-"""Number of balls in that table; of more balls those with the largest T."""
+"""Largest number of balls in that table; of more balls, it shows those with the largest T."""
 ROUNDOFF = 1e-9
 """A component of T below this share of it is shown as 0."""
 UNRESOLVED = "the state is not resolved"
@@ -72,7 +72,7 @@ class BallResult:
 
 @dataclass(frozen=True)
 class Step:
-    """One state on the load path; ``record`` holds what the solver reports of it."""
+    """One state on the load path; ``record`` holds the solver's report on it."""
 
     balls: tuple[BallResult, ...]
     record: Mapping[str, Any] = field(default_factory=dict)
@@ -116,7 +116,7 @@ class Solved:
     linear_solver: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object; what only some models have is left out where it is empty."""
+        """Return the JSON object, without those fields of some models only that are empty."""
         optional = ("accuracy", "tolerances", "linear_solver")
         return {
             name: dict(value) if isinstance(value, Mapping) else list(value) if isinstance(value, tuple) else value
@@ -126,7 +126,7 @@ class Solved:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Solved:
-        """Return what ``to_dict`` wrote."""
+        """Return the account that ``to_dict`` wrote."""
         return cls(**{**data, "notes": tuple(data.get("notes", ()))})
 
 

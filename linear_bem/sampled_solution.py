@@ -1,9 +1,9 @@
-"""Many balls: one degree of p^2 is accepted where a sample of balls, solved exactly, has the requested T.
+"""Many balls: one degree of p^2 is accepted if a sample of balls, solved exactly, confirms the requested accuracy of T.
 
-Two degrees for all balls would cost several times as much as one. The error of T goes like the forces that neighbours
-exert on each other, so the largest ratio of the two on the sample, times `UNSAMPLED`, gives the error on every ball. T
-is proportional to the ball's own force, too: where that is not given, its largest error in the sample adds, times the
-same.
+Two degrees for all balls would cost several times as much as one. The error of T scales with the forces that neighbours
+exert on each other, so the largest ratio of both in the sample, times `UNSAMPLED`, gives the error on every ball. T is
+also proportional to the ball's own normal force: unless that is prescribed, its largest error in the sample, times
+`UNSAMPLED`, adds to the error of T.
 """
 
 from dataclasses import replace
@@ -25,31 +25,31 @@ from linear_bem.smooth.many_balls import Lost
 from linear_bem.solution import Estimated, is_certified, require_certified
 
 SAMPLE = ", sample: "
-"""In lines of progress after the degree, where work begins whose time hardly depends on the number of balls."""
+"""Marks progress lines of work whose time hardly depends on the number of balls; it follows the degree."""
 ROUGH = 3e-2
 """Relative change at which sweeps at degree 2 end."""
 DEGREES = (4, 6, 8)
-"""Degrees of p^2, one after the other."""
+"""Degrees of p^2, in the order of trial."""
 WIDE = 0.95
 """Largest contact radius over layer thickness up to which degree 4 is tried: wider contacts have larger residuals."""
 SWEPT, PAIRS, PULLED, AGAIN = 0.07, 0.1, 300.0, 0.005
-"""Over the requested accuracy of T: last change of a sweep; precision of a pair, the same over the largest T in units
-of the neighbours' forces where that is less, and from the second degree on. Pairs leave about 3e-4 of their precision
-times these forces in T.
+"""Factors on the requested accuracy of T: last change of a sweep; precision of a pair; the same per T over the
+neighbours' forces (largest values), if that is less; precision from the second degree on. Pairs cause an error of T of
+about 3e-4 of their precision times these forces.
 
-Where T is small against what a half-space would transmit, as in a thin layer on a stiff base, the mesh's error decides.
+If T is much less than a half-space would transmit, as in a thin layer on a stiff base, the mesh's error decides.
 """
 FINEST = RULES[-1][0]
-"""Least precision of pairs that a mesh has: below, all pairs would be summed."""
+"""Finest precision of pairs that a mesh permits; beyond it, all pairs would be summed."""
 LEFT = 0.5
-"""Share of the error that the last change of the sweeps may make of T; above it, sweeps go on at the same degree."""
+"""Largest share of T's error that may come from the last change of the sweeps; else they go on at the same degree."""
 UNSAMPLED = 4.0
 """Error on any ball over the largest one in the sample, both over the neighbours' forces: measured up to 2.6 on 300 to
 1000 balls on layers of 0.2 to 0.3 R, and up to 3.6 on 100 whose forces differ by up to 100 times."""
 ROUNDOFF = 1e-14
-"""Error of T on any ball over the largest neighbours' force on one: what is left where a mesh adds up both."""
+"""Error of T on any ball over the largest neighbours' force on a ball: roundoff where a mesh sums up both."""
 FREE = {"approach": ("normal_force",), "force": ("approach",), "total_force": ("normal_force", "approach")}
-"""Of forces and approaches those that follow from a kind of load."""
+"""Forces or approaches that are not prescribed, by kind of load."""
 CHANGES = 40
 """Largest number of times that balls may lose or find contact."""
 BYTES = 130e3
@@ -57,7 +57,7 @@ BYTES = 130e3
 
 
 def require_memory(problem: Problem) -> None:
-    """Raise `TooLarge` where the balls are too many for the free memory."""
+    """Raise `TooLarge` if the balls are too many for the free memory."""
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
@@ -66,8 +66,8 @@ def solve_by_sample(
 ) -> Estimated:
     """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
 
-    ``size`` is that of the sample's part at equal steps, by default the usual one of very many balls.
-    Raises `NotConverged` where none does.
+    ``size`` is the number of sampled balls at equal steps, by default that for very many balls.
+    Raises `NotConverged` if no degree converges.
     """
     best: Estimated | None = None
     contacts: SmoothContacts | None = None
@@ -124,10 +124,10 @@ def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float,
 def _settled(
     problem: Problem, kernel: LayeredKernel, degree: int, start: Start, wanted: float, pairs: float, report: Report
 ) -> SmoothContacts:
-    """Return the contacts at a degree, swept until T is settled: a thin layer's T is small against all that it adds."""
+    """Return the contacts at a degree, swept until T has settled: on a thin layer T is a small sum of large terms."""
     contacts = _at_degree(problem, kernel, degree, start, SWEPT * wanted, pairs, report)
     left, most = LEFT * wanted * reference_force(contacts), float(np.max(felt(contacts)))
-    if contacts.smooth.residual * most <= left:  # a ball alone feels nothing
+    if contacts.smooth.residual * most <= left:  # `felt` is 0 for a single ball
         return contacts
     try:
         return _at_degree(problem, kernel, degree, _start_of(contacts), left / most, pairs, report)
@@ -159,12 +159,12 @@ def _without(start: Start, lost: Lost) -> Start:
 
 
 def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimated:
-    """Return the contacts with the error of T that the sample shows."""
+    """Return the contacts with the error of T estimated from the sample."""
     sample, scale = sample_error(contacts, report), pulls(contacts)
     vars(contacts).pop("direct", None)  # its nodes take memory
     balls = [contacts.touching[k] for k in sample.places]
     ratio = float(np.max(sample.tangential_force / np.maximum(scale[balls], 1e-300)))
-    share = UNSAMPLED * ratio  # infinite where a ball alone finds no solution
+    share = UNSAMPLED * ratio  # infinite if a sampled ball finds no solution
     error = share * np.where(scale > 0.0, scale, 1.0) + contacts.smooth.residual * felt(contacts)
     error = np.maximum(error, np.maximum(least_error(contacts), ROUNDOFF * np.max(scale)))
     free = FREE[contacts.problem.load.kind]
@@ -173,7 +173,7 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimate
         error = error + UNSAMPLED * sample.normal_force * pull
     error = np.where(scale > 0.0, error, 0.0)
     errors, known = errors_of_one(contacts), quantities(contacts)
-    # the sample shows the errors of what the load leaves open
+    # the sample shows the errors of the quantities that are not prescribed
     for name in free:
         errors[name] = np.maximum(errors[name], UNSAMPLED * sample.settled * np.abs(known[name]))
     reference = reference_force(contacts)

@@ -1,4 +1,4 @@
-"""A certified solution: fields, numbers, and how well they are known."""
+"""A certified solution: fields, numbers, and their error estimates."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ def is_certified(contacts: Contacts) -> bool:
 
 
 def require_certified(contacts: Contacts) -> None:
-    """Raise `NotConverged` where a recomputed residual exceeds `CERTIFIED`."""
+    """Raise `NotConverged` if a recomputed residual exceeds `CERTIFIED`."""
     if not is_certified(contacts):
         name, worst = max(contacts.certificate.items(), key=lambda item: item[1])
         raise NotConverged(
@@ -37,7 +37,7 @@ def require_certified(contacts: Contacts) -> None:
 
 @dataclass(frozen=True)
 class Estimated:
-    """Contacts, error of T [N] per ball, errors of the rest, notes, and how the accuracy was judged on a sample."""
+    """Contacts, error of T [N] per ball, errors of other results, notes, and the accuracy judged by a sample."""
 
     contacts: Contacts
     error: Array
@@ -134,7 +134,7 @@ def _pair(v: Array) -> tuple[float, float]:
 
 
 def solved(solution: object, what: str) -> Solution:
-    """Return the solution; raise `InvalidProblem` for what has no fields, as the result of `solve`."""
+    """Return the solution; raise `InvalidProblem` for objects without fields, such as the result of `solve`."""
     if not isinstance(solution, Solution):
         raise InvalidProblem(f"{what}: needs the fields that solve_contact returns, got {type(solution).__name__}")
     return solution

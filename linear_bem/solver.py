@@ -36,18 +36,18 @@ from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
 from linear_bem.solution import CERTIFIED, Estimated, Solution, require_certified
 
 WORTH_KEEPING = 5.0
-"""Error over the requested one up to which the best polynomials are accepted (with a note) without trying a grid."""
+"""Largest error over the requested one at which the best polynomials are accepted (with a note) without grids."""
 ROUTES_SUFFICE = 1e-3
 """Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
 STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
-"""Contact radius over the sphere's, over a cone's tan(slope) R, over the layer's thickness; number of balls. Up to that
-number, balls with a contact above one of the radii go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+"""Contact radius over the sphere's, over a cone's tan(slope) R, over the layer's thickness; number of balls. If a ratio
+is exceeded, up to that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
-"""Largest number of balls that go to grids where polynomials do not converge."""
+"""Largest number of balls that go to grids if polynomials do not converge."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
-"""Degrees of the polynomials p^2, one after the other."""
+"""Degrees of the polynomials p^2, in the order of trial."""
 
 
 def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> Result:
@@ -59,22 +59,22 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
         Layer, substrate, balls and load; SI units.
     accuracy
         Wanted error of T (0 to 1), relative to the largest T in the problem, or to 1e-4 of the force that a half-space
-        of the layer's material would transmit if that is more (T may pass through zero). Forces and approaches are
-        asked to the same accuracy, not below 1e-4 nor above 1e-3.
+        of the layer's material would transmit if that is more (T may pass through zero). The same relative accuracy is
+        required of forces and approaches, but not below 1e-4 nor above 1e-3.
     report
-        Gets a line of text at every step of the solver, and may raise to end it.
+        Function that receives a line of text at every step of the solver, and may raise an exception to end it.
 
     Returns
     -------
     Result
         Per ball approach [m], normal force [N], tangential force [N] on the ball, peak pressure [Pa] and contact area
-        [m^2], each with its error. Where the accuracy cannot be reached, or T is known less accurately relative to
-        itself, ``result.solved.notes`` states the accuracy reached.
+        [m^2], each with its error. If the accuracy cannot be reached, or the error of T is larger relative to T itself,
+        ``result.solved.notes`` states the accuracy reached.
 
     Raises
     ------
     InvalidProblem
-        Accuracy out of its range, a profile that is not convex or not 0 at its apex, no response of a surface.
+        Accuracy out of range, a profile that is not convex or not 0 at its apex, an impossible surface response.
     UnsupportedProblem
         An effect that this model lacks, or contacts that need more cells than fit.
     TooLarge
@@ -101,7 +101,7 @@ def solve_contact(
 ) -> Solution:
     """Return the solution with its fields; parameters and errors as for `solve`.
 
-    With ``sample``, the error is judged as that of very many balls is, by about twice so many of them.
+    With ``sample``, the error is judged as for very many balls, by a sample of about twice this number.
     """
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
@@ -164,7 +164,7 @@ def _enough(wanted: float) -> float:
 
 @dataclass(frozen=True)
 class _Refined:
-    """Contacts, error of T [N] per ball and of the rest, that of T over `reference_force`, and the rest's change."""
+    """Contacts, errors of T [N] and of other results per ball, error of T over `reference_force`, change of others."""
 
     contacts: Contacts
     error: Array
@@ -186,7 +186,7 @@ class _Refined:
 def _by_polynomials(
     problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report
 ) -> Estimated | None:
-    """Return contacts of the lowest sufficient degree, or of the best degree if it is nearly sufficient, else None."""
+    """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices, else None."""
     best: _Refined | None = None
     before: SmoothContacts | None = None
     many = len(guess.touching) > DENSE or kernel.cell is not None
@@ -257,7 +257,7 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
     if not np.all(np.isfinite(error)):
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
-        note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size, its routes differ by {reached:.0e}"
+        note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}"
     return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, (note,))
 
 

@@ -28,11 +28,11 @@ FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference":
 PLANAR, VERTICAL = ("u_r", "u_z"), ("sigma_z",)
 STRESSES = ("sigma_z", "tau_rz", "sum", "difference")
 SHALLOWEST = 0.02
-"""Least depth over the widest contact's radius: nearer to the surface the quadrature misses the singular part."""
+"""Least depth over the widest contact's radius; nearer to the surface, the quadrature is too coarse for 1/r."""
 
 
 def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[str, Array]:
-    """Return what the Hankel transforms of the fields are taken of, at t = k h."""
+    """Return the integrands of the fields' Hankel transforms at t = k h."""
     total, difference = in_plane_stress(solid, shear, state)
     return {
         "u_r": state[0], "u_z": state[1], "sigma_z": t * state[2], "tau_rz": t * state[3],
@@ -102,7 +102,7 @@ def _check_depth(solution: Solution, depth: float, what: str) -> None:
             "half-space give Layer and substrate)"
         )
     if problem.periodic is not None:
-        raise UnsupportedProblem(f"{what}: is known for balls alone in the plane, not in a cell that repeats")
+        raise UnsupportedProblem(f"{what}: is available on an infinite layer, not in a cell that repeats")
     if np.ndim(depth) != 0:
         raise InvalidProblem(f"{what}: depth must be one number, got an array of {np.size(depth)}; ask depth by depth")
     widest = float(np.sqrt(np.max(solution.contacts.contact_areas) / np.pi))
@@ -140,11 +140,11 @@ def _summed(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float, names:
 def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return the stress tensor [Pa] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
-    Shape (3, 3) and that of the points, axes x, y, z with z up, tension positive; in the layer and in the substrate (at
-    the bond: of the layer). Error below 3e-6 of the peak pressure from half the widest contact's radius on, 5e-5 at
-    0.05 radii; on grids, where cells have one pressure each, 1 to 3 % at a depth of one cell. Raises `InvalidProblem`
-    for depths too small for that, or in a rigid base, and `UnsupportedProblem` where only the surface's response is
-    known.
+    Shape (3, 3) plus that of the points, axes x, y, z with z up, tension positive; in the layer and in the substrate
+    (at the bond: of the layer). Error below 3e-6 of the peak pressure at depths from half the widest contact's radius,
+    5e-5 at 0.05 radii; on grids, whose cells have one pressure each, 1 to 3 % at a depth of one cell. Raises
+    `InvalidProblem` for depths that are too small or in a rigid base, and `UnsupportedProblem` for a `SurfaceResponse`
+    or a periodic cell.
     """
     _check_depth(solution, depth, "stress")
     sigma, tau_x, tau_y, total, difference, shear = _summed(solution, x, y, depth, STRESSES)
@@ -159,8 +159,8 @@ def stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Arra
 def interior_displacement(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float) -> Array:
     """Return the displacement [m] at points x, y [m] of the plane ``depth`` [m] below the surface.
 
-    Shape (3,) and that of the points, along x, y and z with z up: a pressed surface has a negative third component,
-    minus what `Solution.displacement` returns. Errors and limits as for `stress`.
+    Shape (3,) plus that of the points, along x, y and z with z up: under a ball the third component is negative, the
+    opposite sign of `Solution.displacement`. Errors and limits as for `stress`.
     """
     _check_depth(solution, depth, "interior_displacement")
     along_x, along_y, down = _summed(solution, x, y, depth, PLANAR)

@@ -1,4 +1,4 @@
-"""How near two rigid bodies may stand that rest on one plane, and which stand too near."""
+"""Least distance of two rigid bodies that rest on one plane, and the bodies that overlap."""
 
 import math
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ Body = tuple[object, float]
 
 
 ROUNDOFF = 1e-9
-"""Overlap over touching distance that a `Problem` may have."""
+"""Largest overlap over touching distance that a `Problem` may have."""
 
 
 def wrapped(positions: Array, cell: Array | None) -> Array:
-    """Return positions [m] in the cell, from 0 up to but not at its lengths [m]; the same ones without a cell."""
+    """Return positions [m] wrapped into the cell: from 0 to less than its lengths; unchanged without a cell."""
     if cell is None:
         return positions
     # in floating point L floor(x / L) may exceed x, and the difference for a small negative x is L
@@ -48,7 +48,7 @@ def touching_distance(first: Body, second: Body, between: tuple[float, float]) -
 
 
 def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | None) -> list[str]:
-    """Return which whole bodies, by the number of their ball, overlap others or their own images in the next cell."""
+    """Return messages on whole bodies, by ball index, that overlap others or their own images in the next cell."""
     if not whole:
         return []
     faults = [] if cell is None else _own_overlaps(whole, cell)
@@ -84,14 +84,14 @@ def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Ar
     inside = wrapped(positions[numbers], cell)
     near = cKDTree(inside, boxsize=cell).query_ball_point(inside, 2.0 * half_widths)
     first, second = np.repeat(np.arange(len(numbers)), list(map(len, near))), np.concatenate(near).astype(np.intp)
-    # of two equal ones each is near the other
+    # two equal bodies are each near the other
     once = (half_widths[second] < half_widths[first]) | ((half_widths[second] == half_widths[first]) & (first < second))
     pairs = np.sort(np.stack([numbers[first[once]], numbers[second[once]]], axis=1), axis=1)
     return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:
-    """Return for each axis along which bodies overlap their own images which one needs the longest cell."""
+    """Return a message per axis along which bodies overlap their own images: the body that needs the longest cell."""
     faults = []
     for axis, length in enumerate(cell):
         needs = {i: touching_distance(body, body, (1.0 - axis, float(axis))) for i, body in whole.items()}

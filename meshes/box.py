@@ -1,8 +1,8 @@
-"""The region to be meshed: layer and substrate with a symmetric block of hexahedra under each ball; no gmsh here.
+"""The region to be meshed: layer and substrate with a symmetric block of hexahedra under each ball (without gmsh).
 
-``fineness`` (f) sets all sizes: in a block they grow from one element to the next by at most 1 + `GROWTH` / f,
-outside by half of that; half a quadrant's rim has f elements, rounded to a whole number.
-A box may use a multiple of that growth.
+``fineness`` (f) sets all element sizes: in a block they grow from one element to the next by a factor of at most
+1 + `GROWTH` / f, outside by half of that growth; half a quadrant's rim has f elements, rounded to a whole number.
+A box may multiply this growth.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_high": 14, "y_low": 15, "y_high": 16}
 """Physical groups: two volumes and the six outer faces of the box."""
 GROWTH, FILLER_GROWTH = 1.2, 0.6
-"""Growth of element sizes from one to the next, times f, less one: in blocks, and outside."""
+"""Ratio of successive element sizes, less one, times f: in blocks, and outside."""
 FIRST_LAYER, LAYERS = 0.8, 5.0
-"""Thickness of the topmost elements times f: over the smallest contact radius; least layer thickness over it."""
+"""Thickness of the topmost elements times f, over the smallest contact radius; least layer thickness over it."""
 EDGE = 0.2
 """Width of the elements at a contact's edge, times f, over the contact's radius."""
 FILM_EDGE = 1.5
-"""Upper bound of the same width on a thin film, over the film's thickness."""
+"""Upper bound of this width on a thin film, times f, over the film's thickness."""
 CORE = 0.5
 """Half-width of a block's core over the smallest contact radius."""
 FAR = 1.5
@@ -38,7 +38,7 @@ SAME = 1e-9
 
 
 def graded(low: float, high: float, size: Callable[[np.ndarray], np.ndarray], least: int = 1) -> np.ndarray:
-    """Return coordinates (k + 1,) from low to high whose spacing follows ``size`` (of coordinates) as upper bound."""
+    """Return coordinates (k + 1,) from low to high; ``size``, a function of the coordinate, bounds their spacing."""
     fine = np.linspace(low, high, 2001)
     rate = 1.0 / size(fine)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.abs(np.diff(fine)))])
@@ -53,7 +53,7 @@ class Zone:
     """A ball's position [m], its contact radius at full load [m], and the half-width of its block [m].
 
     ``smallest`` is the contact radius at the first load step with output, over that at full load; ``detail`` [m] bounds
-    the width of the elements at the contact's edge times f, where the pressure peaks at the edge of a flat end.
+    the width of the elements at the contact's edge times f, for the pressure peak at the edge of a flat end.
     """
 
     position: tuple[float, float]
@@ -139,7 +139,7 @@ class Box:
         return np.concatenate([inner, outer[1:]]), np.concatenate([square[0], square[1][1:]])
 
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return heights [m] of the faces between elements, downwards: of the layer, and of the substrate (or none)."""
+        """Return z [m] of the faces between elements, from the top down: in the layer, in the substrate (or empty)."""
         slope = self.slope
         radius = min(zone.smallest * zone.contact_radius for zone in self.zones)
         finest = min(FIRST_LAYER * radius, self.thickness / LAYERS, *(zone.detail for zone in self.zones))
@@ -168,7 +168,7 @@ class Box:
 
     @staticmethod
     def beyond(zone: Zone, points: np.ndarray) -> np.ndarray:
-        """Return the distance [m] of points (..., 2) outside a zone's block, along x or y."""
+        """Return the distance [m] of points (..., 2) from a zone's block, the larger of x and y; negative inside."""
         return np.abs(points - np.array(zone.position)).max(axis=-1) - zone.half_width
 
     def estimated_hexahedra(self) -> float:
@@ -189,7 +189,7 @@ def half_widths(
 ) -> list[float]:  # fmt: skip
     """Return the half-widths [m] of the balls' blocks; x[0] or y[0] is a mirror plane for each axis in ``planes``.
 
-    Neighbours in line share a face if both can; otherwise a strip of a third of their distance is left.
+    Aligned neighbours share a face if both can; otherwise a strip of a third of their distance stays free.
     """
     sides, scale = (x, y), SAME * max(x[1] - x[0], y[1] - y[0])
     here = np.array(positions, dtype=float)

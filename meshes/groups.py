@@ -1,4 +1,4 @@
-"""The physical groups of a mesh file: known by name or by number, and disjoint."""
+"""Physical groups of a user's mesh file: identified by name or number, checked to be disjoint."""
 
 from collections import Counter
 from itertools import chain
@@ -10,7 +10,7 @@ from meshes.box import TAGS
 
 
 def number_groups() -> None:
-    """Give every physical group of gmsh's model that has a name of `TAGS` its number there; raises `InvalidProblem`."""
+    """Renumber the physical groups of gmsh's model whose names are in `TAGS` accordingly; raises `InvalidProblem`."""
     model, found = gmsh.model, []
     for dimension, what in ((3, "volumes"), (2, "faces")):
         tags = [tag for _, tag in model.getPhysicalGroups(dimension)]

@@ -36,7 +36,7 @@ def gmsh_session() -> Iterator[None]:
 
 
 def write_layer_mesh(box: Box, path: Path) -> int:
-    """Mesh the box, write it with its physical groups (`TAGS`) to a .msh file; return the number of hexahedra."""
+    """Mesh the box, write it with its physical groups (`TAGS`) to a .msh file, and return the number of hexahedra."""
     unit = _unit(box)
     scaled = box.in_units_of(unit)
     plane, quads = _plane(box)
@@ -55,13 +55,13 @@ def write_layer_mesh(box: Box, path: Path) -> int:
 
 @lru_cache(maxsize=32)
 def counted(box: Box) -> tuple[int, int]:
-    """Mesh the box in the plane; return its numbers of quadrilaterals and of edges along its sides."""
+    """Mesh the box in the plane; return the numbers of quadrilaterals and of edges along its sides."""
     quads = _plane(box)[1]
     return len(quads), len(open_edges(quads[:, :4]))
 
 
 def _unit(box: Box) -> float:
-    """Return the length [m] to mesh in: gmsh's geometric tolerances are absolute."""
+    """Return the unit of length [m] for meshing: gmsh's geometric tolerances are absolute."""
     return max(zone.half_width for zone in box.zones)
 
 
@@ -74,14 +74,14 @@ def _plane(box: Box) -> tuple[np.ndarray, np.ndarray]:
             if isinstance(error, ThirdBodyError):
                 raise
             raise UnsupportedProblem(
-                f"gmsh makes no mesh of this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
+                f"gmsh cannot mesh this scene ({error}): a layer {box.thickness:.3g} m thick, contacts down to "
                 f"{min(zone.contact_radius for zone in box.zones):.3g} m, a box {box.x[1] - box.x[0]:.3g} m wide; "
                 "lengths that differ by more than a thousand times are better left to linear_bem"
             ) from error
 
 
 def _check(box: Box, points: np.ndarray, cells: np.ndarray) -> None:
-    """Raise unless every hexahedron is convex at its corners and together they fill the box."""
+    """Raise `ThirdBodyError` unless every hexahedron is convex at its corners and all together fill the box."""
     corners = points[cells]
     base = corners[:, :4, :2]
     after, before = np.roll(base, -1, axis=1) - base, np.roll(base, 1, axis=1) - base
@@ -123,7 +123,7 @@ def _write(box: Box, unit: float, points: np.ndarray, cells: np.ndarray, in_laye
 
 
 def _outer_faces(cells: np.ndarray) -> np.ndarray:
-    """Return the faces (n, 9) of hexahedra that belong to one only, seen counter-clockwise from outside."""
+    """Return the faces (n, 9) that belong to one hexahedron only, counter-clockwise seen from outside."""
     faces = np.concatenate([cells[:, side] for side in _FACES])
     _, start, count = np.unique(np.sort(faces[:, :4], axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(start[count == 1])]

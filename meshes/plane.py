@@ -15,7 +15,7 @@ from meshes.box import SAME, Box, Zone, graded
 
 Interval = tuple[float, float]
 WORST, GOOD = 25.0, 35.0
-"""Least angle, or distance of one from 180 [degrees]: bound for keeping coarse quadrilaterals; sufficient value."""
+"""Least angle, or 180 less the largest [degrees]: bound for keeping coarse quadrilaterals; sufficient value."""
 SWEEPS = 30
 """Rounds in which nodes outside blocks are moved towards the middle of their cells."""
 _TURNED = [3, 2, 1, 0, 6, 5, 4, 7, 8]
@@ -28,7 +28,7 @@ def plane_mesh(box: Box) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 2) [m] and counter-clockwise quadrilaterals (m, 9) that fill the box in the plane.
 
     A quadrilateral's nodes are its corners, the middles of its sides (the first between the first two corners), and its
-    centre: sides in a block are curved as its rings are, others straight.
+    centre; sides in a block are curved like its rings, others are straight.
     """
     curved = np.concatenate([_block(box, zone) for zone in box.zones])
     blocks = quads = curved[:, :4]
@@ -50,10 +50,10 @@ def plane_mesh(box: Box) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smoothed(points: np.ndarray, cells: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return points (n, 2), the free ones moved towards the middle of their cells where angles allow it."""
+    """Return points (n, 2) with the free ones moved towards the middle of their cells as far as angles permit."""
 
     def worst(places: np.ndarray) -> np.ndarray:
-        """Return the least angle, or distance of one from 180 [degrees], in the cells about each point."""
+        """Return the least angle, or 180 less the largest [degrees], in the cells about each point."""
         angles, answer = corner_angles(places[cells]), np.full(len(places), 180.0)
         least = np.minimum(angles, 180.0 - angles).min(axis=1)
         np.minimum.at(answer, cells, least[:, None])
@@ -205,7 +205,7 @@ def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.nd
 
 
 def _on_side(axis: int, value: float | np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return points (n, 2) at a value of one coordinate and values (n,) of the other."""
+    """Return points (n, 2) with coordinate ``value`` along ``axis`` and ``along`` (n,) as the other coordinate."""
     return np.stack([np.full(along.shape, value), along][:: 1 - 2 * axis], axis=-1)
 
 
@@ -224,12 +224,12 @@ def _graded_side(box: Box, axis: int, value: float, gap: Interval, aside: list[Z
 
 
 def halved(coarse: np.ndarray) -> np.ndarray:
-    """Return values with the means of neighbours between them."""
+    """Return the values with the means of neighbours inserted between them."""
     return np.interp(np.arange(2 * len(coarse) - 1) / 2.0, np.arange(len(coarse)), coarse)
 
 
 def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
-    """Return the closed loops (k, 2) of coarse nodes around the regions without quadrilaterals, on their left.
+    """Return closed loops (k, 2) of coarse nodes around the regions without quadrilaterals, which lie on their left.
 
     Each is half as fine as the edges that it meets, so that its segments conform after subdivision.
     """

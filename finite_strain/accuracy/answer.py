@@ -21,7 +21,7 @@ from linear_bem.solver import solve
 
 UNSURE = ("transfer", "force_transfer")
 LINEAR_ACCURACY = 0.03
-"""Accuracy required of linear_bem over that required of the run."""
+"""Accuracy requested from linear_bem over that requested from the run."""
 LEAST, MOST = 1.5, 3.0
 """d ln Q / d ln D of a Hertzian contact, and of an incompressible film much thinner than the ball is wide."""
 
@@ -38,7 +38,7 @@ class Answers:
         self.forces_given, self.follows = load.forces_given, load.follows
 
     def truth(self, fraction: float) -> LinearTruth | str:
-        """Return the result of `linear_bem` at a load fraction, or why there is none (one rank)."""
+        """Return the result of `linear_bem` at a load fraction, or the message why there is none (one rank)."""
         plan = self.plan
         load = plan.problem.load
         scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
@@ -56,7 +56,7 @@ class Answers:
         )
 
     def answer(self, step: int, account: SolverAccount, said: LinearTruth | str) -> Answer:
-        """Return the answer at load step number ``step``; ``said`` is what `truth` returned."""
+        """Return the answer at load step number ``step``; ``said`` is the value returned by `truth`."""
         truth = None if isinstance(said, str) else said
         fine, now, before = self._at(account.fraction, truth)
         weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
@@ -96,7 +96,7 @@ class Answers:
         )  # fmt: skip
 
     def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired]:
-        """Return the finest row, and the paired answers of the finest and of the one before."""
+        """Return the row of the finer discretisation, and the paired answers of the finer and of the coarser one."""
         fine, coarse = self.fine.at(fraction), self.coarse.at(fraction)
         assert fine is not None and coarse is not None  # noqa: PT018
         now, before = self._paired(fine, truth), self._paired(coarse, truth)
@@ -111,8 +111,8 @@ class Answers:
     ) -> tuple[BallResult, ...]:  # fmt: skip
         """Return the state of every ball of the scene.
 
-        ``error`` (balls,) [N] is that of T, ``pull``; ``through`` (balls,) that of the force [N] or approach [m] not
-        given.
+        ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` (balls,) is the error of the force
+        [N] or approach [m] that is not prescribed.
         """
         area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
         if truth is not None and fine.small is not None:
@@ -185,7 +185,7 @@ class Answers:
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.
 
-        Nearby are smaller loads and, where these are fewer than `ENOUGH`, the next larger ones that are there.
+        Nearby are smaller loads and, if these are fewer than `ENOUGH`, the next larger ones already solved.
         """
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
@@ -207,7 +207,7 @@ class Answers:
         return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
 
     def _worst(self, error: np.ndarray) -> int | None:
-        """Return the ball whose T is known better as minus the sum of the others', by their errors (balls,)."""
+        """Return the ball whose T is more accurate as minus the sum of the others', by the errors (balls,), or None."""
         mirrored = len(self.plan.problem.balls) > len(error)
         worst = int(np.argmax(error))
         return worst if len(error) > 1 and not mirrored and 2.0 * error[worst] > error.sum() else None
@@ -222,6 +222,6 @@ def _others_at(worst: int, terms: Terms) -> Terms:
 
 
 def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:
-    """Return a force or approach (balls,), the earlier discretisation's where the ball is without load on the finer."""
+    """Return a force or approach (balls,), from the coarser discretisation for balls without load on the finer."""
     value = getattr(now, name)
     return np.where(now.normal_force > 0.0, value, getattr(before, name))

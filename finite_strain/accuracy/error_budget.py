@@ -20,8 +20,8 @@ SLOWEST, FASTEST = 2.0, 6.0
 
 Contact pressure falls to zero like a root at a contact's edge: u lies in H^s for s < 5/2, and functionals converge with
 twice the order of the energy norm, 2 (s - 1) = 3. Raising the order converges twice as fast where lines of the mesh
-follow the edge, as they nearly do [Babuska Suri 1987, doi 10.1051/m2an/1987210201991]. What the pair leaves of the
-error oscillates with the edge's position in its element, and its amplitude falls more slowly, about as the square:
+follow the edge, as they nearly do [Babuska Suri 1987, doi 10.1051/m2an/1987210201991]. The error that remains after
+pairing oscillates with the edge's position in its element; its amplitude falls more slowly, about as the square:
 `python -m tests.finite_strain.bars` measures it.
 """
 
@@ -73,7 +73,7 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
 def discretisation(path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation) -> np.ndarray:
     """Return the error of a value (balls,) from its changes (balls,) at the nearby loads, the present one included.
 
-    A change vanishes by chance at some loads, so the largest counts, and more where they are `FEW`.
+    A change vanishes by chance at some loads, so the largest counts, times `FEW` if there are one or two.
     """
     return np.asarray(FEW.get(len(path), 1.0) * gain(fine, coarse) * np.max(path, axis=0))
 
@@ -87,8 +87,8 @@ def enforcement(
     small-strain pair corrects for its effect at small strain.
 
     Without multipliers (not ``augmented``) the penalty k stores int p^2 / 2k. Its derivative by the approach D,
-    int (p/k) dp/dD, is what the force lacks: the penetration is weighted with dp/dD. Over a thin film that is largest
-    at the pole, so the largest penetration is taken, without a correction by the pair.
+    int (p/k) dp/dD, is missing in the force: the penetration is weighted with dp/dD. On a thin film this is largest
+    at the pole, so the largest penetration is used, without a correction by the pair.
     """
     left = own.mean_gap if small is None else own.mean_gap - weight * small.mean_gap
     if not augmented:

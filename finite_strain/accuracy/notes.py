@@ -1,4 +1,4 @@
-"""Notes of a result: what the user must know of its accuracy, its state and its cost."""
+"""Notes of a result: what the user must know about its accuracy, its state and its cost."""
 
 import math
 
@@ -15,15 +15,15 @@ NEAR_ZERO = "a tenth of the force between the balls on a half-space"
 
 
 def is_near_zero(record: Record) -> bool:
-    """Return whether the largest T at full load is smaller than the force that its accuracy is measured against.
+    """Return whether the largest T at full load is smaller than the force to which its accuracy refers.
 
-    A force of another kind is a bound to compare with only then.
+    Only then does the accuracy refer to another force than T.
     """
     return record.scale > max(math.hypot(*ball.tangential_force) for ball in record.steps[-1].balls)
 
 
 def relative_to(record: Record) -> str:
-    """Return what the accuracy is relative to."""
+    """Return the quantity to which the accuracy refers, in words."""
     if record.scale > 0.0:
         return NEAR_ZERO if is_near_zero(record) else "the largest tangential force"
     (name,) = record.steps[-1].balls[0].errors
@@ -31,7 +31,7 @@ def relative_to(record: Record) -> str:
 
 
 def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
-    """Return the notes on the answers of a discretisation, the last of a run of ``seconds``; ``why`` the run ended."""
+    """Return the notes on a discretisation's answers; ``why``: reason for the run's end, ``seconds``: its time [s]."""
     notes, last = form_notes(plan.problem), record.steps[-1]
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     if is_near_zero(record) and record.scale > 0.0:
@@ -81,7 +81,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "contact of the surface with itself is not computed"
         )
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
-    notes += [f"no correction by the small-strain pair, for linear_bem has no answer: {text}" for text in failures]
+    notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
     return notes + _overrun(plan, record, seconds)
 
 

@@ -6,8 +6,8 @@ finite-strain answer. `linear_bem` gives the exact small-strain solution; the sm
     at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)
     at given force:     D = D_f + c (D_l - D_s),  T / Q^2 as above,
 
-f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 hold where T passes zero. The
-weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
+f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 are valid even where T passes
+through zero. The weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
 """
 
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
 """Difference of T / Q^2 between finite and small strain, over the larger of them: up to the first the weight is 1,
 from the second on it is 0. Both are choices; the error budget covers their influence."""
 UNSURE = 0.2
-"""Largest fraction of the correction that is always taken as uncertain. `python -m tests.finite_strain.pair_transfer`
+"""Largest fraction of the correction that always counts as uncertain. `python -m tests.finite_strain.pair_transfer`
 measures it: up to D = 0.3 R at most 0.14, for T / Q^2 and for Q; on h = 6 R at D = R 0.24 for Q, and 1.3 for T / Q^2,
 where the correction is no help and the change between discretisations has to cover the error."""
 FIRST, SECOND = 0.15, 1.5
-"""Growth of that fraction with the slope s of the surface, FIRST s + SECOND s^2: on a half-space s^2 = D / R. Measured
-are 0.001 at D = 1e-4 R, 0.003 at 1e-3 R, 0.005 at 0.01 R, 0.014 at 0.03 R, 0.08 at 0.1 R, each at most."""
+"""Growth of that fraction with the slope s of the surface, FIRST s + SECOND s^2: on a half-space s^2 = D / R. Largest
+measured values: 0.001 at D = 1e-4 R, 0.003 at 1e-3 R, 0.005 at 0.01 R, 0.014 at 0.03 R, 0.08 at 0.1 R."""
 
 
 @dataclass(frozen=True)
 class LinearTruth:
     """The result of `linear_bem` for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
 
-    ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,) too.
+    Also ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,).
     """
 
     normal_force: np.ndarray
@@ -71,7 +71,7 @@ def unpaired(own: ContactState) -> Paired:
 
 
 def unsure(slope: float) -> float:
-    """Return the fraction of the correction that is always taken as uncertain where surfaces have a given slope."""
+    """Return the fraction of the correction that always counts as uncertain at this slope of the surface."""
     return min(FIRST * slope + SECOND * slope**2, UNSURE)
 
 

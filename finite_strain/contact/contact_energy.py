@@ -4,7 +4,7 @@ Per area the contact potential is k/2 (<s - g>^2 - s^2), with the gap g, the pen
 and s = <-g> of an earlier equilibrium, or zero: the augmented Lagrangian with multiplier k s [Alart Curnier 1991,
 doi 10.1016/0045-7825(91)90022-X; frictionless]. The multiplier is an expression in the displacement of that earlier
 state, so nothing is stored at quadrature points. Residual, tangent and the forces on the balls follow by
-differentiation: the force on a ball is the derivative of the potential by the ball's position.
+differentiation: the force on a ball is the derivative of the potential with respect to the ball's position.
 
 The area is the undeformed one, or the deformed one that faces the indenter. In the second case the potential is, to
 first order in the gap over the indenter's radius, the integral of k <-g> over the volume in which layer and indenter
@@ -81,7 +81,7 @@ class _Slot:
     def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
         X = ufl.SpatialCoordinate(contact.mesh)
         offset = (X[0] - self.x, X[1] - self.y, X[2])
-        if contact.angle and not isinstance(self.kind, str):  # a body of its own keeps its place in the scene's frame
+        if contact.angle and not isinstance(self.kind, str):  # a user's body keeps its orientation in the scene
             offset, displacement = (_turned(vector, contact.angle) for vector in (offset, displacement))
         return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
 
@@ -231,7 +231,7 @@ class Contact:
         return total
 
     def pressure(self) -> Any:
-        """Return the contact pressure per undeformed area [Pa], an expression of the cells below the top."""
+        """Return the contact pressure per undeformed area [Pa], an expression in the cells below the top."""
         return sum(slot.pressure for slot in self.slots)
 
     def penetration(self) -> Any:

@@ -1,4 +1,4 @@
-"""Expressions of the form language (UFL) that take the functions of numpy that heights of indenters may use."""
+"""Expressions of the form language (UFL) that accept the numpy functions of indenters' heights."""
 
 import operator
 from typing import Any

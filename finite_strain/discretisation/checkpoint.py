@@ -52,7 +52,7 @@ class Snapshot:
     def at(self, fields: Fields, locations: Locations | None = None) -> tuple[Values, Penalised]:
         """Return the values of this state at the nodes of a model's fields (this rank's, ghosts included).
 
-        ``locations`` spares the search where states on the same mesh were evaluated before. Raises `OutputUnusable`
+        ``locations`` avoids a new search for points in a mesh that was searched before. Raises `OutputUnusable`
         if the nodes do not lie in the mesh of the state.
         """
         locations = locations or Locations()

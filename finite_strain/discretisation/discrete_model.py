@@ -1,8 +1,8 @@
-"""The discrete layer: a displacement of order p on hexahedra, bulk energy and contact energy by forms.
+"""The discrete layer: a displacement of order p on hexahedra, bulk energy and contact energy as forms.
 
 The total potential is the sum of the bulk's strain energy and the contact potential; its first and second derivatives
-are residual and tangent. A nearly incompressible region adds a pressure of order p - 1, in which the potential is
-also stationary. Loading is not part of this module.
+are residual and tangent. A nearly incompressible region adds a pressure of order p - 1 as an unknown, with respect to
+which the potential is stationary, too. Loading is not part of this module.
 """
 
 from collections.abc import Callable
@@ -138,12 +138,12 @@ class Model:
 
     @cached_property
     def actions(self) -> list[Any]:
-        """The products of the tangent's varying part with a direction, compiled where a solver asks (collective)."""
+        """The products of the tangent's varying part with a direction, compiled on first use (collective)."""
         return compat.compile_forms(self._products, self.comm)
 
     @cached_property
     def _border(self) -> Any:
-        """The residual's derivative by the approach, which given forces alone need (collective)."""
+        """The residual's derivative with respect to the approach, needed for prescribed forces only (collective)."""
         return compat.compile_form(self._by_move, self.comm)
 
     @property
@@ -179,7 +179,7 @@ class Model:
     def forces(self) -> np.ndarray:
         """Return the force (balls, 3) [N] on the model's balls: in-plane, and upwards Q >= 0 (collective).
 
-        Forces on whole balls, except along axes that a symmetry fixes.
+        Forces are those on whole balls; components along axes fixed by symmetry are 0.
         """
         values = self.readings.per_ball("x", "y", "normal")
         for number, ball in enumerate(self.contact.balls):
@@ -212,9 +212,9 @@ class Model:
             b.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self.volume_residual()
 
     def border(self, balls: np.ndarray, b: PETSc.Vec) -> float:
-        """Assemble the residual's derivative by a move of the balls (balls,) into b [N]; return the move's stiffness.
+        """Assemble the residual's derivative along a move of the balls (balls,) into b [N/m]; return its stiffness.
 
-        The stiffness is the second derivative of the contact potential by the move [N/m], at fixed displacement.
+        The stiffness is the second derivative of the contact potential along the move [N/m], at fixed displacement.
         """
         self.contact.choose(balls)
         self._store_free(self._summed([self._border]), b)
@@ -222,7 +222,7 @@ class Model:
         return self.readings("stiffness")
 
     def volume_residual(self) -> np.ndarray:
-        """Return the potential's derivative by the pressures [N], this rank's own; zero where they are idle."""
+        """Return the potential's derivative by this rank's own pressures [N]; zero for idle pressures."""
         return self._by_pressure(self._volume_residuals)
 
     def volume_weights(self, bound: float) -> np.ndarray:
@@ -258,7 +258,7 @@ class Model:
     def tangent(self, stores: bool = True) -> None:
         """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows.
 
-        ``stores``: keep a copy of the part that is constant, which needs as much memory as the matrix.
+        ``stores``: keep a copy of the constant part, which needs as much memory as the matrix.
         """
         matrix, assemble, is_linear = self.matrix, dolfinx.fem.petsc.assemble_matrix, self._has_constant_bulk
         if self._linear is not None:
@@ -278,7 +278,7 @@ class Model:
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y.
 
-        `tangent` must have stored a part that is constant.
+        `tangent` must have stored the constant part, if there is one.
         """
         assert not self._has_constant_bulk or self._linear is not None
         self._direction.set(x)

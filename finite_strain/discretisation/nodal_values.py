@@ -127,8 +127,8 @@ class CellNodes:
     def averaged(self, regions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
         """Return averages (local nodes, k), ghosts included, of the cell values of each region at their nodes.
 
-        A region is its owned cells (m,) and values (m, n, k); zero where no region is. Where regions meet, the
-        values of the first one are taken (collective).
+        A region is given by its owned cells (m,) and values (m, n, k); nodes outside all regions get zero. Where
+        regions meet, the first one counts (collective).
         """
         answer = np.zeros((len(self._work.x.array) // 3, regions[0][1].shape[2]))
         taken = np.zeros(len(answer), dtype=bool)

@@ -1,4 +1,4 @@
-"""Which cell of a mesh holds a point, and where in it."""
+"""Finds the cell of a mesh that holds a point, and the point's reference coordinates."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ INSIDE = 1e-8
 FOREIGN = 1e-3
 """Distance outside every cell, in reference coordinates, from which on a point does not belong to the mesh."""
 _ROUNDS = 8
-"""Most Newton iterations for the reference coordinates of a point."""
+"""Largest number of Newton iterations for the reference coordinates of a point."""
 BULGE = 0.05
 """How far a curved cell may extend beyond the bounding box of its nodes, as a fraction of the box's sides."""
 
 
 class Locations:
-    """Finds points in a mesh; what was found last in this mesh is returned again for the same points."""
+    """Finds points in a mesh, and keeps the results for the last mesh."""
 
     def __init__(self) -> None:
         self._nodes = np.zeros((0, 0, 3))

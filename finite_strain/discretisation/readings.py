@@ -1,7 +1,7 @@
-"""Numbers by which a model's state is read: parts of two compiled forms, one over cells and one over top facets.
+"""Integrals over a model's state (energies, forces, areas): parts of two compiled forms, over cells and top facets.
 
-With a form for each part the compiler would take several times as long. Parts of one form are all evaluated, so no
-part may be infinite where another one is asked for.
+One form per part would take the compiler several times as long. All parts of a form are evaluated together, so no
+part may be infinite when another one is requested.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,11 +18,11 @@ Density = Callable[[Any, Any], Any]
 
 
 class Readings:
-    """Integrals by name, ``inside`` and on the ``surface``, there of the balls that the contact's `choose` weights.
+    """Integrals by name, ``inside`` the solid and on the ``surface``, there for balls weighted by `Contact.choose`.
 
     Those inside are densities, functions of energy and displacement gradient, which ``integral`` integrates together:
     the form compiler compares equal expressions of two integrals as trees, which takes many minutes for sums over
-    principal stretches. ``forms`` are to be compiled, into ``compiled``.
+    principal stretches. The caller compiles ``forms`` into ``compiled``.
     """
 
     def __init__(
@@ -64,6 +64,6 @@ class Readings:
         return self.per_ball("area")[:, 0]
 
     def mean_gaps(self) -> np.ndarray:
-        """Return the gap [m] under each ball (balls,), weighted with the pressure; zero without (collective)."""
+        """Return the pressure-weighted mean gap [m] under each ball (balls,); zero without pressure (collective)."""
         moment, force = self.per_ball("moment", "weight").T
         return np.divide(moment, force, out=np.zeros_like(moment), where=force > 0.0)

@@ -53,7 +53,7 @@ class Moduli:
 
 
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
-    """Return the regions; in mixed form each has a pressure of an order, its own: it jumps between regions.
+    """Return the regions; in mixed form each has its own pressure of this ``order``, which jumps between regions.
 
     At finite strain the layer has the scene's law, and a substrate, which hardly strains, is neo-Hookean.
     """
@@ -70,7 +70,7 @@ def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[
 
 
 def with_constants(law: Law | Energy, mesh: Any) -> Any:
-    """Return a law whose numbers are constants of the mesh, so that one compiled form serves every value."""
+    """Return a law whose parameters are constants of the mesh, so that one compiled form serves every value."""
     if not isinstance(law, Law):
         return law
     parts = {

@@ -1,4 +1,4 @@
-"""Newton's linear systems in PETSc: the data that a solver needs besides options, and factors if it fails.
+"""Newton's linear systems in PETSc: data that a solver needs besides options, and direct factors if it fails.
 
 Multigrid gets its levels or, if the user chose an algebraic one, the rigid-body near-nullspace. The mixed form is split
 into displacement and pressure, and the pressure's Schur complement is approximated by its mass matrix over the
@@ -29,9 +29,9 @@ from linear_bem.memory import SHARE, free_memory
 
 @dataclass
 class Installed:
-    """Our options in PETSc's database, of which a process has one, and the number of open solvers that may read them.
+    """Our options in PETSc's database (one per process), and the number of open solvers that may read them.
 
-    A solver of another form or size replaces them but not those of the user.
+    A solver for another form or size replaces them, but not the user's options.
     """
 
     options: dict[str, str] = field(default_factory=dict)
@@ -50,7 +50,7 @@ def given_options() -> dict[str, str]:
 @contextmanager
 def with_options(options: Mapping[str, str]) -> Iterator[None]:
     """Add options of our prefix to those of the user inside a with block."""
-    database, before = PETSc.Options(PREFIX), given_options()  # ours, of an open solver, are not to become the user's
+    database, before = PETSc.Options(PREFIX), given_options()  # our options must not become the user's
     for key, value in options.items():
         database[key] = value
     try:

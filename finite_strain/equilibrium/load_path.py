@@ -29,12 +29,12 @@ SURPLUS = 0.3
 """The increase of the potential is at most the work of the final forces, because forces grow with approaches; this
 fraction more is allowed. A crumpled surface, also an equilibrium, stores several times as much."""
 FRUITLESS = 3
-"""Cut-backs after which a path that began with another discretisation's states is taken again: each costs ten and more
-iterations, a step of its own two to four (thin pair, 55 thousand unknowns, from D = 0.8 R on)."""
+"""Cut-backs after which a path that began with another discretisation's states starts again from zero load: each costs
+ten or more iterations, a step of the new path two to four (thin pair, 55 thousand unknowns, from D = 0.8 R on)."""
 PARTS = 4
 """Equal parts in which multipliers are added gradually."""
 DOUBLINGS = 4
-"""How often the penalty is doubled where multipliers were added gradually, or not at all; more often if `stiffer`."""
+"""Number of doublings of the penalty if multipliers were added gradually, or not at all; more if `stiffer` > 1."""
 BACK = 1e-12
 
 
@@ -42,7 +42,7 @@ BACK = 1e-12
 class State:
     """An equilibrium from which others are predicted: fields, approaches (balls,) [m], and its potential [J], if known.
 
-    If it has a ``source``, the equilibrium is so near that the multipliers of this state also apply there.
+    With a ``source``, it is so near to the predicted equilibrium that its multipliers also apply there.
     """
 
     fraction: float
@@ -78,8 +78,8 @@ class LoadPath:
 
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
     penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends, and
-    ``longest`` the first one over full load where a predictor's state was of no use. The attribute ``ahead`` multiplies
-    the penalties of the next step if it starts with a predictor's multipliers, and is 1 again if that failed.
+    ``longest`` the first step over full load after a predictor's state failed. The attribute ``ahead`` multiplies the
+    penalties of the next step if it starts with a predictor's multipliers, and returns to 1 if that fails.
     """
 
     def __init__(
@@ -97,10 +97,10 @@ class LoadPath:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
 
         Fractions may also decrease (unloading). A step starts from the predictor's state with its multipliers; if
-        Newton's method fails, from their source without them; if there is none, or that fails too, earlier states of
-        the path are extrapolated. A step from a near state ends with multipliers; others end in an approximate
-        equilibrium without them; `augment` adds them and makes it exact. A path that began with a predictor's states
-        and ends early is taken again from the undeformed layer; its cost counts with the next record.
+        Newton's method fails, from the source of the multipliers without them; if there is none, or this fails too,
+        from the extrapolation of earlier states. A step from a near state ends with multipliers; others end in an
+        approximate equilibrium without them; `augment` adds them and makes it exact. A path that began with a
+        predictor's states and ends early starts again from zero load; its cost counts in the next record.
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
@@ -150,7 +150,7 @@ class LoadPath:
                 yield record
 
     def distorted(self) -> Distortion:
-        """Return how far the present state is from the end of the solid (collective)."""
+        """Return the distortion of the present state (collective)."""
         model = self.model
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
 
@@ -168,8 +168,8 @@ class LoadPath:
     def augment(self, record: StepRecord) -> bool:
         """Add multipliers to the present equilibrium and solve again; return whether an equilibrium was found near it.
 
-        If it has multipliers, nothing is done. They are added at once, with stiffer penalties, or gradually. If neither
-        is followed, the model returns to the state without multipliers, with penalties as stiff as is followed.
+        Nothing is done if it has multipliers. They are added at once with stiffer penalties, else gradually. If neither
+        finds an equilibrium, the model returns to the state without multipliers, with the stiffest penalties reached.
         """
         if not record.augmented:
             with suppress(NotConverged):
@@ -190,7 +190,7 @@ class LoadPath:
     def stiffen(self, record: StepRecord, factor: float, times: int, wanted: Callable[[], bool] = lambda: True) -> int:
         """Multiply the penalties of an equilibrium by a factor, while ``wanted``; return how often (collective).
 
-        If Newton's method fails, the state before stays. The multipliers do not change.
+        If Newton's method fails, the previous state is kept. The multipliers do not change.
         """
         first, taken = self._kept(record), 0
         try:
@@ -238,7 +238,7 @@ class LoadPath:
             self._newton(record, rough=ROUGH)
             work = float(self.model.part_forces() @ (contact.approaches - np.array(self._last.approaches)))
             if self.model.energy() - self._last.energy > work + SURPLUS * abs(work):
-                raise NotConverged("the equilibrium found holds more energy than was put in: its surface is crumpled")
+                raise NotConverged("the equilibrium stores more energy than the balls' work: its surface is crumpled")
             self.source = contact.penalised
 
     def _multiply(self, source: Penalised, record: StepRecord, gradually: bool = False) -> None:
@@ -269,7 +269,7 @@ class LoadPath:
         contact.turning.value = float(not is_stable(self.problem, contact.balls, contact.approaches))
 
     def _newton(self, record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
-        """Find equilibrium; ``keeps``: the last tangent is near enough to begin with. Raises `NotConverged`."""
+        """Find equilibrium; ``keeps``: begin with the last tangent, which is near enough. Raises `NotConverged`."""
         pressed = zip(self.model.contact.balls, self.model.contact.approaches, strict=True)
         scale = max(alone(self.problem, ball, approach=a).normal_force for ball, a in pressed)
         done = self.solver.solve(rough * RESIDUAL, scale, record.fraction, keeps)

@@ -106,7 +106,7 @@ class NewtonSolver:
                 part.close()
 
     def _take(self, x: PETSc.Vec) -> None:
-        """Write the model's state into a vector: its fields and, where they are unknowns, its approaches."""
+        """Write the model's state into a vector: its fields and its unknown approaches, if any."""
         self.model.fields.get(x)
         self.system.store(x, np.linalg.lstsq(self.control.moves, self.model.contact.approaches, rcond=None)[0])
 
@@ -119,8 +119,8 @@ class NewtonSolver:
     def solve(self, tolerance: float, force: float, fraction: float, keeps: bool = False) -> Equilibrium:
         """Bring the model into equilibrium at a fraction of the load, from its present state.
 
-        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: the last solve's tangent is
-        near enough to begin with. Raises `NotConverged`, with the state as it was before, when Newton's method fails.
+        ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: begin with the last solve's
+        tangent, which is near enough. If Newton's method fails, restores the state before and raises `NotConverged`.
         """
         self.tolerance, self._targets = tolerance * force, fraction * self.control.full
         near_end = max(NEAR_END * force, self.tolerance)
@@ -151,7 +151,7 @@ class NewtonSolver:
         raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
 
     def _set(self, x: PETSc.Vec) -> None:
-        """Set the model to the state in a vector: its fields and, where they are unknowns, its approaches."""
+        """Set the model to the state in a vector: its fields and its unknown approaches, if any."""
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))
@@ -166,7 +166,7 @@ class NewtonSolver:
             raise
 
     def _iterate(self) -> int:
-        """Run Newton's method from ``_x``, with factors where the Krylov method fails; return its iterations."""
+        """Run Newton's method from ``_x``, with direct factors if the Krylov method fails; return its iterations."""
         solves = self.system.solves
         try:
             self.snes.solve(None, self._x)

@@ -1,16 +1,16 @@
 """Multigrid over the order of the elements, on one mesh (p-multigrid).
 
 Upright hexahedra of order p have two levels: order p, and order 1 along the layer with order p across it, which PETSc
-solves by factors: 1/p^2 of the unknowns. The mesh is as fine at depth as at the contact's edge, so that elements there
-are up to 25 times as tall as wide. Errors that vary with the depth alone then have little energy, and no smoother by
-nodes removes them; a level of order 1 in all directions does not hold them, one of order p across the layer does.
-The mixed form has a level of order 2 along the layer in between: without it iterations grow with the mesh.
+solves by direct factors (1/p^2 of the unknowns). The mesh is as fine at depth as at the contact's edge, so elements
+are up to 25 times as tall as wide there. Errors that vary only with depth then have little energy; no nodal smoother
+removes them; a level of order 1 in all directions cannot represent them, one of order p across the layer can.
+The mixed form has an intermediate level of order 2 along the layer: without it iterations grow with the mesh.
 
 Other meshes, and systems whose second level would be too large for factors, have levels of orders p, 2 and 1.
 
 The Lagrange spaces are nested, so a correction of a lower level is interpolated exactly, and the coarse operators are
 Galerkin's [Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.1007/s10915-010-9396-8].
-A component that is constrained at a level keeps a row of its own there, which no other row or column touches.
+A component that is constrained at a level keeps its own row there, uncoupled from all other rows and columns.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ _UPRIGHT = 1e-6
 class Coarse:
     """A level below a finer one: shape functions (fine nodes, coarse nodes) of this rank's nodes, ghosts included.
 
-    The first ``owned`` coarse nodes are this rank's; ``numbers`` are those of all among all ranks' nodes.
+    The first ``owned`` coarse nodes are this rank's; ``numbers`` are the global numbers of all coarse nodes here.
     """
 
     shapes: sparse.csr_matrix
@@ -48,8 +48,8 @@ class Coarse:
 def set_levels(preconditioner: PETSc.PC, model: Model, along: Sequence[int]) -> None:
     """Make a preconditioner multigrid for the model's displacement rows, before its options are set (collective).
 
-    ``along``: the lower levels' orders along the layer where they keep their order across it and the mesh has upright
-    hexahedra; none for levels of lower order in all directions.
+    ``along``: the lower levels' orders along the layer, if they keep the order across it and the mesh has upright
+    hexahedra; empty for levels of lower order in all directions.
     """
     levels = upright(model.space, [order for order in along if order < model.order]) or orders(model)
     preconditioner.setType("mg")
@@ -74,7 +74,7 @@ def orders(model: Model) -> list[Coarse]:
 
 
 def of_order(fine: Any, space: Any) -> Coarse:
-    """Return a Lagrange space of lower order on the same mesh as level below another one."""
+    """Return the level of a Lagrange ``space`` of lower order, below the ``fine`` space on the same mesh."""
     nodes = space.dofmap.index_map
     numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
     return Coarse(_shapes(fine, space), nodes.size_local, numbers)
@@ -83,8 +83,8 @@ def of_order(fine: Any, space: Any) -> Coarse:
 def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
     """Return levels of orders 2 or 1 along the layer and the space's own order across it (collective).
 
-    Their nodes are fine ones above and below the mesh's vertices and, at order 2, one of each edge's and each face's
-    inner nodes. Empty if some cell is no upright hexahedron.
+    Their nodes are the fine nodes above and below the mesh's vertices and, at order 2, one inner node of each edge and
+    of each face. Empty if some cell is not an upright hexahedron.
     """
     comm, dofs = fine.mesh.comm, compat.cell_dofs(fine)
     element = element_of(dofs.shape[1])
@@ -132,16 +132,16 @@ def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
 
 
 def _lattice(across: np.ndarray, axis: int, order: int) -> np.ndarray:
-    """Return a cell's places (n, 3): the heights of its nodes by the nodes of order 1 or 2 along the layer."""
+    """Return the coarse nodes (n, 3) of a cell: its nodes' heights combined with order 1 or 2 along the layer."""
     heights = np.unique(across.round(12))
     lines = [heights if k == axis else np.linspace(0.0, 1.0, order + 1) for k in range(3)]
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _inner(places: np.ndarray, axis: int, dofs: np.ndarray, coarse: np.ndarray, everywhere: np.ndarray) -> np.ndarray:
-    """Return the fine node (cells, coarse places) that stands for each coarse place, the same from all its cells.
+    """Return the fine node (cells, coarse places) that represents each coarse place, the same in all its cells.
 
-    Of the inner nodes of an edge or face along the layer at one height, it has the smallest number of all ranks'.
+    Among the inner nodes of an edge or face along the layer at one height, it has the smallest global number.
     """
     found = np.empty((len(dofs), len(coarse)), dtype=dofs.dtype)
     for number, place in enumerate(coarse):
@@ -162,9 +162,9 @@ def _along(at: np.ndarray, node: np.ndarray, order: int) -> np.ndarray:
 
 
 def interpolation(level: Coarse, fixed: np.ndarray, own_fine: int, comm: MPI.Comm) -> tuple[PETSc.Mat, np.ndarray]:
-    """Return the matrix from coarse to fine displacements, and which coarse components (nodes, 3) are constrained.
+    """Return the matrix from coarse to fine displacements, and the mask (nodes, 3) of constrained coarse components.
 
-    ``fixed`` (nodes, 3) says so of this rank's fine nodes, ghosts included, of which the first ``own_fine`` are its
+    ``fixed`` (nodes, 3) is the mask at this rank's fine nodes, ghosts included, of which the first ``own_fine`` are its
     own. A coarse component is constrained if its shape function does not vanish at all constrained fine nodes.
     """
     shapes = level.shapes

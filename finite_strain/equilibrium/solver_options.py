@@ -1,4 +1,4 @@
-"""The choice of solver for Newton's linear systems, by their size and the form of the elements. No PETSc here.
+"""The choice of solver for Newton's linear systems, by their size and the form of the elements (without PETSc).
 
 Factors (MUMPS, LDL^T) are fastest for small systems, but their cost grows faster than the size; the cost of a Krylov
 method with multigrid over the elements' order grows little faster than the size (`thirdbody study scaling`). The
@@ -28,7 +28,7 @@ FACTORS = {
 KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-2", "ksp_max_it": "120"}
 """Not conjugate gradients: a deformed layer under contact may have an indefinite tangent.
 
-Newton's method asks for 3e-2 to 1e-3 of its residual, and repeats the solve where 1e-2 is not enough.
+Newton's method requires 3e-2 to 1e-3 of its residual, and repeats the solve if 1e-2 is not enough.
 """
 MULTIGRID = {
     "pc_type": "mg",
@@ -39,8 +39,8 @@ MULTIGRID = {
 }
 """Levels of lower order, see `order_levels.py`, for the displacement's rows.
 
-Symmetric Gauss-Seidel by nodes: elements stretch where the mesh is graded, and Jacobi's method then takes 2.3 times the
-iterations. Other smoothers and levels: `thirdbody study scaling`.
+Nodal symmetric Gauss-Seidel: elements are elongated where the mesh is graded, and Jacobi's method then needs 2.3 times
+the iterations. Other smoothers and levels: `thirdbody study scaling`.
 """
 LOWEST_BY_FACTORS = {
     "mg_coarse_ksp_type": "preonly",
@@ -59,11 +59,11 @@ PRESSURE = {
     "pc_type": "sor",
     "pc_sor_its": "4",
 }
-"""The mass matrix over the stiffness, scaled by the largest eigenvalue that it leaves of the Schur complement.
+"""The mass matrix over the stiffness, scaled by the largest eigenvalue of the Schur complement preconditioned by it.
 
 Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix:
 unscaled, 102 iterations are needed, scaled 17 (14 799 unknowns, D = 0.1 R). Four sweeps invert the mass matrix as well
-as factors do: 17 iterations as well, 31 with Jacobi's method.
+as direct factors (also 17 iterations; 31 with Jacobi's method).
 An incompressible layer that is much wider than thick behaves like a lubricating film, which a mass matrix does not
 approximate: there 120 iterations may not suffice, and factors are used instead.
 """
@@ -84,7 +84,7 @@ FIELD_SPLIT = {
 
 @dataclass(frozen=True)
 class Choice:
-    """The options that a solver is built from, and why; ``direct``: by factors."""
+    """The options of a solver, and the reason for the choice; ``direct``: by factors."""
 
     options: Mapping[str, str]
     direct: bool
@@ -122,7 +122,7 @@ def choose(unknowns: float, mixed: bool, given: Mapping[str, str], order: int = 
 def along(unknowns: float, order: int, mixed: bool) -> tuple[int, ...]:
     """Return the orders along the layer of multigrid's lower levels that keep their order across it.
 
-    None if factors would not solve the lowest of them.
+    Empty if the lowest level would be too large for factors.
     """
     return () if unknowns / order**2 > DIRECT_UP_TO else (2, 1) if mixed else (1,)
 
@@ -134,7 +134,7 @@ def _multigrid(mixed: bool, lowest: float) -> dict[str, str]:
 
 
 def factor_bytes(unknowns: float) -> float:
-    """Return the memory of factors: 17 kB per unknown at 50 thousand, and its power 4/3 by nested dissection."""
+    """Return the memory of factors [bytes]: 17 kB per unknown at 50 thousand, grows as n^(4/3) (nested dissection)."""
     return 17e3 * unknowns * (unknowns / 5e4) ** (1.0 / 3.0)
 
 

@@ -1,7 +1,7 @@
 """Newton's linear system: the tangent at the present state, preconditioned by the solver of an earlier state.
 
-At order 3 (4) assembly and factors of a tangent take the time of 40 (90) products and back substitutions. Products
-therefore use the action of the potential's second derivative, and the factors of an earlier state precondition.
+At order 3 (4), assembling and factoring a tangent takes the time of 40 (90) products and back substitutions. Products
+therefore use the action of the potential's second derivative, with the factors of an earlier state as preconditioner.
 
 A load that prescribes forces makes approaches unknowns. With the tangent K, the residual's derivative B by the unknown
 approaches and their own stiffness C the system is [[K, B], [B^T, C]], preconditioned by block elimination: one solve
@@ -17,9 +17,9 @@ from finite_strain.discretisation.discrete_model import Model
 class TangentSystem:
     """Operator and preconditioner of Newton's systems, as contexts of PETSc's matrix and preconditioner of type python.
 
-    ``moves`` (balls, unknowns) says how unknowns, the last entries of the last rank's vectors, move balls. ``ksp``
-    solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a norm ``wanted``
-    or in ``most`` iterations.
+    ``moves`` (balls, unknowns) maps the unknown approaches, the last entries of the last rank's vectors, to the balls.
+    ``ksp`` solves with the model's matrix (``solves`` counts its iterations), ``outer`` with this system, to a residual
+    norm ``wanted`` [N] or in ``most`` iterations.
     """
 
     def __init__(self, model: Model, moves: np.ndarray, ksp: PETSc.KSP, outer: PETSc.KSP, most: int) -> None:
@@ -54,14 +54,14 @@ class TangentSystem:
         return np.asarray(self.model.comm.bcast(np.array(x.array_r[self._own :]), root=self.model.comm.size - 1))
 
     def store(self, x: PETSc.Vec, values: np.ndarray) -> None:
-        """Put the last entries (unknowns,) into a vector."""
+        """Store values (unknowns,) in the last entries of a vector."""
         if self._last:
             x.array[self._own :] = values
 
     def linearise(self, is_old: bool) -> None:
         """Linearise at the model's present state; ``is_old``: the matrix is that of an earlier state (collective).
 
-        If no ball of an unknown is in contact in a trial state, the stiffness of the previous state is used.
+        If no ball that an unknown moves is in contact in a trial state, the stiffness of the previous state is used.
         """
         self._is_old = is_old
         for number, column in enumerate(self._columns):

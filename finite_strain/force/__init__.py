@@ -1,1 +1,1 @@
-"""What is measured in an equilibrium: the in-plane forces by a domain integral, peak pressure and penetration."""
+"""Evaluation of an equilibrium: in-plane forces by a domain integral, peak pressure, penetration and distortion."""

@@ -35,7 +35,7 @@ class Extremes:
         self._nearest = np.linalg.norm(points[:, None, :2] - axes[None], axis=-1).argmin(axis=1)
 
     def __call__(self) -> np.ndarray:
-        """Return pressure per deformed area [Pa] and penetration [m] (balls, 2) (collective)."""
+        """Return the largest pressure per deformed area [Pa] and penetration [m], shape (balls, 2) (collective)."""
         values = compat.evaluate(self._values, self.model.mesh, self._cells, (1,))
         answer = np.zeros((len(self.model.contact.balls), 2))
         np.maximum.at(answer[:, 1], self._balls, np.where(self._is_top, values[:, :, 0], 0.0).max(axis=1))

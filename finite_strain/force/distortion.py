@@ -1,7 +1,7 @@
-"""How far a state is from the end of the solid: smallest volume ratio, surface stretch and film, and where they are.
+"""The distortion of a state: smallest volume ratio, surface stretch and area seen from above, and their positions.
 
-Where the surface is a graph over the plane, it does not touch itself: seen from above, every part of it has a positive
-area, so that the map of places in the plane is one to one near each place, and therefore, with fixed edges, as a whole.
+A surface that is a graph over the plane does not touch itself: seen from above, every part of it has a positive area,
+so the map of points in the plane is one to one near each point and, with fixed edges, as a whole.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ CREASE = 0.65
 """Stretch of a free surface under plane strain below which it folds into a crease [Hong Zhao Suo 2009,
 doi 10.1063/1.3211917: at a compressive strain of 0.35; neo-Hookean and incompressible]."""
 SQUEEZED, OF_FILM = 0.1, 0.5
-"""Volume ratio below which the state is not resolved, also over the share of the layer's thickness that is left under a
-ball: foam (nu = 0) under a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
+"""Volume ratio below which a state is not resolved, absolute and over the remaining share of the layer's thickness
+under a ball: foam (nu = 0) in a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
 Place = tuple[float, float]
 """Undeformed distance from the nearest ball's axis, and depth below the surface [m]."""
 
 
 def is_resolved(volume_ratio: float, film: float) -> bool:
-    """Return whether no element is nearly turned inside out, for the share ``film`` of the thickness under a ball."""
+    """Return whether no element is nearly inverted; ``film`` is the remaining share of the thickness under a ball."""
     return volume_ratio >= min(SQUEEZED, OF_FILM * film)
 
 
@@ -32,9 +32,9 @@ def is_resolved(volume_ratio: float, film: float) -> bool:
 class Distortion:
     """Smallest values at the nodes, and their places: det F, stretch along the top, and area of the top from above.
 
-    ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; above zero
-    everywhere the surface overhangs nowhere. ``crossing`` [m]: how far the top passes through the sides of the model,
-    of which some are planes of symmetry; the flanks between mirrored bodies meet where it is above zero.
+    ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; if it is
+    positive everywhere, the surface does not overhang. ``crossing`` [m]: how far the top passes through the sides of
+    the model, some of which are planes of symmetry; if it is positive, the flanks between mirrored bodies meet.
     """
 
     volume_ratio: float
@@ -46,7 +46,7 @@ class Distortion:
     crossing: float
 
     def describe(self) -> str:
-        """Return the values in words, with what they mean for the solid."""
+        """Return the values in words, with their meaning for the solid."""
         volume = f"smallest volume ratio J = {self.volume_ratio:.2g}, {_place(self.at)}"
         surface = f"smallest stretch of the surface {self.surface_stretch:.2g}, {_place(self.surface_at)}"
         if self.surface_stretch < CREASE:
@@ -59,7 +59,7 @@ class Distortion:
 
 
 def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -> Distortion:
-    """Return the distortion by displacements (local nodes, 3) [m] of balls at ``axes`` (balls, 2) [m] (collective)."""
+    """Return the distortion under displacements (local nodes, 3) [m]; ``axes`` (balls, 2) [m] of balls (collective)."""
     cells = CellNodes(space)
     F = np.eye(3) + cells.gradient(nodal)
     points = space.tabulate_dof_coordinates()[cells.dofs]

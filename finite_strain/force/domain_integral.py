@@ -3,8 +3,8 @@
 The domain integral is Eshelby's: with Sigma_kJ = psi delta_kJ - u_i,k P_iJ and a weight q that is 1 under one ball's
 contact and 0 under its neighbours', F_k = -int Sigma_kJ q,J dV, and surface terms that vanish where q is constant under
 the contacts. It is the domain form of the J-integral [Shih Moran Nakamura 1986, doi 10.1007/BF00034019] and needs no
-resolved contact traction. The traction's integral (`Model.forces`) is the second route: the contact edge tends to
-stick to mesh lines, so it converges more slowly, and it is not used in the answer.
+resolved contact traction. The traction's integral (`Model.forces`) is a second formula: the contact edge tends to
+stick to mesh lines, so this integral converges more slowly and is not used in the answer.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from finite_strain.discretisation.discrete_model import Model
 from meshes.box import Box
 
 CLEAR = 1.03
-"""Contact radii from its axis at which a ball's contact has ended: q begins to fall on the next line of the mesh."""
+"""Distance from a ball's axis, over its contact radius, outside the contact: q begins to fall on the next mesh line."""
 
 
 class ForceMeter:

@@ -1,1 +1,1 @@
-"""What is simulated: mirror symmetry, load, extent of the model, and estimates that set its size. No DOLFINx."""
+"""The part to simulate: mirror symmetry, load, extent of the model, and estimates that set its size (no DOLFINx)."""

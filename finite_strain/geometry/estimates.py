@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from finite_strain.geometry.symmetry import ModelBall
 
 NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
-"""Indenters of unit radius, which the ball's own radius scales."""
+"""Indenters of unit radius, to be scaled by the ball's radius."""
 LEAST_SHARE = 0.1
 """Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 PENETRATION = 1e-2
@@ -33,12 +33,12 @@ STIFFENING = 5.0
 _FARTHEST = 1e3
 """Limit of the search for a profile's width, in approaches plus apex radii."""
 _ROUNDS = 4
-"""Fixed-point iterations between approach and radius where the force is given."""
+"""Fixed-point iterations between approach and radius for a prescribed force."""
 
 
 @lru_cache(maxsize=4096)
 def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
-    """Return the radius [m] of the paraboloid that the undeformed surface cuts in the same area at an approach [m]."""
+    """Return the radius [m] of the paraboloid with the same section by the undeformed surface at an approach [m]."""
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
     depth = approach / unit
     end = min(indenter.reach, _FARTHEST * (depth + indenter.apex_radius))
@@ -55,9 +55,9 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
 def alone(
     problem: Problem, ball: Ball | ModelBall, *, approach: float | None = None, normal_force: float | None = None
 ) -> Indentation:
-    """Return the state of a single ball at an approach [m] or a force [N], as a paraboloid of the radius seen.
+    """Return the state of a single ball at an approach [m] or a force [N], as a paraboloid of radius `radius_seen`.
 
-    Without load all its values are zero.
+    Without load, all values are zero.
     """
     layer, substrate, shape = problem.layer, problem.substrate, known_shape(ball)
     if not (approach or normal_force or 0.0) > 0.0:
@@ -72,7 +72,7 @@ def alone(
 
 
 def with_expressions(problem: Problem) -> Problem:
-    """Return the problem with an `Indenter` for each function f(x, y); raises `UnsupportedProblem` if it is none."""
+    """Return the problem with an `Indenter` for each function f(x, y); raises `UnsupportedProblem` if impossible."""
     balls = tuple(
         ball if isinstance(ball.shape, str | Indenter) else replace(ball, shape=HeightFunction(ball.radius, ball.shape))
         for ball in problem.balls

@@ -36,7 +36,7 @@ class Extent:
 def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].
 
-    T passes through zero where the half-space's attraction and the reduction of it by the base cancel; its error
+    T passes through zero where the half-space's attraction and its reduction by the base cancel, but the error of T
     does not. The scale is therefore at least a tenth of the half-space's attraction Q_i Q_j (1 - nu^2) / (pi E r^2).
     """
     pairs = np.outer(forces, forces) / _distances(problem) ** 2

@@ -1,4 +1,4 @@
-"""What a load prescribes: approaches, or forces that make approaches unknowns of the equilibrium. No DOLFINx here."""
+"""Load control: prescribed approaches, or prescribed forces with approaches as unknowns (without DOLFINx)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from finite_strain.geometry.symmetry import Reduction
 
 ANSWERS = 6
-"""Load steps of a comparison along the load."""
+"""Number of load steps with output in a comparison along the load."""
 LARGEST_APPROACH = 0.9
 """Largest approach over the layer's thickness: beyond it the elements below a ball have almost no volume."""
 
 BETWEEN = 2001
-"""Points on the line between the axes of two bodies at which it is checked that they do not overlap."""
+"""Number of points on the line between the axes of two bodies in the check for overlap."""
 TOUCHING = 1e-6
 """Overlap over the largest approach below which bodies only touch."""
 
@@ -80,7 +80,7 @@ class PrescribedLoad(ABC):
         return tuple((n / ANSWERS) ** self.power for n in range(1, ANSWERS + 1))
 
     def faults(self, model: str) -> list[str]:
-        """Return what a model does not support, one text per fault."""
+        """Return a message per property of the load that the model does not support."""
         return []
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""The simulated part of a scene: frame with the most mirror planes, balls of the cut scene, map back to the scene."""
+"""The simulated part of a scene: the frame with the most mirror planes, its balls, and the map back to the scene."""
 
 import cmath
 import math
@@ -13,7 +13,7 @@ from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
 
 WIDEST = 2.0
-"""Distance at which a body without an edge may touch, over its radius or its expected contact's."""
+"""Largest distance from the axis at which a body without an edge may touch, over its radius or contact radius."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
 
@@ -89,12 +89,12 @@ class Reduction:
         return signs
 
     def to_scene(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
-        """Return an in-plane vector of the scene's ball from that of its model ball."""
+        """Return the in-plane vector of a ball of the scene from that of its model ball."""
         turned = complex(*np.multiply(self.images[ball].signs, vector)) * cmath.rect(1.0, self.angle)
         return turned.real, turned.imag
 
     def to_model(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
-        """Return an in-plane vector of the model's ball from that of the scene's."""
+        """Return the in-plane vector of the model's ball from that of a ball of the scene."""
         turned = complex(*vector) * cmath.rect(1.0, -self.angle)
         signs = self.images[ball].signs
         return signs[0] * turned.real, signs[1] * turned.imag
@@ -103,7 +103,7 @@ class Reduction:
 def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Reduction:
     """Find the frame with the most mirror planes, and the balls that remain in the cut scene.
 
-    With ``planes`` the frame is the scene's own, cut at those of them that are mirror planes.
+    With ``planes``, the frame is the scene's own, cut at those of the ``planes`` that are mirror planes.
     """
     values = prescribed(problem).values
     positions = np.array([ball.position for ball in problem.balls])

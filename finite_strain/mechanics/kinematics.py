@@ -17,7 +17,7 @@ from linear_bem.law import Energy, Law, NeoHookean
 
 @dataclass(frozen=True)
 class Finite:
-    """Finite strain with a hyperelastic law or an own energy psi(F): F = I + grad u."""
+    """Finite strain with a hyperelastic law or a user-defined energy psi(F): F = I + grad u."""
 
     law: Law | Energy = field(default_factory=NeoHookean)
 
@@ -28,7 +28,7 @@ class Finite:
         return self.law(ufl.Identity(3) + gradient)
 
     def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
-        """Return P F^T / J."""
+        """Return the Cauchy stress P F^T / J [Pa]."""
         F = ufl.Identity(3) + gradient
         return stress * F.T / ufl.det(F)
 
@@ -53,7 +53,7 @@ class Small:
         return stress
 
     def surface_stretch(self, gradient: Any) -> int:
-        """Return 1, for the same reason."""
+        """Return 1, as the configurations coincide."""
         return 1
 
 

@@ -1,9 +1,9 @@
 """Strain energies of the laws in `linear_bem.law`, per reference volume; stresses follow by differentiation.
 
 They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
-substrate, which strains by 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy takes the
-law with its numbers, H, the shear modulus, the volumetric energy, and the values of H without derivative, ``still``;
-what it returns has the right value and first two derivatives (`finite_strain.mechanics.invariants.second_order`).
+substrate, with strains of 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy's arguments
+are the law with its parameters, H, the shear modulus, the volumetric energy, and ``still``, the values of H without
+derivative; its value and first two derivatives are correct (`finite_strain.mechanics.invariants.second_order`).
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
-"""Whether an own strain energy psi(F) has the layer's moduli at small strain.
+"""Checks that a user-defined strain energy psi(F) has the layer's moduli at small strain.
 
 The linear model, the pairs and S_Q compare with Hooke's law of the layer: another small-strain limit would count as
-finite strain. The form language evaluates psi at a few numbers by itself; nothing is compiled.
+an effect of finite strain. UFL evaluates psi at a few values of F; nothing is compiled.
 """
 
 import numpy as np
@@ -12,11 +12,11 @@ from linear_bem.law import Law
 from linear_bem.problem import Problem
 
 STEP, ALIKE = 1e-3, 1e-3
-"""Strain of the differences, which are exact to its square, and the relative difference of moduli that is taken."""
+"""Strain of the differences, whose error is of second order in it; largest accepted relative difference of moduli."""
 
 
 def check_own_energy(problem: Problem) -> None:
-    """Raise `InvalidProblem` unless an own energy is one number with the layer's moduli and no stress at F = I."""
+    """Raise `InvalidProblem` unless a user's energy is a number, with the layer's moduli and no stress at F = I."""
     psi = None if problem.finite_strain is None else problem.finite_strain.chosen
     if psi is None or isinstance(psi, Law):
         return

@@ -41,7 +41,7 @@ def summed(energy: Callable[[PrincipalStretches], Any], H: Any, still: Any) -> A
 
 
 class PrincipalStretches:
-    """The logarithms l of three principal stretches, from the invariants of `invariants`, as sums need them."""
+    """Sums over the logarithms l of the three principal stretches, from the values of `invariants`."""
 
     def __init__(self, values: Sequence[Any]) -> None:
         third, second, cubed, j = values

@@ -29,7 +29,7 @@ unknowns.
 LARGEST_DISPLACEMENT_POISSON = 0.4999
 """Largest Poisson's ratio for which the displacement form can be requested."""
 VOLUME_STIFFNESS = 4.0
-"""b over the shear modulus where lambda is infinite.
+"""b over the shear modulus if lambda is infinite.
 
 At nu = 0.5 without the term the thin pair ends at D = 0.76 R, and the pair on h = 2 R takes 250 s to 1.4 R. With 4 at
 every load they reach 0.9 R and 1.4 R in 38 and 69 s; the first takes 54 s with 2 and one more mesh with 10. At
@@ -91,17 +91,17 @@ def is_mixed(problem: Problem, region: str) -> bool:
 
 
 def _without_pressure(problem: Problem) -> str:
-    """Return the name of the layer's law if its volumetric energy is its own and has no mixed form, else ""."""
+    """Return the name of the layer's law if its volumetric energy has no mixed form, else ""."""
     if problem.finite_strain is None:
         return ""
     law = problem.finite_strain.chosen
     if isinstance(law, Law):
         return "" if law.takes_pressure else law.name
-    return "an own energy psi(F)"
+    return "a user-defined energy psi(F)"
 
 
 def form_faults(problem: Problem, model: str) -> list[str]:
-    """Return the faults of the form that a scene requests, one text each."""
+    """Return a message per fault of the element form that a scene requests."""
     asked = problem.elements.form if problem.elements is not None else None
     nu, own = problem.layer.poisson, _without_pressure(problem)
     if own and (asked == "mixed" or nu > LARGEST_DISPLACEMENT_POISSON):

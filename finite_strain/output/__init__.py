@@ -1,1 +1,1 @@
-"""Fields on disk and the surface for pictures."""
+"""Output of a run: fields on disk, and the top surface for pictures."""

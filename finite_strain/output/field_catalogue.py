@@ -1,4 +1,4 @@
-"""The fields that a run can write: names, units, meanings, and the choice among them. No DOLFINx here."""
+"""The fields that a run can write: names, units, meanings, and the choice among them (without DOLFINx)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ CATALOGUE = {
 
 @dataclass(frozen=True)
 class FieldChoice:
-    """Which fields are written, and on which load steps: every so many, and always on the last."""
+    """The fields to write (``names``), and the load steps: every ``every``-th, and always the last."""
 
     names: tuple[str, ...] = tuple(CATALOGUE)
     every: int = 1
@@ -66,7 +66,7 @@ class FieldChoice:
 
 
 def choice_faults(names: Sequence[str], every: int) -> list[str]:
-    """Return what is wrong with a choice of fields, one text per fault."""
+    """Return a message per fault of a choice of fields."""
     faults = []
     unknown = [name for name in names if name not in CATALOGUE]
     if unknown:

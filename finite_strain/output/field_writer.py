@@ -5,7 +5,7 @@ nodal displacements are those of the solution. Points, vectors and tensors are i
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
 complete the scene).
 Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
-Where DOLFINx was built with ADIOS2, each step has a VTX folder, too.
+If DOLFINx was built with ADIOS2, each step also has a VTX folder.
 """
 
 import shutil

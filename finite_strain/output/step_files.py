@@ -1,4 +1,4 @@
-"""A step's files: arrays whose rows are spread over the ranks in one HDF5 file, and XDMF text beside it.
+"""Writes the files of a load step: arrays with rows from all ranks into one HDF5 file, and an XDMF file with it.
 
 Rank 0 writes, because Debian's h5py does not support MPI. Each step has an XDMF file, and there is an index over all
 steps for ParaView and meshio. The text is written here because the library's own writer puts every field on a
@@ -21,7 +21,7 @@ INDEX = "fields.xdmf"
 _CELLS = {8: "Hexahedron", 4: "Tetrahedron"}
 _NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
 ROOM = 1_000_000
-"""Bytes of a file besides its arrays."""
+"""Allowance [bytes] for the parts of a file other than its arrays."""
 
 
 def write_gathered(
@@ -64,7 +64,7 @@ def stem(number: int) -> str:
 
 
 def write_step_and_index(folder: Path, number: int) -> None:
-    """Write the XDMF file of a step whose HDF5 file is there, and the index over all such steps."""
+    """Write the XDMF file of a step with an HDF5 file, and the index over all such steps."""
     _write(folder / f"{stem(number)}.xdmf", [_grid(folder, number, timed=False)], temporal=False)
     numbers = sorted(int(path.stem.removeprefix("step_")) for path in folder.glob("step_*.h5"))
     _write(folder / INDEX, [_grid(folder, n, timed=True) for n in numbers], temporal=True)

@@ -17,7 +17,7 @@ from linear_bem.errors import OutputUnusable
 def write_vtx(model: Model, path: Path, number: int, fields: Mapping[str, np.ndarray]) -> None:
     """Write values (local nodes, *shape), ghosts included, in the scene's frame; ``number`` is the time (collective).
 
-    Needs `compat.vtx_writer`. A folder that is there is replaced once the new one is whole.
+    Needs `compat.vtx_writer`. An existing folder is replaced once the new one is complete.
     """
     draft = path.with_name("draft.bp")
     shapes = {values.shape[1:] for values in fields.values()}
@@ -25,7 +25,7 @@ def write_vtx(model: Model, path: Path, number: int, fields: Mapping[str, np.nda
     functions = [_function(model, spaces[values.shape[1:]], name, values) for name, values in fields.items()]
     places = model.mesh.geometry.x
     own = places.copy()
-    places[:] = model.reduction.scene_points(own)  # what is written is the mesh of the functions
+    places[:] = model.reduction.scene_points(own)  # the writer uses the functions' mesh
     try:
         with compat.vtx_writer()(model.comm, str(draft), functions) as writer:
             writer.write(float(number))
@@ -42,7 +42,7 @@ def write_vtx(model: Model, path: Path, number: int, fields: Mapping[str, np.nda
 
 
 def _function(model: Model, space: Any, name: str, values: np.ndarray) -> dolfinx.fem.Function:
-    """Return nodal values as a function of a space on the model's mesh, which may number the nodes otherwise."""
+    """Return nodal values as a function in a space on the model's mesh, which may number the nodes differently."""
     function, rows = dolfinx.fem.Function(space), values.reshape(len(values), -1)
     function.name = name
     function.x.array.reshape(-1, rows.shape[1])[compat.cell_dofs(space)] = rows[compat.cell_dofs(model.space)]

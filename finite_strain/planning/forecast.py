@@ -1,4 +1,4 @@
-"""What a run will take: how many meshes, with which chance, and the time and memory of them."""
+"""Forecast of a run: the number of meshes with its probability, and their time and memory."""
 
 import math
 import os
@@ -18,15 +18,15 @@ from linear_bem.counts import grouped
 from linear_bem.law import Hyperfoam, Ogden
 
 REACHED, MIXED_REACHED, ALONE_REACHED = 0.11, 0.5, 0.4
-"""Constant of `first_error`, by 117 runs of 0.02 R to 1.4 R, those of studies `stability` and `strengthening` among
-them; factors on it in the mixed form, and for one ball, whose force or approach counts."""
+"""Constant of `first_error`, from 117 runs of 0.02 R to 1.4 R, including the studies `stability` and `strengthening`;
+factors on it in the mixed form, and for one ball, whose force or approach counts."""
 SCATTER, LEAST = 0.58, 0.1
 """Standard deviation of the logarithm of the error reached over `first_error`, measured by `plan_errors` of
-``runs.studies.scaling``; least chance of another number of meshes that is named."""
+``runs.studies.scaling``; least probability at which another number of meshes is reported."""
 HIGHER = 0.27
 """Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 RANKS = 2
-"""Processes that time and memory are for, unless said."""
+"""Default number of processes for time and memory."""
 
 
 def first_error(plan: RunPlan) -> float:
@@ -39,7 +39,7 @@ def first_error(plan: RunPlan) -> float:
 
 
 def chances(plan: RunPlan) -> tuple[tuple[Discretisation, float], ...]:
-    """Return the discretisations in the order in which they are taken, each with the chance that it is the last."""
+    """Return the discretisations in the order of a run, each with the probability that it is the last."""
     rows, level, error, beyond = [(PATH_FINDER, 0.0)], FIRST, first_error(plan), 1.0
     while True:
         before, beyond = beyond, 1.0 - NormalDist(math.log(error), SCATTER).cdf(math.log(plan.accuracy))
@@ -67,8 +67,8 @@ def _until_even(rows: tuple[tuple[Discretisation, float], ...]) -> tuple[Discret
 def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
     """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
-    ``processor_`` is what one process takes alone; ``seconds_of_meshes`` are those of each discretisation.
-    ``perhaps`` has the cost of other numbers of meshes whose chance is at least `LEAST`.
+    Keys with ``processor_`` refer to a single process; ``seconds_of_meshes`` holds the time of each discretisation.
+    ``perhaps`` has the cost of other numbers of meshes whose probability is at least `LEAST`.
     """
     problem, most, box = plan.problem, plan.budget.most_unknowns, plan.box(PATH_FINDER)
     forms = describe_forms(problem)
@@ -106,7 +106,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in plan.reduction.planes],
         "unknowns": round(last.unknowns),
         "meshes": [f"{level}: about {grouped(plan.unknowns(level))} unknowns" for level in taken]
-        + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds what was asked"],
+        + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds the requested one"],
         **cost(len(taken)),
         "memory_bytes_at_most": largest.memory_bytes(ranks),
         "seconds_of_meshes": [value / speed for value in seconds[: len(taken)]],

@@ -20,9 +20,9 @@ NAME, BEFORE = "discretisations.json", "discretisations.before.json"
 
 @dataclass(frozen=True)
 class ContactState:
-    """Equilibrium of one model on one discretisation; arrays have one entry per ball of the model, of the whole ball.
+    """Equilibrium of one model on one discretisation; arrays have one entry per ball of the model, for whole balls.
 
-    ``penetration`` [m] is the largest; ``mean_gap`` [m] is the pressure-weighted mean, negative if the surface lies
+    ``penetration`` [m] is the largest one; ``mean_gap`` [m] is the pressure-weighted mean, negative if the surface lies
     inside the ball; ``traction_force`` [N] is T from the contact traction, ``tangential_force`` [N] from the domain
     integral.
     """
@@ -52,7 +52,7 @@ class ContactState:
 
 @dataclass(frozen=True)
 class Row:
-    """Results of one discretisation at a load step: of the run's own model and, if it converged, of small strain."""
+    """Results of one discretisation at a load step: of the problem's model and, if it converged, of small strain."""
 
     own: ContactState
     small: ContactState | None = None
@@ -82,9 +82,9 @@ class Discretisation:
 class SolverAccount:
     """Cost and residuals of a load step with output.
 
-    Counts are sums over the load steps since the last answer, ``cuts`` their largest. ``residual`` [N] is Newton's
-    last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``penetration`` [m]; ``force_balance`` is the
-    relative difference of the forces on balls and base; ``distorted_at`` are the places (distance from the nearest
+    Counts are sums over the load steps since the last answer, ``cuts`` is their largest number of cut-backs.
+    ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``force_balance``
+    is the relative difference of forces on balls and base; ``distorted_at`` holds the places (distance from the nearest
     axis, depth) [m] of the smallest volume ratio, surface stretch and area seen from above over undeformed area,
     ``surface_crossing`` [m] is how far the surface passes through planes of symmetry (see
     `finite_strain.force.distortion`); ``strain_energy`` [J] is that of the whole scene.
@@ -118,9 +118,9 @@ class Answer(SolverAccount):
     """The answer at load step number ``step``; lists have one value per ball of the scene, forces and errors in N.
 
     ``mesh`` is the discretisation's number in its run; ``linear_failure`` says why `linear_bem` has no answer;
-    ``error_terms`` are those of T, or of the force or approach that was not given where there is one ball;
-    ``imbalance`` is the size of the sum of T on the mesh and ``imbalance_error`` the sum of its errors, before use is
-    made of them. ``normal_force_error`` holds at the given approach, ``approach_error`` [m] at the given force.
+    ``error_terms`` are those of T or, for a single ball, of the force or approach that is not prescribed;
+    ``imbalance`` is the size of the sum of T on the mesh and ``imbalance_error`` the sum of its errors, before T is
+    corrected by them. ``normal_force_error`` applies to a given approach, ``approach_error`` [m] to a given force.
     """
 
     balls: tuple[BallResult, ...]
@@ -141,12 +141,12 @@ class Answer(SolverAccount):
         return SolverAccount(**{each.name: getattr(self, each.name) for each in fields(SolverAccount)})
 
     def to_step(self) -> Step:
-        """Return the step of the public contract, whose record holds all but the balls."""
+        """Return the public `Step`, whose record holds all but the balls."""
         return Step(self.balls, {k: v for k, v in vars(self).items() if k != "balls" and v is not None})
 
     @classmethod
     def from_step(cls, step: Step) -> Answer:
-        """Return the answer that `to_step` wrote, maybe with more entries than there are now."""
+        """Return the answer that `to_step` wrote; entries unknown to this version are ignored."""
         known = {each.name: step.record[each.name] for each in fields(cls) if each.name in step.record}
         return cls(balls=step.balls, **known)
 
@@ -156,9 +156,9 @@ class Record:
     """One discretisation of a run: its definition, its results at each load step, and its cost.
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
-    load; ``changes`` are those (balls,) from the coarser discretisation at the rows: R of T / Q^2 [1/N], Q of
-    the force or approach that was not given, relative. ``stiffened`` is how often penalties were raised at full load;
-    ``resolved`` is False if elements are nearly turned inside out there.
+    load; ``changes`` are the changes (balls,) from the coarser discretisation at the rows: "R" of T / Q^2 [1/N], "Q"
+    of the force or approach that is not prescribed (relative). ``stiffened`` is how often penalties were raised at full
+    load; ``resolved`` is False if elements are nearly inverted there.
     """
 
     level: Discretisation
@@ -220,7 +220,7 @@ def saved_records(folder: Path, key: str) -> tuple[list[Record], str]:
         except (OSError, ValueError, TypeError, LookupError) as error:
             damage = damage or f"{path} cannot be read ({error})"
             continue
-        if damage:  # else the next save would put it in the place of the good one
+        if damage:  # else the next save would replace the good file by it
             (folder / NAME).unlink(missing_ok=True)
         continued = f"continued from {BEFORE}" if records else "started from the beginning"
         return records, f"{damage}: the run {continued}" if damage else ""

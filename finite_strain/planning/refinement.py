@@ -1,4 +1,4 @@
-"""Which discretisation to run next, and when to stop: required accuracy against the budget."""
+"""Decides which discretisation to run next and when to stop, by the required accuracy and the budget."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ they would be overestimated (`python -m tests.finite_strain.bars`)."""
 DEFAULT_UNKNOWNS = 120e3
 """Default limit on the unknowns of the finest mesh."""
 ORDER = 3.0
-"""Order of convergence in the element size by which the next mesh is sized, that of the theory in `error_budget`."""
+"""Order of convergence in the element size, for the size of the next mesh; from the theory in `error_budget`."""
 SECONDS_POWER = 1.4
 """Seconds grow with this power of the unknowns: between assembly (1) and a direct solver in space (2)."""
 HIGHEST = 4
@@ -28,7 +28,7 @@ WIDER, STIFFER = 1.5, 8.0
 """Growth factors of the domain and of the penalty where they limit the accuracy."""
 MOST_LEVELS = 8
 STEADY = 0.5
-"""Fraction of an error that remains after a refinement, above which that refinement did not reach the error's cause."""
+"""Remaining fraction of an error above which a refinement did not reduce the cause of the error."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
 ) -> Discretisation | str:  # fmt: skip
     """Return the discretisation to run after the last finished record, or why there is none.
 
-    ``unknowns`` estimates a discretisation's size. On a mesh that is given only order and penalty are raised.
+    ``unknowns`` estimates the number of unknowns. With a user's mesh, only order and penalty are raised.
     """
     last = records[-1]
     if len(records) == 1:
@@ -71,9 +71,9 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
     else:
         level = "elements nearly turned inside out, on a finer mesh as well"
     if isinstance(level, str):
-        return f"what remains is {level}"
+        return f"the accuracy is limited by {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
-        return "an own mesh is neither refined nor made wider: give a finer or a wider one"
+        return "a user's mesh is neither refined nor widened: give a finer or wider one"
     wanted = unknowns(level) * last.unknowns / unknowns(last.level)
     while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
         level = replace(level, fineness=level.fineness - STEP)
@@ -94,13 +94,13 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
 
 
 def coarser(records: Sequence[Record]) -> Record:
-    """Return the record that the last one is compared with: the last one of a lower resolution."""
+    """Return the record with which the last one is compared: the latest of lower resolution."""
     *earlier, fine = records
     return next((r for r in reversed(earlier) if r.level.resolution < fine.level.resolution), earlier[-1])
 
 
 def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
-    """Return the discretisation that reduces the largest term, or which error none of them would."""
+    """Return the discretisation that reduces the largest error term, or the error that no discretisation reduces."""
     last, before = records[-1], records[-2]
     level = last.level
     largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
@@ -111,7 +111,7 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
         if not stiffened or last.terms[largest] < STEADY * before.terms.get(largest, 0.0):
             return replace(level, penalty=STIFFER * level.penalty)
         if level.order == HIGHEST:  # penalties do not depend on the mesh
-            return "penetration that stiffer penalties leave: Newton's method does not follow them"
+            return "penetration: Newton's method fails with stiffer penalties"
         level = before.level
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
     if largest == "transfer" and (steady or level.extent > before.level.extent):  # a wider domain may help more

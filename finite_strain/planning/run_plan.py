@@ -1,4 +1,4 @@
-"""The plan of a run: symmetry, discretisations, load steps, and their cost."""
+"""The plan of a finite-element run: symmetry, load steps, the box to mesh, and the number of unknowns."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -23,23 +23,23 @@ from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
 MOST_AT_FIRST = 5e5
-"""Largest number of unknowns of the first answering discretisation where no budget is stated."""
+"""Largest number of unknowns of the first discretisation with results, unless a budget is given."""
 MOST_COUNTED = 2e6
-"""Number of unknowns, as estimated, up to which a mesh is counted: a million take 0.2 s, many balls longer."""
+"""Largest estimated number of unknowns that is then counted exactly: 0.2 s per million, more with many balls."""
 LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
 DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
 ENOUGH, NEARBY = 3, 0.5
-"""Number of nearby load steps with output from which on their changes alone show the error at full load. Nearby are
-loads with contacts at least half as wide by Hertz's law."""
+"""Number of nearby load steps with output whose changes alone show the error at full load. Loads are nearby if their
+contacts are at least half as wide by Hertz's law."""
 _SHARED_NODES = 1.35
 """Nodes of a mesh over the cube of the order times its hexahedra: outer faces have nodes of their own."""
 
 
 @dataclass(frozen=True)
 class GivenMesh:
-    """A user's own mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
+    """A user's mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -53,7 +53,7 @@ class GivenMesh:
 class RunPlan:
     """The parts of a run: ``goals`` are the load fractions with output.
 
-    ``loads`` are those at which discretisations are compared: the goals, and more of them where there are few.
+    ``loads`` are the fractions at which discretisations are compared: the goals, and more if the goals are few.
     """
 
     problem: Problem
@@ -73,7 +73,7 @@ class RunPlan:
 
     @property
     def is_paired(self) -> bool:
-        """Whether the small-strain problem runs beside the run's own."""
+        """Whether the small-strain problem is solved beside the hyperelastic one."""
         return self.problem.finite_strain is not None
 
     @property
@@ -99,7 +99,7 @@ class RunPlan:
 
     @property
     def nearby(self) -> float:
-        """The least load, over another one, at which the changes between discretisations count for the other one."""
+        """Smallest ratio of two loads at which the changes between discretisations at one also count for the other."""
         return NEARBY ** (2.0 * prescribed(self.problem).power)
 
     @property
@@ -150,7 +150,7 @@ class RunPlan:
 
         try:
             quads, rim = counted(box)
-        except ThirdBodyError:  # said when the mesh is made
+        except ThirdBodyError:  # reported when the mesh is made
             return estimate
         # Euler's formula, for the nodes of displacements and of pressures
         nodes = [(q * q * quads + q * rim / 2.0 + 1.0) * (q * box.layers + 1.0) for q in (p, p - 1)]
@@ -164,10 +164,10 @@ def plan_run(
     problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
     steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT, fit: Fit | None = None,
 ) -> RunPlan:  # fmt: skip
-    """Return the plan of a run that answers at some fractions of the load (None: at six equal steps of the approach).
+    """Return the plan of a run with results at the load fractions ``steps`` (None: six equal steps of the approach).
 
-    ``model`` is the one that the caller expects; ``fit`` gives the part and measures of an own mesh. Raises
-    `UnsupportedProblem`, naming the key, for what it does not support, and if the problem needs the other model.
+    ``model`` is the one that the caller expects; ``fit`` returns the part and dimensions of a user's mesh. Raises
+    `InvalidProblem`, and `UnsupportedProblem`, naming the key, also if the problem needs the other model.
     """
     if not 0.0 < tangential_force < 1.0:
         raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
@@ -212,7 +212,7 @@ def _check_supported(problem: Problem, model: str) -> None:
             f"ask for model {model_of(problem)}"
         )
     if not 0.0 < problem.layer.thickness < math.inf:
-        rule = f"layer.thickness: {model} meshes the layer and needs a finite one"
+        rule = f"layer.thickness: {model} meshes the layer and needs a finite thickness"
         faults.append(f"{rule}, got {problem.layer.thickness:g}; use linear_bem")
     if isinstance(problem.layer, SurfaceResponse):
         faults.append(f"layer: {model} needs a material, got the response of its surface; use linear_bem")

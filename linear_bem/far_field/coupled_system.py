@@ -1,4 +1,4 @@
-"""Linear systems of balls that interact as point loads: own compliances on the diagonal, K(L_ij) beside it."""
+"""Linear systems of balls that interact as point loads: own compliances on the diagonal, K(L_ij) off it."""
 
 from inspect import signature
 from typing import Protocol
@@ -15,7 +15,7 @@ class Influence(Protocol):
     """K(L_ij) between balls, 0 on the diagonal, as an operator: a matrix, or near pairs and a mesh."""
 
     def __matmul__(self, loads: Array, /) -> Array:
-        """Return the displacement at every ball from the loads on the others."""
+        """Return the displacement [m] at every ball from the loads [N] on the others."""
         ...
 
 
@@ -24,16 +24,16 @@ DIRECT = 600
 RESIDUAL = 1e-10
 """Relative residual of conjugate gradients."""
 _NAMED = "rtol" if "rtol" in signature(cg).parameters else "tol"
-"""That residual's name: scipy 1.12 has the first, 1.14 no longer the second."""
+"""scipy's keyword of that residual: `rtol` since 1.12, `tol` before 1.14."""
 
 
 def solve_coupled(
     influence: Influence, compliance: Array, right: Array, free: Mask, residual: float = RESIDUAL
 ) -> Array:
-    """Return loads with (diag(``compliance``) + K) loads = ``right`` at ``free`` balls; the loads of others are 0.
+    """Solve (diag(``compliance``) + K) loads = ``right`` at ``free`` balls and return the loads, 0 at the others.
 
-    ``residual`` is that of conjugate gradients, relative to ``right``, where the matrix is not factored. The matrix is
-    positive definite, as a small pressure on separate areas stores energy. Raises `NotConverged`.
+    Large systems are solved by conjugate gradients to ``residual``, relative to ``right``. The matrix is positive
+    definite, as a small pressure on separate areas stores energy. Raises `NotConverged`.
     """
     count = len(right)
     if isinstance(influence, PointInfluence) and count <= DIRECT and influence.mesh is None:

@@ -1,4 +1,4 @@
-"""Where many loads lie: groups far apart, and pairs of unlike loads within their reach of each other."""
+"""Geometry of many loads: groups that lie far apart, and near pairs of loads of different sizes."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array, Indices
 
 FINEST = 512
-"""Largest number of squares over the extent by which groups are looked for."""
+"""Largest number of squares along the extent in the search for groups."""
 FEWEST = 8
 """Least mean number of loads in a group."""
 CLASSES = 6
-"""Loads are sorted by size into so many classes, each half the size of the one before."""
+"""Number of size classes; the loads of a class are half as large as those of the previous class."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Groups:
 
 
 def groupings(centres: Array, margins: Array) -> Iterator[Groups]:
-    """Yield all loads as one group, then ever more groups; ``margins`` (n,) [m] are added around ``centres`` (n, 2)."""
+    """Yield all loads as one group, then more and more groups; ``margins`` (n,) [m] surround ``centres`` (n, 2) [m]."""
     around = np.broadcast_to(margins, len(centres))[:, None]
     low, high = centres - around, centres + around
     first, extent = low.min(axis=0), float(np.max(high.max(axis=0) - low.min(axis=0)))
@@ -73,7 +73,7 @@ def _apart(owners: Indices, low: Array, high: Array, least: float) -> Groups:
 
 
 class UnlikePairs:
-    """Pairs of loads of given ``sizes`` (n,) [m] within reach(first's size, second's) [m] of each other."""
+    """Pairs of loads of different ``sizes`` (n,) [m] that are nearer than reach(first size, second size) [m]."""
 
     def __init__(self, centres: Array, sizes: Array) -> None:
         self.centres, self.sizes = centres, np.broadcast_to(np.asarray(sizes, dtype=float), len(centres))
@@ -89,7 +89,7 @@ class UnlikePairs:
                 yield (*one, *other)
 
     def count(self, reach: Callable[[float, float], float]) -> float:
-        """Return a number of pairs that is not too small."""
+        """Return an upper bound of the number of pairs: each class counts with its largest size."""
         total = 0.0
         for m, tree, a, n, other, b in self._of_classes():
             found = float(tree.count_neighbors(other, reach(a, b)))
@@ -97,7 +97,7 @@ class UnlikePairs:
         return total
 
     def within(self, reach: Callable[[Array, Array], Array]) -> tuple[Indices, Indices]:
-        """Return the pairs, first below second."""
+        """Return the indices of the pairs, each first below its second."""
         firsts, seconds = [], []
         for m, tree, a, n, other, b in self._of_classes():
             most = float(reach(np.array(a), np.array(b)))

@@ -3,11 +3,11 @@ r"""Near pairs and a mesh for the smooth far part of the layer's kernel: n loads
 The near part of `linear_bem.far_field.kernel_split` is negligible beyond a few of its widths: it is summed over near
 pairs. The far part, with the tail 1/r of the half-space and of an elastic substrate, is a convolution on a mesh of
 spacing H = 0.4 widths (Hockney and Eastwood's P3M). On a rigid base K falls exponentially, and pairs beyond its range
-are left out. Where loads lie in groups far apart, every group has a mesh of its own for the difference of its far part
-and a still smoother one, which a coarse mesh over all holds. The cheapest of these is taken.
+are left out. For groups of loads far apart, a coarse mesh over all groups holds a still smoother far part, and each
+group has a fine mesh for the difference. The cheapest of these methods is used.
 
-In a cell that repeats, pairs include images, each with its shift, and the mesh holds the Fourier series of the far
-part: 2 pi/k G(k h) less the near part's transform. At k = 0 the whole kernel has what `linear_bem.layer.cell` says.
+In a periodic cell, pairs include images, each with its shift, and the mesh holds the Fourier series of the far part:
+2 pi/k G(k h) less the near part's transform. `linear_bem.layer.cell` defines the whole kernel's value at k = 0.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from linear_bem.memory import require
 
 NOWHERE = np.zeros((1, 2))
 AROUND = 1.5
-"""Points of a contact that grows stay within so many of its first sizes from the centre."""
+"""All points of a growing contact stay within this multiple of its first size from its centre."""
 PAIR, NODE, BALL, GROUP = 5e-6, 4e-7, 1e-5, 2e-3
-"""Processor time [s] of a near pair, a node of a doubled mesh, a ball on a mesh, a group; only the choice needs it."""
+"""Processor time [s] per near pair, node of a doubled mesh, ball on a mesh, and group; used to choose the method."""
 NODE_BYTES = 34.0
 """Memory per node of the doubled mesh: measured, 6.1 GB at 179 million nodes."""
 
 
 @dataclass(frozen=True)
 class FarField:
-    """Pairs (``first``, ``second``) that are summed one by one, and the mesh for the rest (None: there is no rest).
+    """Pairs (``first``, ``second``) that are summed one by one, and the mesh for the rest (None: pairs alone).
 
-    ``split`` is that of the kernel; nodes beyond ``cutoff`` [m] have no near part. ``shift`` (pairs, 2) [m] takes the
-    second to its image in a cell that repeats; without one it has the shape (1, 2).
+    ``split`` divides the kernel; nodes farther apart than ``cutoff`` [m] have no near part. In a periodic cell,
+    ``shift`` (pairs, 2) [m] moves each second load to its image; otherwise its shape is (1, 2).
     """
 
     kernel: LayeredKernel
@@ -56,8 +56,8 @@ class FarField:
     ) -> FarField:
         """Return the cheapest split for loads within `AROUND` ``sizes`` (balls,) [m] of ``centres`` (balls, 2) [m].
 
-        ``precision`` bounds what is neglected of the force of one neighbour. Outside a cell, pairs of centres within
-        ``least_ratio`` sizes of the larger load are summed one by one even where the mesh holds all of their kernel.
+        ``precision`` bounds the neglected share of one neighbour's force. Without a periodic cell, pairs of centres
+        within ``least_ratio`` sizes of the larger load are summed one by one even if the mesh suffices for them.
         """
         n = len(centres)
         largest = float(np.max(sizes))
@@ -80,7 +80,7 @@ class FarField:
 
 
 class _Choice:
-    """The cheapest of pairs alone, a mesh, and a mesh per group with a coarse one over all."""
+    """Chooses the cheapest of three methods: pairs alone, one mesh, or a mesh per group and a coarse one over all."""
 
     def __init__(
         self, kernel: LayeredKernel, centres: Array, sizes: Array, precision: float, least_ratio: float
@@ -92,7 +92,7 @@ class _Choice:
         self.margin = AROUND * float(np.max(sizes))
 
     def reach(self, cutoff: float, one: Array, other: Array) -> Array:
-        """Return the distance [m] of the last near pair of loads of two sizes [m]."""
+        """Return the largest distance [m] of a near pair of loads of two sizes [m]."""
         around = AROUND * (one + other)
         return np.minimum(np.maximum(cutoff + around, self.least_ratio * np.maximum(one, other)), self.range + around)
 
@@ -101,7 +101,7 @@ class _Choice:
         return float(self.reach(cutoff, largest, largest))
 
     def near(self, cutoff: float) -> tuple[Indices, Indices]:
-        """Return the near pairs for a cut-off [m] of nodes."""
+        """Return the near pairs for a cut-off distance [m] between nodes."""
         if not np.isfinite(self._last(cutoff)):
             first, second = np.triu_indices(len(self.centres), 1)
             return first, second
@@ -114,14 +114,14 @@ class _Choice:
         return self.pairs.count(lambda a, b: float(self.reach(cutoff, np.array(a), np.array(b))))
 
     def best(self) -> tuple[NestedMesh, Split, float] | None:
-        """Return mesh, split and cut-off [m] of nodes; None: pairs alone."""
+        """Return mesh, split and cut-off distance [m] between nodes; None: pairs alone."""
         n, rule = len(self.centres), self.rule
         least, found = PAIR * self._count(np.inf), None
         if rule is None or n < 2 or least <= NODE * (2 * ORDER) ** 2 + BALL * n:
             return None
         for groups in groupings(self.centres, AROUND * self.sizes):
             sides = groups.sides
-            apart = max(np.sqrt(np.sum(np.prod(sides, axis=1)) / n), np.sum(np.max(sides, axis=1)) / n)  # also in a row
+            apart = max(np.sqrt(np.sum(np.prod(sides, axis=1)) / n), np.sum(np.max(sides, axis=1)) / n)  # or in a row
             if apart <= 0.0:
                 continue
             coarse = self._coarse(groups, rule)
@@ -147,7 +147,7 @@ class _Choice:
         require(
             NODE_BYTES * nodes,
             f"linear_bem: a mesh of {grouped(int(nodes))} nodes over {n} balls",
-            "take balls that are less far apart, or a thicker layer",
+            "move the balls closer together, or use a thicker layer",
         )
         if coarse is None:
             return NestedMesh((ParticleMesh(groups.low, groups.high, size, split.far, groups.owners),)), split, cutoff
@@ -156,7 +156,7 @@ class _Choice:
         return NestedMesh((ParticleMesh(*corners, coarse, wide.far), own)), split, cutoff
 
     def _coarse(self, groups: Groups, rule: Rule) -> float | None:
-        """Return the spacing [m] of the mesh that holds the kernel between groups; None where nothing is to hold."""
+        """Return the spacing [m] of the coarse mesh for the kernel between groups; None if groups do not interact."""
         if groups.gap >= self.range:
             return None
         simple = groups.gap * rule.share / rule.cut
@@ -174,7 +174,7 @@ def cell_split(
 ) -> tuple[PeriodicMesh | None, Split | None, float]:
     """Return the cheapest mesh for ``count`` contacts in the kernel's cell, the split, and the cut-off [m] of pairs.
 
-    Without a mesh the cut-off is the range of a kernel that decays. ``margin`` and ``precision`` as in `FarField.of`.
+    Without a mesh, the cut-off is the range of the kernel. ``margin`` [m] and ``precision`` as in `FarField.of`.
     """
     cell = kernel.cell
     assert cell is not None
@@ -200,7 +200,7 @@ def cell_split(
 
 
 def _sizes(apart: float, of_layer: float, count: int) -> list[float]:
-    """Return spacings [m] to try: from that of the loads, and from that which the layer allows if it is finer, down."""
+    """Return mesh spacings [m] to try, downwards from that of the loads and, if finer, from that of the layer."""
     return [s / 2.0 ** (0.5 * k) for s in {apart, min(apart, of_layer)} for k in range(count)]
 
 
@@ -219,7 +219,7 @@ class PointInfluence:
             self._own = unit * float(field.split.far(np.zeros(1))[0])
 
     def __matmul__(self, loads: Array) -> Array:
-        """Return the displacement at every point from the loads at the others."""
+        """Return the displacement at every point due to the loads at all other points."""
         out = self.near @ loads
         if self.mesh is not None:
             out = out + self.unit * self.mesh.potential(self._points, loads) - self._own * loads

@@ -1,12 +1,12 @@
 r"""Convolution of point loads with a smooth radial kernel on a mesh.
 
 Loads are spread to the nodes of a square mesh by B-splines, convolved there by FFT (on twice the mesh's size, so that
-nothing wraps around; in a `PeriodicMesh` everything does), and the field is interpolated by the same splines: a
-symmetric operator. Its transform is the kernel's, divided per direction by b(k), p the splines' order, H the spacing
-and b the transform of the spline of order 2 p at whole numbers. That is the factor of least mean square error
-[Hockney and Eastwood 1988, Computer Simulation Using Particles, section 8-3] up to waves near pi/H, and smooth and
-periodic in k, so that the mesh's end is felt at few nodes only. A wave of k = x pi/H is reproduced to about (x/(2 -
-x))^p of itself; what the kernel has beyond pi/H is lost.
+nothing wraps around, except in a `PeriodicMesh`), and the field is interpolated by the same splines: a symmetric
+operator. Its transform is that of the kernel, divided in each direction by b(k), the transform of the spline of order
+2 p at integers; p is the splines' order, H the spacing. This factor has the least mean square error [Hockney and
+Eastwood 1988, Computer Simulation Using Particles, section 8-3] up to waves near pi/H. It is smooth and periodic in k,
+so the end of the mesh affects few nodes. The relative error of a wave k = x pi/H is about (x/(2 - x))^p; waves of the
+kernel beyond pi/H are lost.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def _splines(offset: Array, order: int) -> list[Array]:
 
 @dataclass(frozen=True)
 class Points:
-    """Splines at points: `value`, and the derivatives `dx`, `dy` [1/m] where asked for, of shape (points, nodes)."""
+    """Splines at points: `value` and, on request, the derivatives `dx`, `dy` [1/m], of shape (points, nodes)."""
 
     value: csr_matrix
     dx: csr_matrix | None = None
@@ -52,8 +52,8 @@ def mesh_shape(low: Array, high: Array, spacing: float) -> tuple[Indices, Indice
 class ParticleMesh:
     """Meshes over rectangles from ``low`` to ``high`` [m], one (2,) or several (k, 2), apart from each other.
 
-    ``radial`` is the kernel on each as a function of r [m]. Of several, ``owners`` (balls,) has each ball's; points are
-    then given ball after ball, as many for each.
+    ``radial`` is the kernel as a function of r [m]. With several meshes, ``owners`` (balls,) holds the mesh of each
+    ball; points are then sorted by ball, with equally many per ball.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class ParticleMesh:
         return np.asarray(base[:, None].astype(np.int32) + ORDER // 2 - np.arange(ORDER, dtype=np.int32))
 
     def at(self, x: Array, y: Array, slopes: bool = False) -> Points:
-        """Return the splines at points [m]; raises `NotConverged` for points out of the mesh."""
+        """Return the splines at points [m]; raises `NotConverged` for points outside the mesh."""
         count = np.size(x)
         owner = np.repeat(self.owners, count // len(self.owners)) if len(self.nodes) > 1 else np.zeros(1, dtype=np.intp)
         weights, derivatives, indices = [], [], []
@@ -118,8 +118,8 @@ class ParticleMesh:
     def slope(self, points: Points, loads: Array) -> Array:
         """Return the field's gradient (points, 2) at points with slopes from the loads at these points.
 
-        It is half the derivative at the points and half that at the loads. The mesh then exerts opposite forces on any
-        two loads, and none of a load on itself: the sum of load times gradient vanishes.
+        Half is the derivative at the points, half that at the loads. The forces of any two loads on each other are then
+        opposite, and a load exerts none on itself: the sum of load times gradient vanishes.
         """
         field, out = self.field(points, loads), np.empty((points.value.shape[0], 2))
         for axis, splines in enumerate((points.dx, points.dy)):
@@ -153,7 +153,7 @@ def _transform(shape: tuple[int, int], spacing: float, radial: Callable[[Array],
 
 @dataclass(frozen=True)
 class NestedMesh:
-    """Meshes whose fields add up, coarse ones over more than fine ones."""
+    """Meshes whose fields add up; coarse meshes cover larger regions than fine ones."""
 
     meshes: tuple[ParticleMesh, ...]
 
@@ -175,7 +175,7 @@ class NestedMesh:
 
 
 class PeriodicMesh(ParticleMesh):
-    """A mesh over a cell of ``lengths`` (2,) [m] that repeats, and a kernel by its transform at wave numbers [1/m].
+    """A mesh over a periodic cell of ``lengths`` (2,) [m]; the kernel is given by its transform at wave numbers [1/m].
 
     The transform is exact at the waves of the cell. Those beyond pi/``spacing`` [m] are lost.
     """
@@ -199,13 +199,13 @@ class PeriodicMesh(ParticleMesh):
 
 
 def periodic_shape(lengths: Array, spacing: float) -> tuple[int, int]:
-    """Return the numbers of nodes of a `PeriodicMesh`."""
+    """Return the numbers of nodes of a `PeriodicMesh` along x and y."""
     first, second = (int(next_fast_len(int(np.ceil(length / spacing)), real=True)) for length in lengths)
     return first, second
 
 
 def _factor(waves: Array) -> Array:
-    """Return 1/b at wave numbers, in waves per spacing."""
+    """Return 1/b at wave numbers in cycles per spacing."""
     at_whole = [float(v[0]) for v in _splines(np.zeros(1), 2 * ORDER)]
     b = at_whole[ORDER] + 2.0 * sum(at_whole[ORDER + j] * np.cos(2.0 * np.pi * j * waves) for j in range(1, ORDER))
     return np.asarray(1.0 / b)

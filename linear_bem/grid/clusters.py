@@ -1,4 +1,4 @@
-"""Which balls share a patch: the kernel between patches must be smooth on their scale."""
+"""Groups close balls on shared patches, so that the kernel between patches is smooth on their scale."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Cluster:
         return max(self.high[0] - self.low[0], self.high[1] - self.low[1]) / 2.0 + self.margin
 
     def is_close(self, other: _Cluster) -> bool:
-        """Return whether the gap between both patches is below 1.2 half widths of the larger one."""
+        """Return whether the gap between the two patches is below 1.2 half widths of the larger one."""
         gap = max(max(self.low[k] - other.high[k], other.low[k] - self.high[k]) for k in (0, 1))
         return gap - self.margin - other.margin < 1.2 * max(self.half_width, other.half_width)
 

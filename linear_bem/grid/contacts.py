@@ -1,4 +1,4 @@
-"""Contacts on grids: refinement by doubling, forces and fields."""
+"""Contacts solved on grids of square cells: successive refinement, forces, fields and residuals."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class GridContacts:
 
     @property
     def report(self) -> Report:
-        """Takes lines while results are computed."""
+        """Receives progress lines while results are computed."""
         return self.patches.report
 
     @property
@@ -105,19 +105,19 @@ class GridContacts:
 
     @cached_property
     def edge_areas(self) -> Array:
-        """Area [m^2] by which the cells in contact exceed the contact of every ball; see `excess_edge`."""
+        """Area [m^2] by which the cells in contact exceed every ball's true contact; see `excess_edge`."""
         return self._of_balls(lambda _, patch, p, mine: excess_edge(mine, p > 0.0) * patch.cell**2)
 
     @cached_property
     def area_errors(self) -> Array:
-        """Error of every contact area [m^2], from the place of its edge in the cells; see `edge_error`."""
+        """Error of every contact area [m^2] from the unknown position of its edge within cells; see `edge_error`."""
         return self._of_balls(lambda _, patch, p, mine: edge_error(mine, p > 0.0) * patch.cell**2)
 
     @cached_property
     def edge_shares(self) -> Array:
-        """Relative change of every normal force, or approach, with the error of its contact area.
+        """Relative error of every normal force or approach due to the error of its contact area.
 
-        A pressure K/sqrt(2 pi s) at the distance s from the edge, as under a sharp punch, takes the energy K^2/(2 E*)
+        A pressure K/sqrt(2 pi s) at the distance s from the edge, as under a sharp punch, has the energy K^2/(2 E*)
         per area of contact [Johnson 1985, Contact Mechanics, section 5.5]; its mean over the last cell d is
         K sqrt(2/(pi d)). At a fixed approach D the force Q then changes by K^2/(E* D) per area. Where cells resolve an
         edge at which the pressure vanishes, this is of the order (d/a)^2 of the area's error.
@@ -142,7 +142,7 @@ class GridContacts:
         return max(patch.cell for patch in self.patches.patches)
 
     def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
-        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        """Return positions x, y [m] and point loads [N] that replace the pressure for fields at a depth [m]."""
         loads = []
         for patch, p in zip(self.patches.patches, self.state.pressures, strict=True):
             loaded = p > 0.0
@@ -157,7 +157,7 @@ class GridContacts:
 
     @cached_property
     def coarseness(self) -> float:
-        """Largest side of a cell over the radius of the contact that it belongs to."""
+        """Largest side of a cell over the radius of its contact."""
         sides = [(patch.cell, np.sqrt(self.contact_areas[ball] / np.pi)) for ball, patch, _, _ in self._cells()]
         return max(side / radius for side, radius in sides if radius > 0.0)
 
@@ -227,10 +227,10 @@ def _heights(problem: Problem, patch: Patch) -> Array:
 def grid_levels(
     problem: Problem, kernel: LayeredKernel, start: Start, report: Report = silent
 ) -> Iterator[GridContacts]:
-    """Yield the solution on grids of half the spacing each, until `MOST_CELLS` would be exceeded.
+    """Yield the solutions on successive grids, each of half the previous spacing, up to `MOST_CELLS` cells.
 
-    ``report`` takes a line per grid, and of its parts now and then. Raises `UnsupportedProblem` where even the first
-    grid would exceed it, and `NotConverged`.
+    ``report`` receives a line per grid and occasional lines in between. Raises `UnsupportedProblem` if even the first
+    grid would exceed `MOST_CELLS`, and `NotConverged`.
     """
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     for i in range(problem.size):
@@ -243,10 +243,10 @@ def grid_levels(
             if before is None:
                 raise UnsupportedProblem(
                     f"linear_bem: {cells} cells are needed to resolve merging "
-                    f"contacts, more than {MOST_CELLS}; press balls of more equal size, or fewer, or less deep"
+                    f"contacts, more than {MOST_CELLS}; use balls of more equal size, fewer balls, or a smaller load"
                 )
             return
-        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across a contact's")
+        report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across one contact's patch")
         contacts = _solve(problem, kernel, patches, start, before)
         if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue

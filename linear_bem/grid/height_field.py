@@ -1,4 +1,4 @@
-"""Contact of one rigid height field with the layer on one grid, alone or periodic: rough and own surfaces."""
+"""Contact of one rigid height field (a rough or user-defined surface) with the layer, isolated or periodic."""
 
 import math
 from collections.abc import Sequence
@@ -22,19 +22,19 @@ from linear_bem.media import Elastic, Layer, large_strain_note, without_empty_la
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
 LEAST_GAP = 1e-9
-"""Least mean gap over the mean height above the lowest one: less is roundoff of complete contact."""
+"""Smallest mean gap over the mean height above the lowest one; a smaller gap is complete contact to roundoff."""
 
 
 @dataclass(frozen=True)
 class HeightFieldContact:
     """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
 
-    Of one period where the surface is periodic; there, unless the base is rigid, displacement and approach are
-    measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact less what they
-    exceed the contact by at its edges, ``contact_area_error`` what the edges' place in the cells leaves open
-    (`linear_bem.grid.outline`).
-    ``gap_in_contact`` and ``penetration_outside`` are residuals over the approach, recomputed. ``notes`` says so where
-    a layer is pressed in by more than half of its thickness, where small strain does not hold.
+    Arrays have the shape of the heights; displacements are positive into the layer. For a periodic surface, values are
+    those of one period and, unless the base is rigid, displacement and approach are measured from the mean of the
+    deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
+    ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
+    ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
+    is indented by more than half of its thickness, where small strain does not hold.
     """
 
     pressure: Array = field(repr=False)
@@ -104,10 +104,10 @@ def solve_height_field(
 
     The lowest height touches first. Exactly one load is given: ``normal_force`` [N] (of one period), ``approach`` [m]
     (measured from height 0), or, where ``periodic``, ``mean_gap`` [m] between the deformed surfaces. A surface that is
-    not periodic must lift off before its grid ends, unless the body ``ends_at_edge``. Each grid starts from the
-    solution on one of twice the spacing, down to about 32 cells across. ``tolerance`` bounds gap in contact and
-    penetration anywhere, over the approach from the lowest height, recomputed on the whole grid. ``layer`` may be a
-    `SurfaceResponse`. Raises `InvalidProblem` and `NotConverged`.
+    not periodic must lift off before its grid ends, unless the body ``ends_at_edge``. Coarser grids, from about 32
+    cells across, give first guesses. ``tolerance`` bounds the gap in contact and the penetration anywhere, over the
+    approach from the lowest height, recomputed on the whole grid. ``layer`` may be a `SurfaceResponse`.
+    Raises `InvalidProblem` and `NotConverged`.
     """
     heights = real(heights)
     loads = {"normal_force": normal_force, "approach": approach, "mean_gap": mean_gap}
@@ -131,7 +131,7 @@ def solve_height_field(
             found = _at_mean_gap(whole, above, gap, tolerance)
     if not periodic and not ends_at_edge:
         _refuse_clipped(found.pressure)
-    if periodic and substrate is not None:  # displacements are from their mean: the layer's own mean compression
+    if periodic and substrate is not None:  # displacements exclude their mean: use the layer's mean compression
         mean_pressure = found.normal_force / (heights.size * cell**2)
         deepest = mean_pressure / (layer.lame_first + 2.0 * layer.shear_modulus) * layer.thickness
         notes = large_strain_note(layer, None, deepest, 0.0)
@@ -170,7 +170,7 @@ def _solve_grids(
 
 
 def _flat(whole: PeriodicPatch, above: Array, force: float | None, depth: float | None) -> HeightFieldContact:
-    """Return the uniform pressure under a flat surface, by a force [N] or, on a layer that yields, an approach [m]."""
+    """Return the contact of a flat surface under a force [N] or, on a compressible layer, at an approach [m]."""
     if force is not None:
         mean = force * whole.kernel.singular / (above.size * whole.cell**2)
         depth = mean * whole.uniform if math.isfinite(whole.uniform) else 0.0
@@ -181,10 +181,10 @@ def _flat(whole: PeriodicPatch, above: Array, force: float | None, depth: float 
 
 
 def _at_mean_gap(whole: PeriodicPatch, above: Array, gap: float, tolerance: float) -> HeightFieldContact:
-    """Return the contact at a mean gap [m]: the root of a function that falls with the force.
+    """Return the contact at a mean gap [m], by a search for the force.
 
-    From the mean height without force to 0 under `PeriodicPatch.complete`. At a given gap itself the equations are
-    singular in complete contact, where only the mean pressure is free.
+    The gap falls from the mean height without force to 0 at the pressure `PeriodicPatch.complete`. With a prescribed
+    gap, the equations are singular in complete contact, where only the mean pressure is free.
     """
     most = whole.complete(above) * above.size * whole.cell**2 / whole.kernel.singular
 
@@ -207,7 +207,7 @@ def _patch(kernel: LayeredKernel, cell: float, shape: tuple[int, ...], periodic:
 
 def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, iterations: int) -> HeightFieldContact:
     gap, contact, area = w + above - depth, pressure > 0.0, whole.cell**2
-    scale = abs(depth) or 1.0  # a flat surface on a half-space that repeats has no approach
+    scale = abs(depth) or 1.0  # a flat periodic surface on a half-space has no approach
     periodic = isinstance(whole, PeriodicPatch)
     excess = excess_edge(contact, contact, periodic=periodic) * area
     return HeightFieldContact(

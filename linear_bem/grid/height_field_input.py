@@ -1,4 +1,4 @@
-"""What `linear_bem.grid.height_field` refuses, one sentence each with key, rule and value."""
+"""Input checks of `linear_bem.grid.height_field`: one message per fault, with key, rule and value."""
 
 import math
 from numbers import Real
@@ -11,7 +11,7 @@ from linear_bem.media import Elastic, Layer, material_faults
 
 
 def real(heights: Array) -> Array:
-    """Return heights as an array of numbers; raises `InvalidProblem` where they are none."""
+    """Return heights as an array of real numbers; raises `InvalidProblem` if they are not."""
     try:
         given = np.asarray(heights)
     except ValueError:  # rows of unlike length
@@ -22,7 +22,7 @@ def real(heights: Array) -> Array:
 
 
 def medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
-    """Return what is wrong with what is pressed into."""
+    """Return a message per fault of layer and substrate."""
     if not isinstance(layer, Layer):
         return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
     if not isinstance(substrate, Elastic | None):
@@ -37,7 +37,7 @@ def medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
 
 
 def grid_faults(heights: Array, cell: float) -> list[str]:
-    """Return what is wrong with the grid of heights."""
+    """Return a message per fault of the heights and the cell size."""
     faults = []
     if heights.ndim != 2 or min(heights.shape) < 4:
         faults.append(f"heights: must have two axes of at least 4 cells each, got shape {heights.shape}")
@@ -50,7 +50,7 @@ def grid_faults(heights: Array, cell: float) -> list[str]:
 
 
 def load_faults(loads: dict[str, float | None], periodic: bool) -> list[str]:
-    """Return what is wrong with the loads, of which one alone must be given."""
+    """Return a message per fault of the loads, of which exactly one must be given."""
     given = {name: value for name, value in loads.items() if value is not None}
     if len(given) != 1:
         written = ", ".join(f"{name} {value}" for name, value in given.items()) or "none"

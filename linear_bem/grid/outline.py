@@ -1,4 +1,4 @@
-"""The outline of a contact on square cells: by how much its cells exceed it, and how well its area is known."""
+"""The outline of a contact on square cells: the excess area of the cells, and the error of the contact area."""
 
 import numpy as np
 
@@ -10,27 +10,27 @@ SIDE = (np.pi - 1.0 + np.log(2.0)) / 24.0
 [Yastrebov, Anciaux, Molinari 2017, Tribol. Int. 114, 161, doi 10.1016/j.triboint.2017.04.023, eq. 8]
 """
 STRAIGHT, CURVED = 0.6, 1.0 / 3.0
-"""Largest error of an edge's place, in cells, along a run of sides: half a cell about a mean that differs from `SIDE`
-by up to 0.1; and where a parabola leaves the row of cells at both ends of the run, whose mean is 2/3 of its rise."""
+"""Largest error of an edge's position [cells] along a run of sides: half a cell about a mean that differs from `SIDE`
+by up to 0.1; and for a parabola that leaves the row of cells at both ends of the run (its mean is 2/3 of its rise)."""
 ALIKE = 8
-"""Symmetries of the grid: so many runs of one length may be images of each other, with equal errors."""
+"""Number of symmetries of the grid: up to this many runs of one length may be mirror images, with equal errors."""
 
 
 def excess_edge(mine: Mask, contact: Mask, *, periodic: bool = False) -> float:
-    """Return by how many cells those in ``mine`` exceed the true contact, on average over the edge's position.
+    """Return the excess area [cells] of the cells in ``mine`` over the true contact, averaged over the edge's position.
 
-    A side of the outline is shared by a cell in ``mine`` and one out of ``contact``.
+    A side of the outline separates a cell in ``mine`` from a cell outside ``contact``.
     """
     return SIDE * sum(int(np.count_nonzero(sides)) for sides in _outline(mine, contact, periodic=periodic))
 
 
 def edge_error(mine: Mask, contact: Mask, *, periodic: bool = False) -> float:
-    """Return the error of the area of the cells in ``mine`` less their `excess_edge`, in cells.
+    """Return the error [cells] of the contact area: the area of the cells in ``mine`` less their `excess_edge`.
 
-    Along a run of n sides in one row the edge is out of place by one and the same part of a cell: by up to `STRAIGHT`
-    if n exceeds sqrt(8 a), the longest run of a circle of the same area and a radius of a cells, or the run has no
-    ends; else by up to `CURVED`. Runs of unlike length are independent; among m of one length, up to `ALIKE` add up.
-    At least the excess itself.
+    Along a run of n sides in one row, the edge's position has one common error: up to `STRAIGHT` if the run has no ends
+    or n exceeds sqrt(8 a), the longest run of a circle of the same area, of radius a [cells]; else up to `CURVED`.
+    Runs of different lengths are independent; among m of one length, up to `ALIKE` errors add up. The error is at least
+    the excess itself.
     """
     lengths = np.concatenate([_runs(sides, periodic=periodic) for sides in _outline(mine, contact, periodic=periodic)])
     count = np.bincount(lengths)
@@ -65,7 +65,7 @@ def _outline(mine: Mask, contact: Mask, *, periodic: bool) -> list[Mask]:
 
 
 def _runs(sides: Mask, *, periodic: bool) -> Indices:
-    """Return the numbers of sides in a row along the second axis, which goes on at its start if ``periodic``."""
+    """Return the lengths of the runs of sides along the second axis, which wraps around if ``periodic``."""
     if periodic:
         along = np.argmin(sides, axis=1)[:, None] + np.arange(sides.shape[1])
         sides = np.take_along_axis(sides, along % sides.shape[1], axis=1)

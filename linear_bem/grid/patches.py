@@ -145,7 +145,7 @@ class Patch:
         return self._convolve(self._image(pressure) * self._spectrum)
 
     def slopes(self, pressure: Array) -> tuple[Array, Array]:
-        """Return dw/dx and dw/dy at the cells."""
+        """Return dw/dx and dw/dy at the cells (dimensionless)."""
         image = self._image(pressure)
         sx, sy = self._slope_spectra
         return self._convolve(image * sx), self._convolve(image * sy)
@@ -190,12 +190,12 @@ class Patch:
         return out[0], out[1]
 
     def gather(self, pressure: Array) -> Array:
-        """Return the point loads at the nodes that replace a pressure at other patches."""
+        """Return the point loads at the nodes that replace a pressure in its effect on other patches."""
         lx, ly = self._lagrange
         return np.asarray(lx.T @ pressure @ ly).ravel() * self.cell**2
 
     def spread(self, values: Array) -> Array:
-        """Return the field at the cells that has these values at the nodes."""
+        """Interpolate a field from its values at the nodes to the cells."""
         lx, ly = self._lagrange
         return np.asarray(lx @ values.reshape(self.nodes, self.nodes) @ ly.T)
 
@@ -212,7 +212,7 @@ def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float)
 
 
 class Patches:
-    """All patches together: displacement of every cell from every pressure; ``report`` takes lines of long parts."""
+    """All patches together: displacement of every cell due to all pressures; ``report`` receives progress lines."""
 
     def __init__(self, kernel: LayeredKernel, patches: list[Patch], report: Report = silent) -> None:
         self.kernel = kernel
@@ -223,7 +223,7 @@ class Patches:
             self._mutual = self._between(lambda r, dx, dy: kernel.scaled(r), "influence of patches on each other: ")
 
     def _between(self, f: Callable[[Array, Array, Array], Array], what: str) -> Array:
-        """Return a kernel f(r, dx, dy) between all nodes of different patches; ``what`` begins its lines of report."""
+        """Return a kernel f(r, dx, dy) between all nodes of different patches; ``what`` begins each progress line."""
         report = seldom(self.report, what)
         q2 = self.patches[0].nodes ** 2
         x = np.concatenate([p.node_points[0] for p in self.patches])
@@ -259,8 +259,8 @@ class Patches:
     def slopes(self, pressures: list[Array]) -> tuple[list[Array], list[Array]]:
         """Return dw/dx and dw/dy of every patch, for the force on every ball.
 
-        The part from a ball's own pressure is left out where a patch has one ball; where it has several, its integral
-        over the ball's pressure vanishes.
+        The contribution of a ball's own pressure is omitted on a patch with one ball; on a patch with several balls,
+        its integral over that pressure vanishes.
         """
         along_x, along_y = [], []
         for p, q in zip(self.patches, pressures, strict=True):

@@ -1,7 +1,7 @@
 r"""A periodic patch: pressure and displacement repeat with its sides, and are multiplied in Fourier space.
 
-The surface answers the wave k with 2 pi G(k h)/k times `LayeredKernel.singular`. The wave k = 0 is a uniform pressure:
-it compresses a layer on a rigid base by 2 pi h G'(0), an incompressible one not at all, and moves a half-space to
+A pressure of wave number k displaces the surface by 2 pi G(k h)/k times `LayeredKernel.singular`. At k = 0, uniform:
+the pressure compresses a layer on a rigid base by 2 pi h G'(0) (0 if incompressible) and moves a half-space to
 infinity. There displacements are measured from their mean [Stanley and Kato 1997, J. Tribol. 119, 481, doi
 10.1115/1.2833523].
 """

@@ -1,11 +1,11 @@
 r"""Non-negative pressures on a grid by preconditioned, constrained conjugate gradients.
 
 The method of [Polonsky and Keer 1999, Wear 231, 206, doi 10.1016/S0043-1648(99)00113-1] with two
-changes: the search direction is preconditioned by the periodic inverse of the influence matrix
-(iterations then hardly grow with the grid), and any groups of balls may have their forces prescribed,
-each with its own unknown approach. Forces are kept by projecting the direction; where a group's balls have
-cells of different size (one holder for unequal balls), in the preconditioner's own metric. It stops when, relative
-to the largest approach, the gap in contact and the penetration outside are both below the tolerance.
+changes: the search direction is preconditioned by the periodic inverse of the influence matrix (the number of
+iterations then hardly grows with the grid), and groups of balls may have a prescribed force, each group with one
+unknown approach. A projection of the search direction keeps the forces; for cells of different size within a group
+(one holder for unequal balls), it uses the preconditioner's metric. The iteration stops when the gap in contact and the
+penetration outside, relative to the largest approach, are both below the tolerance.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class GridState:
 class _Cells:
     """The cells of all patches as one vector, with the envelope of the balls over each cell and the groups of forces.
 
-    Forces are <1_g, p> in the product weighted by ``area``, in which influence and preconditioner are symmetric.
+    Forces are <1_g, p> in the inner product weighted by ``area``, in which influence and preconditioner are symmetric.
     """
 
     def __init__(self, patches: Patches, heights: list[Array], groups: Groups, balls: int) -> None:
@@ -66,7 +66,7 @@ class _Cells:
         return np.concatenate([w.ravel() for w in self.patches.displacement(self.split(v))])
 
     def curvature(self, direction: Array) -> tuple[Array, float]:
-        """Return the displacement [m] under a direction of pressures, and the product of both."""
+        """Return the displacement [m] under a direction of pressures, and the inner product of both."""
         image = self.apply(direction)
         return image, float(direction @ (image * self.area))
 
@@ -76,9 +76,9 @@ class _Cells:
         return np.where(where, np.concatenate([p.precondition(r).ravel() for p, r in parts]), 0.0)
 
     def envelope(self, approaches: Array) -> tuple[Array, Indices]:
-        """Return the lowest indenter's depth D - f [m] at each cell, and which ball that is.
+        """Return the lowest indenter's depth D - f [m] at each cell, and the index of its ball.
 
-        The last envelope is kept: where all approaches change by the same amount, only the depth is shifted.
+        The last envelope is kept: if all approaches change by the same amount, only the depth is shifted.
         """
         if self._known is not None:
             at, depth, owner = self._known
@@ -98,7 +98,7 @@ class _Cells:
         return self._known[1:]
 
     def groups_within(self, cells: Mask, owner: Indices) -> list[Mask]:
-        """Return per group those of the cells that its balls own."""
+        """Return, per group, the mask of those ``cells`` that belong to its balls."""
         kind = self.group_of[owner]
         return [cells & (kind == g) for g in range(len(self.groups))]
 
@@ -113,7 +113,7 @@ class _Cells:
             approaches[members] += np.average(misfit[mine], weights=None if self.equal else self.area[mine])
 
     def with_prescribed_forces(self, p: Array, owner: Indices) -> Array:
-        """Return pressures scaled to the groups' forces (the same array where they already have them)."""
+        """Return pressures scaled to the groups' forces (the same array if they already have these forces)."""
         factor = np.ones(len(self.groups) + 1)
         kind = self.group_of[owner]
         for g, (_, force) in enumerate(self.groups):
@@ -126,9 +126,9 @@ class _Cells:
     def descent(self, residual: Array, contact: Mask, owner: Indices) -> tuple[Array, float]:
         """Return a direction of descent that keeps the groups' forces, and its product with the residual.
 
-        Where a group's cells have one size the mean of M r is subtracted, an orthogonal projection (M is the
-        preconditioner). Where they differ, a constant is a poor change of pressure: a small contact takes more pressure
-        for the same approach. There z and the changes d of the approaches solve K p - D = r with M for K's inverse,
+        If a group's cells have one size, the mean of M r is subtracted, an orthogonal projection (M is the
+        preconditioner). If they differ, a constant is a poor change of pressure: a small contact needs more pressure
+        for the same approach. Then z and the changes d of the approaches solve K p - D = r with M for K's inverse,
         z = M (r - sum_g d_g 1_g) and <1_g, z> = 0; then <r, z> >= 0 by Schwarz's inequality, for any approaches.
         """
         masks = self.groups_within(contact, owner)
@@ -161,7 +161,7 @@ class _Progress:
         self._best, self._since, self._improved = np.inf, 0, 0
 
     def ends(self, iteration: int, gap: float, restart: bool) -> bool:
-        """Return whether the iteration stops; shorten steps where cells are gained and lost in turn."""
+        """Return whether to stop the iteration; shorten steps if cells are gained and lost alternately."""
         if gap < 0.9 * self._best:
             self._best, self._since, self._improved = gap, 0, iteration
         self._since += 1
@@ -182,9 +182,9 @@ def solve_bounded(
     """Return the state with p >= 0, gap >= 0, p gap = 0.
 
     ``heights`` holds per patch the members' f at its cells, shape (members, nx, ny) [m]; balls in no group of
-    ``groups`` keep their approach. Soft layers take 10 to 30 steps on any grid; a stiff film on a soft base, whose
-    pressure is concentrated at the contact's edge, takes hundreds: at most 3000 on small grids, 600 on others.
-    ``report`` takes a line per step. Raises `NotConverged`.
+    ``groups`` keep their approach. Soft layers need 10 to 30 steps on any grid; a stiff film on a soft base, with its
+    pressure concentrated at the contact's edge, needs hundreds: at most 3000 on small grids, 600 on others.
+    ``report`` receives a line per step. Raises `NotConverged`.
     """
     cells = _Cells(patches, heights, groups, len(approaches))
     approaches = approaches.astype(float).copy()

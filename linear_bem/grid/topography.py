@@ -1,4 +1,4 @@
-"""Measured surfaces: files that the library SurfaceTopography reads."""
+"""Reads measured surfaces from files, by the library SurfaceTopography."""
 
 import math
 from os import PathLike
@@ -12,12 +12,12 @@ from linear_bem.errors import InvalidProblem, UnsupportedProblem
 def read_heights(path: str | PathLike[str]) -> tuple[Array, float, bool]:
     """Return heights [m] for `solve_height_field`, the side of a cell [m], and whether the surface is periodic.
 
-    The measured surface is that of the rigid body, seen from outside: it is turned over, so that its highest peak is
-    the lowest height, 0. Raises `UnsupportedProblem` without the library SurfaceTopography, and `InvalidProblem` for
+    The file shows the surface of the rigid body from outside; it is inverted, so that its highest peak becomes the
+    lowest height, 0. Raises `UnsupportedProblem` without the library SurfaceTopography, and `InvalidProblem` for
     line scans, cells that are not square, undefined heights and files without a unit.
     """
     try:
-        from SurfaceTopography import read_topography  # noqa: PLC0415  (only for who reads measured surfaces)
+        from SurfaceTopography import read_topography  # noqa: PLC0415  (only to read measured surfaces)
     except ModuleNotFoundError as error:
         raise UnsupportedProblem(
             f"read_heights: {path}: needs the library SurfaceTopography (pip install SurfaceTopography), {error}; or "

@@ -1,4 +1,4 @@
-r"""A rectangular cell of the surface that repeats along x and y: images of points, and the wave k = 0.
+r"""A rectangular periodic cell of the surface: images of points, and the displacement by the mean pressure (k = 0).
 
 The kernel's sum over all images of a load is a Fourier series over the waves of the cell. Its wave k = 0 is the uniform
 pressure p. Under it a layer of thickness h, which cannot extend sideways, is compressed by
@@ -6,11 +6,11 @@ pressure p. Under it a layer of thickness h, which cannot extend sideways, is co
     w0 = h (1 + nu) (1 - 2 nu) / (E (1 - nu)) p
 
 (the oedometric compliance, 2 pi h G'(0) times `LayeredKernel.singular` on a rigid base), and an elastic half-space
-below it moves down without limit, as it has no depth at which it stands still. Displacements and approaches therefore
-count from the mean level of the layer's underside: on a rigid base that is the base, which a stiff substrate tends to.
-Where a half-space has no layer they count from the mean level of its surface, w0 = 0 [Stanley and Kato 1997, J. Tribol.
-119, 481, doi 10.1115/1.2833523]. Forces, differences of approaches, and T do not depend on this choice of a level where
-forces are given.
+below it moves down without limit, as it is at rest at no depth. Displacements and approaches are therefore measured
+from the mean level of the layer's underside: on a rigid base (the limit of a stiff substrate) that is the base. On a
+half-space without a layer, they are measured from the mean level of its surface, w0 = 0 [Stanley and Kato 1997,
+J. Tribol. 119, 481, doi 10.1115/1.2833523]. If forces are prescribed, forces, differences of approaches and T do not
+depend on this reference level.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Cell:
 
     @classmethod
     def of(cls, lengths: tuple[float, float], layer: Layer, kernel: LayeredKernel) -> Cell:
-        """Return the cell of a layer, whose kernel is that of a single load."""
+        """Return the cell on a layer; ``kernel`` is that of a single load."""
         uniform = 0.0
         if isinstance(layer, SurfaceResponse):
             uniform = kernel.uniform if np.isfinite(kernel.uniform) else 0.0
@@ -54,13 +54,13 @@ class Cell:
         return float(np.prod(self.lengths))
 
     def nearest(self, offset: Array) -> Array:
-        """Return offsets (..., 2) [m] between points to the nearest images."""
+        """Return offsets (..., 2) [m] between points, each reduced to that of the nearest image."""
         return np.asarray(offset - self.lengths * np.round(offset / self.lengths))
 
     def images(self, points: Array, reach: float, places: Array | None = None) -> tuple[Indices, Array]:
-        """Return points and shifts [m] of all images other than the points, within ``reach`` of the smallest rectangle.
+        """Return point indices and shifts [m] of all images, without the points, within ``reach`` [m] of a rectangle.
 
-        That is the rectangle along x and y which holds all ``places`` (k, 2) [m], by default the ``points`` (n, 2) [m].
+        It is the bounding rectangle of ``places`` (k, 2) [m], by default of the ``points`` (n, 2) [m].
         """
         places = points if places is None else places
         low, high = places.min(axis=0) - reach, places.max(axis=0) + reach
@@ -79,7 +79,7 @@ class Cell:
     def pairs(self, points: Array, reach: float) -> tuple[Indices, Indices, Array]:
         """Return all pairs within ``reach`` [m], each once, and the shifts [m] of the second to its image.
 
-        A point and its own image are a pair, too; it stands for the two images in opposite directions.
+        A point and its own image also form a pair, one for the two images in opposite directions.
         """
         back = -self.lengths * np.floor(points / self.lengths)
         inside = points + back

@@ -36,7 +36,7 @@ _NEAR = 1.0
 _EVEN = 3.2
 _TERMS = 30
 NONE = 1e-9
-"""`LayeredKernel.uniform` over the layer's thickness that counts as none: the measured limit is known to 1e-11."""
+"""`LayeredKernel.uniform` over the layer's thickness that counts as 0: the measured limit is accurate to 1e-11."""
 
 
 @lru_cache(maxsize=64)
@@ -91,7 +91,7 @@ def smooth_kernel(response: LayerResponse | MeasuredResponse, rho: Array) -> Arr
 
 
 def even_spline(y: Array, values: Array, mirrored: int, *, odd: bool = False) -> BSpline:
-    """Return the quintic spline through values at y = 0, ..., continued evenly (or oddly) by some points at y < 0."""
+    """Return the quintic spline through values at y = 0, ..., continued evenly (or oddly) by ``mirrored`` points."""
     both = np.concatenate([(-1.0 if odd else 1.0) * values[mirrored:0:-1], values])
     return make_interp_spline(np.concatenate([-y[mirrored:0:-1], y]), both, k=5)
 
@@ -154,8 +154,8 @@ class LayeredKernel:
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
     (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
-    ``thickness`` h [m] is the layer's; of a `SurfaceResponse` the scale that `MeasuredResponse` finds. ``cell`` says
-    how loads repeat; all functions of r here are those of a single load.
+    ``thickness`` h [m] is that of the layer; for a `SurfaceResponse`, the scale that `MeasuredResponse` finds. ``cell``
+    is the periodic cell, if any; all functions of r here refer to a single load.
     """
 
     cell: Cell | None = None

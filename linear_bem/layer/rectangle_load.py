@@ -30,7 +30,7 @@ def love_cells(count_x: int, count_y: int, cell: float) -> Array:
 
 
 def love_slopes(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
-    """Return the derivatives of `love_rectangle` by x and by y, at the same points as `love_cells`."""
+    """Return the x and y derivatives of `love_rectangle`, at the same points as `love_cells`."""
     x, y = _edges(count_x, count_y, cell)
     along_x, along_y = np.arcsinh(y / np.abs(x)), np.arcsinh(x / np.abs(y))
     return np.diff(np.diff(along_x, axis=0), axis=1), np.diff(np.diff(along_y, axis=0), axis=1)
@@ -41,7 +41,7 @@ def _edges(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
 
 
 def _corner(a: Array, b: Array) -> Array:
-    # the integral of 1/sqrt(a^2 + b^2) by a and b; asinh is accurate for large arguments
+    # the integral of 1/sqrt(a^2 + b^2) over a and b; asinh is accurate for large arguments
     tiny = 1e-300
     return np.asarray(a * np.arcsinh(b / (np.abs(a) + tiny)) + b * np.arcsinh(a / (np.abs(b) + tiny)))
 
@@ -85,7 +85,7 @@ def uniform_square_displacement(
 def deepest_bulge(layer: Layer, substrate: Elastic | None, half_side: float = 1.0) -> tuple[float, float]:
     """Return x*/a and w* E1/(a q) of the largest bulge of the surface on the axis y = 0 beside a loaded square.
 
-    Both as in the paper's figure 8; w* < 0 points out of the layer; (inf, 0) means no bulge on 1 < x/a < 1e3.
+    As in the paper's figure 8 (a half side, q pressure); w* < 0 points outwards; (inf, 0): no bulge on 1 < x/a < 1e3.
     """
     scale = layer.young / half_side
 

@@ -25,11 +25,11 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Elastic, Layer, SurfaceResponse
 
 UNITY, SPAN = 1e-10, 15.0
-"""|G - 1| that counts as none, and the t from which a layer's G is that close to 1."""
+"""Largest |G - 1| that counts as 0, and the t from which a layer's G is that close to 1."""
 SMALL, ROUNDOFF = 0.1, 1e-9
-"""Arguments up to which, and values up to which a response that is not positive is one lost in roundoff."""
+"""Largest argument and largest |G| at which a response that is not positive is attributed to roundoff."""
 FIRST, LAST = 1e-6, 2.0**14
-"""Arguments between which a user's response is measured."""
+"""Range of arguments in which a user's response is sampled."""
 
 
 class LayerResponse:
@@ -47,7 +47,7 @@ class LayerResponse:
         self._one_less_lam = 4.0 * (1.0 - nu) / (1.0 + mu * below)
         self._kap = (mu - 1.0) / (mu + 3.0 - 4.0 * nu)
         self._lam = 1.0 - self._one_less_lam
-        # exactly 0 on a rigid base: whether that is so decides on cut-offs and on the meaning of a mean displacement
+        # exactly 0 on a rigid base: cut-offs and the meaning of a mean displacement depend on this
         self._over_zero = 0.0 if substrate is None else self._one_less_lam + self._lam * self._one_less_kap
 
     def __call__(self, t: Array | float) -> Array:
@@ -67,16 +67,16 @@ class LayerResponse:
 
     @property
     def smallest_scale(self) -> float:
-        """A t below which G changes by no more than about its own size, which limits tables."""
+        """Argument t below which G changes by no more than about its own size; it limits tables."""
         contrast = min(self._one_less_lam, self._one_less_kap) / max(abs(self._kap), 1e-300)
         return float(min(1.0, max(contrast, 1e-9), max(self.at_zero, 1e-9)))
 
 
 class MeasuredResponse:
-    """G of a user's `SurfaceResponse`, measured once: a quintic spline in log t, with its limits at both ends.
+    """G of a user's `SurfaceResponse`, sampled once: a quintic spline in log t, with its limits at both ends.
 
     Arguments are k times ``thickness`` [m], a length chosen so that G = 1 from `SPAN` on as for a homogeneous layer: it
-    is the scale on which the kernel's smooth part varies. Raises `InvalidProblem` where G cannot be that of a surface.
+    is the scale on which the kernel's smooth part varies. Raises `InvalidProblem` if G cannot be that of a surface.
     """
 
     def __init__(self, medium: SurfaceResponse) -> None:
@@ -87,8 +87,8 @@ class MeasuredResponse:
             if end > LAST:
                 raise InvalidProblem(
                     f"layer.response: must tend to 1 exponentially, differs from 1 by more than {UNITY:g} at {LAST:g}; "
-                    "young and poisson must be those at the surface; give a medium that is graded up to its surface a "
-                    "thin homogeneous skin"
+                    "young and poisson must be those at the surface; add a thin homogeneous skin to a medium that is "
+                    "graded up to its surface"
                 )
         log_t = np.linspace(np.log(FIRST), np.log(end), 200 * int(np.ceil(np.log(end / FIRST))))
         values = self._asked(np.exp(log_t))
@@ -109,7 +109,7 @@ class MeasuredResponse:
             self.smallest_scale = 1e-9
 
     def _asked(self, t: Array) -> Array:
-        """Return the user's G; raises `InvalidProblem` where it is not a positive number."""
+        """Return the user's G; raises `InvalidProblem` if it is not a positive number."""
         values = np.asarray(self._medium.response(t), dtype=float)
         if values.shape != t.shape:
             raise InvalidProblem(
@@ -131,7 +131,7 @@ class MeasuredResponse:
         return values
 
     def _far_ratio(self, second: float) -> float:
-        """Return G(0): as stated, or measured; 0 where G falls like a power of its argument."""
+        """Return G(0), stated or measured; 0 if G falls as a power of its argument."""
         stated = self._medium.far_ratio
         measured = 0.0 if self._power > 0.5 else 2.0 * self._first - second
         if stated is None:
@@ -165,7 +165,7 @@ def response_of(layer: Layer, substrate: Elastic | None) -> LayerResponse | Meas
 
 
 def scaled_media(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
-    """Return media of the same response with E1 = 1 and h = 1: one table serves all that differ in these only."""
+    """Return media with the same response, scaled to E1 = 1 and h = 1, so that similar media share one table."""
     if isinstance(layer, SurfaceResponse):
         return layer, None
     base = None if substrate is None else Elastic(substrate.young / layer.young, substrate.poisson)

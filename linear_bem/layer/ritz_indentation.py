@@ -46,7 +46,7 @@ def _rule(power: float) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=32)
 def _curve(layer: Layer, substrate: Elastic | None) -> tuple[Array, Array, Array]:
-    """Return the logarithms of a/h, D R/h^2 and Q R/(E* h^3) for a/h from 1e-6 to 1e7; h as `LayeredKernel` has it."""
+    """Return the logarithms of a/h, D R/h^2 and Q R/(E* h^3) for a/h from 1e-6 to 1e7; h as in `LayeredKernel`."""
     response = response_of(layer, substrate)
     log_a = np.linspace(np.log(1e-6), np.log(1e7), 520)
     a = np.exp(log_a)
@@ -97,7 +97,7 @@ def indentation_of_layer(
 def estimates(
     layer: Layer, substrate: Elastic | None, radii: Array, kind: str, values: Array
 ) -> tuple[Array, Array, Array]:
-    """Return approaches [m], forces [N], contact radii [m] of many balls, each alone; 0 where the value is not > 0.
+    """Return approaches [m], forces [N], contact radii [m] of isolated balls; 0 where the value is not > 0.
 
     ``kind`` names the quantity in ``values``: "approach", "normal_force" or "contact_radius".
     """

@@ -163,7 +163,7 @@ def _alike(a: Problem, b: Problem) -> bool:
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
     if a.periodic is not None or unloaded(a.load) or unloaded(b.load):
-        return False  # `solve_contact` finds where they rest, and has the cell
+        return False  # `solve_contact` finds their height of rest, and supports the cell
     return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
 
 

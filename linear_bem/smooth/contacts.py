@@ -27,13 +27,13 @@ from linear_bem.smooth.zone import stacked
 from linear_bem.touching import wrapped
 
 EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
-"""Relative error of the displacement that residuals are recomputed with, and that of a sample of very many balls."""
+"""Relative error of the displacement in recomputed residuals, and the same for a sample of very many balls."""
 CHECKED, SAMPLED, NEIGHBOURS = 100, 16, 6
-"""Number of balls up to which all are recomputed by direct sums, and the size of each part of a sample."""
+"""Largest number of balls that are all recomputed by direct sums; sizes of a sample's part and of a neighbourhood."""
 FRAME = 1.31
 """Largest distance of a contact from its frame's centre, over the frame's reach; see `Zone.pressure`."""
 RINGS = (1.03, 1.12, 2.0)
-"""Where penetration outside a contact is checked, over its outline's distance; next to it a body may have a kink."""
+"""Distances of the checks for penetration outside a contact, over that of its outline; a body may have a kink there."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SmoothContacts:
     """Separate smooth contacts; ``touching`` lists the loaded balls in the order of the zones.
 
     All numbers are SI. ``normal_forces``, ``approaches`` and the tangential forces have one entry per ball of
-    the problem, zero for balls that do not touch. ``report`` takes lines while they are computed.
+    the problem; forces are zero for balls that do not touch. ``report`` receives progress lines.
     """
 
     problem: Problem
@@ -104,7 +104,7 @@ class SmoothContacts:
         return 0.0
 
     def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
-        """Return points x, y [m] and point loads [N] that resolve the pressure on the scale of a depth [m]."""
+        """Return positions x, y [m] and point loads [N] that replace the pressure for fields at a depth [m]."""
         loads = []
         for n in self.smooth.nodes:
             fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
@@ -114,7 +114,7 @@ class SmoothContacts:
         return x, y, load
 
     def outline(self, ball: int, count: int = 64) -> tuple[Array, Array]:
-        """Return points x, y [m] on the edge of one ball's contact (empty where it does not touch)."""
+        """Return points x, y [m] on the edge of one ball's contact (empty if it does not touch)."""
         if ball not in self.touching:
             return np.empty(0), np.empty(0)
         return self.smooth.nodes[self.touching.index(ball)].zone.outline(count)
@@ -148,18 +148,18 @@ class SmoothContacts:
 
     @cached_property
     def sample(self) -> tuple[int, ...]:
-        """Places in ``touching`` of the balls whose equations are recomputed by direct sums: all, or some of very many.
+        """Indices in ``touching`` of the balls whose equations are recomputed by direct sums: all, or some of many.
 
-        Of more than `CHECKED` balls, or with ``sampled``: so many, by default `SAMPLED`, at equal steps of their
-        number, and a quarter as many each with the largest T, the largest force, the widest contact, that over the
-        ball's radius, and those that nearly meet a neighbour's contact.
+        Of more than `CHECKED` balls, or if ``sampled`` is set: ``sampled`` balls (by default `SAMPLED`) at equal steps
+        of their index, and a quarter as many with the largest of each: T, normal force, contact width, contact width
+        over ball radius, and nearness to a neighbour's contact.
         """
         nodes, count = self.smooth.nodes, self.sampled or SAMPLED
         if self.sampled is None and len(nodes) <= CHECKED:
             return tuple(range(len(nodes)))
         centres, reach = np.array([n.zone.centre for n in nodes]), np.array([n.zone.reach for n in nodes])
         places = wrapped(centres, self.problem.cell)
-        among = np.arange(min(NEIGHBOURS + 1, len(nodes))) + 1  # an array: of a contact alone, too, there are columns
+        among = np.arange(min(NEIGHBOURS + 1, len(nodes))) + 1  # an array, so that even a single contact gives columns
         away, near = cKDTree(places, boxsize=self.problem.cell).query(places, among)
         touching = list(self.touching)
         sizes = (
@@ -171,7 +171,7 @@ class SmoothContacts:
         )
         chosen = set(np.linspace(0, len(nodes) - 1, min(count, len(nodes))).astype(int).tolist())
         for size in sizes:
-            shares = np.round(size / (np.max(size) or 1.0), 9)  # roundoff does not choose one of two balls of a pair
+            shares = np.round(size / (np.max(size) or 1.0), 9)  # so that roundoff does not choose between equal balls
             chosen |= set(np.argsort(-shares, kind="stable")[: count // 4].tolist())
         return tuple(sorted(chosen))
 
@@ -188,8 +188,8 @@ class SmoothContacts:
 
         ``gap_in_contact`` max |gap| where p > 0 and ``penetration_outside`` max overlap outside, both over the
         largest approach; ``complementarity`` max p |gap| over peak pressure and approach; ``load`` the relative
-        error of the prescribed forces; ``negative_pressure`` is 0: p is a square root. The displacement is exact to
-        `EVALUATED` of itself (`EVALUATED_OF_MANY`).
+        error of the prescribed forces; ``negative_pressure`` is 0: p is a square root. The relative error of the
+        displacement is `EVALUATED` (`EVALUATED_OF_MANY`).
         """
         scale = float(np.max(np.abs(self.approaches)))
         xs, ys, depths, pressures, found = [], [], [], [], []
@@ -224,7 +224,7 @@ class SmoothContacts:
         }
 
     def _covered(self, xs: list[Array], ys: list[Array]) -> Mask:
-        """Return which of the points around each zone lie in the contact of any zone."""
+        """Return the mask of the points around each zone that lie in the contact of any zone."""
         zones = [n.zone for n in self.smooth.nodes]
         centres = np.array([z.centre for z in zones])
         size = np.array([1.4 * z.reach for z in zones])
@@ -250,7 +250,7 @@ class SmoothContacts:
 
 
 def _peaks(nodes: Sequence[Nodes]) -> Array:
-    """Return the largest pressure of every zone."""
+    """Return the largest pressure of every zone, in units of 1/``singular``."""
     best = [int(np.argmax(n.pressure)) for n in nodes]
     xi, eta = np.array([(n.xi[k], n.eta[k]) for n, k in zip(nodes, best, strict=True)]).T
     return np.sqrt(np.maximum(stacked([n.zone for n in nodes]).peaks(xi, eta), 0.0))

@@ -1,4 +1,4 @@
-"""Surface displacement anywhere, from smooth contacts."""
+"""Surface displacement and T at any points, by sums over smooth contacts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,27 +24,27 @@ from linear_bem.smooth.zone import stacked
 from linear_bem.smooth.zone_stack import ZoneStack
 
 FEW = 6
-"""Up to this number of contacts each is integrated at all points."""
+"""Largest number of contacts that are all integrated at every point."""
 FINE = Rule(radial=14, angular=28, directions=0, along=0)
-"""Quadrature of the pressures, other than the solver's."""
+"""Quadrature rule of the pressures, different from the solver's."""
 IN_CELL_TO, FINER = 1e-6, 1e-2
-"""Precision of the split of fields in a cell, and that of direct sums over their own precision."""
+"""Precision of the kernel's split for fields in a periodic cell; the same for direct sums, over their precision."""
 _NEAR = 4.0
 _DEGREE = 6
 
 TOGETHER = 500_000
-"""Products of points and nodes that `zone_displacement` takes together: 4 MB a table."""
+"""Products of points and nodes that `zone_displacement` evaluates together: 4 MB per table."""
 NEAR = 1.5
-"""Distance over the edge's up to which a zone's 1/r needs more nodes than the rest of the kernel."""
+"""Distance of a point over that of the edge up to which 1/r needs more nodes than the rest of the kernel."""
 AT_ONCE = 2000
-"""Points that a sum over a contact's nodes takes together, to bound its memory: 5 MB at 60 nodes."""
+"""Points that a sum over a contact's nodes evaluates together, to bound its memory: 5 MB at 60 nodes."""
 
 
 def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array, y: Array) -> Array:
     """Return the displacement [m] at surface points from many contacts.
 
-    At more than four contact radii a contact acts by its equivalent point loads (relative error of its share below
-    1e-6); nearer, that share is replaced by `zone_displacement`.
+    At more than four contact radii, a contact acts through its equivalent point loads (relative error of its share
+    below 1e-6); nearer, that share is replaced by `zone_displacement`.
     """
     u, v, _ = disc_nodes(_DEGREE)
     points = np.array([n.zone.points(u, v) for n in nodes])
@@ -70,9 +70,9 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
 def displacement_about(
     kernel: LayeredKernel, nodes: Sequence[Nodes], centres: Array, reach: Array, precision: float
 ) -> Callable[[Array, Array], Array]:
-    """Return the displacement [m] from all contacts on discs without pressure, as a function of places in each disc.
+    """Return a function of places in each disc: the displacement [m] from all contacts on discs without pressure.
 
-    ``centres`` (discs, 2) and ``reach`` (discs,) [m]; the function takes xi, eta (discs, points), 1 at a disc's edge.
+    ``centres`` (discs, 2), ``reach`` (discs,) [m]; it takes xi, eta (discs, points), xi^2 + eta^2 = 1 at a disc's edge.
     """
     contacts = NodeStack.joined(nodes)
     zones = contacts.zones
@@ -93,10 +93,10 @@ def displacement_about(
 
 
 class LatticeRest:
-    """What a cell's lattice adds to the kernel's sum over all contacts and images listed: a smooth field.
+    """The smooth field that the lattice of a periodic cell adds to the sum over the contacts and images listed.
 
-    ``nodes`` are the contacts and then their images within ``reach`` [m] of the rectangle that holds ``places`` (k, 2)
-    [m], by default the contacts. Without a mesh the kernel is negligible beyond the images: there is nothing to add.
+    ``nodes`` are the contacts, then their images within ``reach`` [m] of the bounding rectangle of ``places`` (k, 2)
+    [m], by default of the contacts. Without a mesh, the kernel is negligible beyond the images and the field is 0.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class LatticeRest:
             self.split = split
 
     def displacement(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
-        """Return the displacement [m] at points by all contacts that are not among ``listed``."""
+        """Return the displacement [m] at points due to all contacts and images that are not among ``listed``."""
         if self.mesh is None:
             return np.zeros(len(x))
         total = np.asarray(self.mesh.at(x, y).value @ self._grid)
@@ -143,7 +143,7 @@ class LatticeRest:
 
 
 def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array, y: Array) -> Array:
-    """Return the displacement [m] at surface points from contacts in a cell that repeats."""
+    """Return the displacement [m] at surface points from contacts in a periodic cell."""
     assert kernel.cell is not None
     low = np.min([n.zone.centre for n in nodes], axis=0)
     points = low + np.mod(np.stack([x, y], axis=1) - low, kernel.cell.lengths)
@@ -153,12 +153,12 @@ def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
 
 
 class DirectSums:
-    """Displacement and T from all contacts by sums over all of them, in place of the solver's degrees, pairs and mesh.
+    """Displacement and T by direct sums over all contacts, a check of the solver's degrees, pairs and mesh.
 
-    A far contact acts by equivalent point loads, with interpolation nodes about the points where it is felt, of the
-    lowest degree d with (a/(L - a))^(d + 1) below ``precision``, a the larger of both sizes: the neglected terms are of
-    that size relative to its share. Nearer contacts are integrated. Only the pressures come from the solver. In a cell
-    the sums are over contacts and images within the cut-off of another mesh than the solver's, which adds the rest.
+    A far contact acts through equivalent point loads, interpolated about the target points by the lowest degree d with
+    (a/(L - a))^(d + 1) below ``precision``, a the larger of both sizes; this is also the relative size of the neglected
+    terms. Nearer contacts are integrated. Only the pressures come from the solver. In a periodic cell the sums include
+    contacts and images within the cut-off of a second mesh, independent of the solver's, which adds the rest.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class DirectSums:
         self._loads: dict[int, tuple[Array, Array]] = {}
 
     def _sources(self, degree: int) -> tuple[Array, Array]:
-        """Return places (contacts, 2, nodes) [m] and equivalent loads of a degree."""
+        """Return positions (contacts, 2, nodes) [m] and equivalent loads of a degree."""
         if degree not in self._loads:
             self.report(f"equivalent loads of degree {degree}")
             places = np.stack(self.fine.zones.points(*disc_nodes(degree)[:2]), axis=1)
@@ -182,7 +182,7 @@ class DirectSums:
         return self._loads[degree]
 
     def _degrees(self, i: int, spread: float) -> tuple[list[tuple[int, Indices]], Indices]:
-        """Return the contacts that act on points within ``spread`` [m] about contact i, by degree, and nearer ones."""
+        """Return the far contacts for points within ``spread`` [m] of contact i, by degree, and the near contacts."""
         apart = np.hypot(*(self.centres - self.centres[i]).T)
         large = np.maximum(self.size, spread)
         eta = np.where(apart > 1.02 * large, large / np.maximum(apart - large, 0.01 * large), np.inf)
@@ -219,13 +219,13 @@ class DirectSums:
         return total + zone_displacement(self.kernel, self.nodes[i], x, y) if own else total
 
     def _listed(self, i: int) -> list[Nodes]:
-        """Return contact i and the contacts and images that are summed about it."""
+        """Return contact i and the contacts and images in the sum about it."""
         assert self.rest is not None
         apart = np.hypot(*(self.centres - self.centres[i]).T)
         return [self.nodes[j] for j in np.flatnonzero(apart < self.rest.reach)]
 
     def force(self, i: int, here: Nodes) -> Array:
-        """Return T [N] on a pressure in the place of contact i, from all other contacts."""
+        """Return T [N] on the pressure ``here`` in place of that of contact i, from all other contacts."""
         by_degree, near = self._degrees(i, 1.1 * here.zone.reach)
         total = np.zeros(2)
         for d, chosen in by_degree:
@@ -250,7 +250,7 @@ class DirectSums:
 def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Array:
     """Return the displacement [m] at any surface points from one zone, relative error below about 1e-8.
 
-    Inside: chords through the point. Outside: nodes refined with the distance to the edge, near it for 1/r alone.
+    Inside: by chords through the point. Outside: by more nodes for points near the edge; closest to it, for 1/r only.
     """
     zone = n.zone
     xi, eta = zone.frame(x, y)

@@ -1,8 +1,8 @@
-"""Some of many balls solved again, exactly: the error of their T that the solver's degrees, pairs and mesh leave.
+"""Some of many balls are solved again, exactly: this shows the error of T from the solver's degrees, pairs and mesh.
 
-Each ball of `SmoothContacts.sample` is pressed into the surface that all others have moved, summed directly over all of
-them, at a higher degree of p^2 and as the only ball. Its T follows from another direct sum. What remains the same are
-the others' pressures, whose errors are of second order in this one.
+Each ball of `SmoothContacts.sample` is pressed alone, at a higher degree of p^2, into the surface that all others have
+displaced, by a direct sum over them. Its T follows from another direct sum. Only the pressures of the others are kept;
+their errors have an effect of second order on this ball.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ from linear_bem.smooth.multipole import disc_nodes, interpolation
 from linear_bem.smooth.newton import Nodes
 
 ALONE = 1e-5
-"""Last step of a ball alone, and precision of its equations, at most; the solver's where that is less."""
+"""Largest last step of a single ball and precision of its equations; the solver's precision if that is less."""
 SHARPER = 4
-"""Degrees by which the single ball's p^2 is above the solver's."""
+"""Increase of the degree of p^2 over the solver's."""
 WIDER, ROUND = 1.2, 10
-"""Disc about a contact, over its reach, on which the others' displacement is a polynomial, and its degree."""
+"""Radius of the disc on which a polynomial represents the others' displacement, over the contact's; its degree."""
 
 
 @dataclass(frozen=True)
 class SampleError:
-    """Places of the sample in ``touching``, errors of T and Q [N], largest relative error of forces and approaches."""
+    """Indices of the sample in ``touching``, errors of T and Q [N], largest relative error of forces and approaches."""
 
     places: tuple[int, ...]
     tangential_force: Array
@@ -38,7 +38,7 @@ class SampleError:
 
 
 def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleError:
-    """Return the errors of T on the balls of the sample; infinite where a ball alone finds no solution."""
+    """Return the errors on the balls of the sample; that of T is infinite if a single ball finds no solution."""
     direct, problem, shapes, report_part = contacts.direct, contacts.problem, [], seldom(report)
     for done, k in enumerate(contacts.sample):
         report_part(f"{done} of {len(contacts.sample)} contacts pressed into the others' surface")
@@ -62,7 +62,7 @@ def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleErr
 
 
 def _alone(contacts: SmoothContacts, shapes: list[Height]) -> list[tuple[Nodes, float] | None]:
-    """Return nodes and approaches [m] of the sample's balls, each alone under its ``shapes``; None: no solution."""
+    """Return nodes and approach [m] of each ball of the sample, solved alone with its shape; None: no solution."""
     nodes = [contacts.smooth.nodes[k] for k in contacts.sample]
     zones = [n.zone.reframed(n.zone.degree + SHARPER) for n in nodes]
     approaches = contacts.approaches[[contacts.touching[k] for k in contacts.sample]]

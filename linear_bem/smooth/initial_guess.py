@@ -32,11 +32,11 @@ DENSE = 4
 
 
 GUESSED = 1e-5
-"""Relative residual of the point-load estimate that solvers start from."""
+"""Relative residual of the point-load estimate from which solvers start."""
 
 
 ALONE = 0.5
-"""Effective over given approach where the coupled point loads have no solution."""
+"""Effective over given approach if the coupled point loads have no solution."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Start:
 def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent) -> Start:
     """Return ellipses of Hertz's pressure from the coupled point-load estimate.
 
-    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`. ``report`` takes a
-    line per step.
+    A body that is neither a sphere nor a paraboloid is replaced by the paraboloid of `_radii_seen`. ``report`` receives
+    a line per step.
     """
     field = FarField.of(kernel, problem.positions, np.zeros(problem.size), GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
@@ -83,7 +83,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
 def _coupled(problem: Problem, mutual: PointInfluence, radii: Array, report: Report) -> PointState:
     """Return the coupled point-load estimate of paraboloids of these radii [m].
 
-    Contacts that merge under given approaches have none: the balls would lift each other. Each is then taken alone.
+    Contacts that merge under given approaches have none: the balls would lift each other. `ALONE` then replaces it.
     """
     relations = estimated_relations(problem, radii)
     try:
@@ -103,7 +103,7 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
 
 
 def _radii_seen(problem: Problem, balls: Sequence[Ball], kind: str, values: Array) -> Array:
-    """Return R [m] of the paraboloids that are as high at their estimated contacts' edges as the balls on average."""
+    """Return the radii R [m] of paraboloids with the mean height of the balls at their estimated contact edges."""
     own = np.array([ball.radius for ball in balls])
     low, high = own * 1e-9, own * 1e9
     for _ in range(40):  # bisection starts near the ball's own size: profiles may overflow far from it
@@ -118,8 +118,8 @@ def _radii_seen(problem: Problem, balls: Sequence[Ball], kind: str, values: Arra
 def _hertz_axes(ball: Ball, radius: float, seen: float) -> tuple[Array, Array]:
     """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m], and their lengths over it.
 
-    ``seen`` is the ball's radius of curvature [m] over the contact. The axes go like
-    curvature^(-2/3), nearly [Johnson 1985, eq. 4.28].
+    ``seen`` is the ball's radius of curvature [m] over the contact. The axes scale nearly with
+    curvature^(-2/3) [Johnson 1985, eq. 4.28].
     """
     bend, turn = np.linalg.eigh(curvature(ball, radius))
     shape = (bend * seen) ** (-2.0 / 3.0)

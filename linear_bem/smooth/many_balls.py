@@ -1,16 +1,16 @@
-r"""Many smooth contacts: each ball is solved alone under fixed force, all together by forces and approaches.
+r"""Many smooth contacts: each ball is solved alone under fixed force; all together give forces and approaches.
 
-Under a fixed force a ball feels its neighbours only through the tilt and curvature of the surface that they cause,
-which is a weak coupling; the coupling through its approach is strong. So each sweep computes (1) the displacement from
-all other balls, (2) one Newton step of every ball alone at its present force, which also gives its approach and its own
+Under a fixed force, neighbours act on a ball only through the tilt and curvature of the surface that they cause, which
+is a weak coupling; the coupling through its approach is strong. So each sweep computes (1) the displacement from all
+other balls, (2) one Newton step of every ball alone at its present force, which also gives its approach and its own
 compliance s_i = dD_i/dQ_i, (3) new forces from the coarse system
 
     (diag(s) + K(L_ij)) dQ = D_wanted - D,
 
-which point loads describe well, and (4) the changes of every ball's pressure that its new force makes, so that the
-others feel it in the next sweep. The error shrinks by the size of the shape coupling, 1e-2 to 1e-4 per
-sweep for separate balls; contacts that nearly touch, whose error is only halved, are accelerated by Anderson's
-mixing. A sweep costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
+which point loads describe well, and (4) the change of every ball's pressure due to its new force, which acts on the
+others in the next sweep. A sweep multiplies the error by the size of the shape coupling, 1e-2 to 1e-4 for separate
+balls; for contacts that nearly touch, the error is only halved, and Anderson's mixing accelerates the sweeps. A sweep
+costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
 """
 
 from dataclasses import replace
@@ -36,14 +36,14 @@ SLOW = 0.2
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
 HOPELESS, PATIENCE = 0.03, 10
-"""Change above which sweeps that the second number of further ones have not halved are given up: at that pace they
-would not converge within any limit."""
+"""Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
+at that rate they would not converge within any limit."""
 LEAST_SHARE, LOST = 0.3, 4
-"""Least share of its force that a ball keeps in one sweep; after so many such sweeps in a row it has lost contact."""
+"""Least share of its force that a ball keeps in one sweep; number of such sweeps in a row that mean lost contact."""
 
 
 class Lost(NotConverged):
-    """Balls lose their contact: ``kept`` are the places of the others among those given, and ``zones`` theirs."""
+    """Balls lose their contact: ``kept`` are the indices of the others among those given, ``zones`` their zones."""
 
     def __init__(self, kept: Indices, zones: list[Zone]) -> None:
         super().__init__("smooth contacts: a ball lost its contact during the sweeps")
@@ -65,8 +65,8 @@ def sweep_zones(
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
     ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
-    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` takes a line per
-    sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` where a ball loses its contact, and
+    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` receives a line
+    per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if a ball loses its contact, and
     `NotConverged`.
     """
     stack = stacked(zones)
@@ -100,7 +100,7 @@ def sweep_zones(
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
-        # the others must feel the new force in the next sweep: one that lags behind swings, and may diverge
+        # the new force must act on the others in the next sweep: with a delay it oscillates, and may diverge
         changes = steps.changes + (new_forces - forces)[:, None] * steps.responses
         # coefficients of a high degree are far less certain than P
         sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
@@ -158,8 +158,8 @@ def _balance(
 ) -> tuple[Array, Array]:
     """Return the changes of all forces and the resulting approaches.
 
-    ``found`` are the approaches at the present forces, ``level`` those wanted. Balls with ``fixed`` approach and balls
-    that share one change their force, all others keep it.
+    ``found`` are the approaches at the present forces, ``level`` the required ones. The forces of balls with ``fixed``
+    or common approach change; all others keep their force.
     """
     free = fixed.copy()
     for members, _ in shared:
@@ -188,7 +188,7 @@ class Anderson:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the past iterates, as when the unknowns change their meaning."""
+        """Drop the past iterates, for example if the unknowns change their meaning."""
         self._points: list[Array] = []
         self._residuals: list[Array] = []
 
@@ -204,7 +204,7 @@ class Anderson:
 
 
 def _mixed(mixing: Anderson, old: tuple[ZoneStack, Array], new: tuple[ZoneStack, Array]) -> tuple[ZoneStack, Array]:
-    """Return zones and forces accelerated; coefficients are scaled by each zone's largest."""
+    """Return accelerated zones and forces; coefficients are scaled by the largest of each zone."""
     size = np.max(np.abs(old[0].coefficients), axis=1)
     load = float(np.max(old[1]))
     count = len(size)

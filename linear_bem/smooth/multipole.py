@@ -1,4 +1,4 @@
-r"""Interaction of separate contacts by few equivalent point loads each.
+r"""Interaction of separate contacts, each replaced by a few equivalent point loads.
 
 Outside a disc, a pressure on it acts like point loads at the nodes of polynomial interpolation
 on that disc, with weights that preserve all its moments up to the degree (multipoles in point form). The
@@ -27,11 +27,11 @@ from linear_bem.smooth.zone_stack import CACHED, ZoneStack
 
 DEGREES = (2, 4, 6, 8, 10, 12)
 SAFETY = 0.01
-"""Factor of that term, from measured errors at the contact's edge; errors of the force are 100 times smaller."""
+"""Factor on the neglected term, from measured errors at the contact's edge; errors of forces are 100 times smaller."""
 FULL = len(DEGREES)
-"""Place in `DEGREES` that stands for the quadrature points themselves."""
+"""Index beyond `DEGREES` that stands for the quadrature points themselves."""
 OF_MESH = 6
-"""Highest degree through the mesh, where all contacts and all near pairs take it."""
+"""Highest degree through the mesh, which applies to all contacts and all near pairs."""
 
 
 @lru_cache(maxsize=16)
@@ -53,7 +53,7 @@ def interpolation(xi: Array, eta: Array, degree: int) -> Array:
 
 
 def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
-    """Return the displacement [m] at surface points from point loads (over 1/``singular``) at other points."""
+    """Return the displacement [m] at surface points from point loads (in units of 1/``singular``) at other points."""
     r = np.hypot(x[:, None] - at_x.ravel(), y[:, None] - at_y.ravel())
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 
@@ -69,7 +69,7 @@ def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
 
 
 def lowest_degree(distance: Array, size: Array, precision: float) -> Indices:
-    """Return the place in `DEGREES` of the lowest sufficient degree, or `FULL`.
+    """Return the index in `DEGREES` of the lowest sufficient degree, or `FULL`.
 
     ``distance`` [m] between the centres of contacts, ``size`` [m] of the larger one.
     """
@@ -92,7 +92,7 @@ class Interaction:
 
     The degree of every pair follows from the first zones' sizes; ``precision`` bounds the neglected terms of a
     pair's displacement relative to it. Loads and displacements are in the units of `linear_bem.smooth.newton`.
-    ``report`` takes a line per block of pairs.
+    ``report`` receives a line per block of pairs.
     """
 
     def __init__(self, kernel: LayeredKernel, zones: ZoneStack, precision: float, report: Report = silent) -> None:
@@ -116,7 +116,7 @@ class Interaction:
         self.influence = PointInfluence(self.far, zones.centre)
 
     def update(self, nodes: NodeStack) -> None:
-        """Replace zones and pressures."""
+        """Replace zones and pressures by those of ``nodes``."""
         self.nodes = nodes
         self.places: dict[int, tuple[Array, Array]] = {}
         self.loads: dict[int, Array] = {}
@@ -137,7 +137,7 @@ class Interaction:
     def _blocks(
         self, first: Indices, second: Indices, shift: Array, level: int
     ) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield parts of the pairs, and dx, dy [m] between their nodes, shape (pairs, nodes, nodes)."""
+        """Yield slices of the pairs, and dx, dy [m] between their nodes, shape (pairs, nodes, nodes)."""
         x, y = self.places[level]
         size = max(1, CACHED // x.shape[1] ** 2)
         for start in range(0, len(first), size):

@@ -30,7 +30,7 @@ from linear_bem.smooth.zone_stack import ZoneStack
 DIVERGED = 1e6
 """Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
 STALLED = 1e-3
-"""Largest last change at which an unconverged state is accepted as a start for the next degree."""
+"""Largest last change of an unconverged state that may start the next degree."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Quadrature:
 
     @property
     def loads(self) -> Array:
-        """Point loads at the nodes."""
+        """Point loads at the nodes (weight times p)."""
         return self.weights * self.pressure
 
     @property
@@ -169,7 +169,7 @@ class SmoothSolution:
 
 
 def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
-    """Return a zone's own displacement [m] at its nodes, and the derivative by its coefficients (nodes, terms)."""
+    """Return a zone's own displacement [m] at its nodes, and its derivative by the coefficients (nodes, terms)."""
     w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
     if kernel.homogeneous:
         return w, derivative
@@ -196,8 +196,8 @@ def _displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tup
 def stalled(history: list[float]) -> bool:
     """Return whether a small change no longer shrinks.
 
-    The derivative neglects that the test functions move with the edge. The rate of convergence is therefore the gap
-    that the degree leaves, and a degree too low for the pressure slows Newton's method; the next degree leaves less.
+    The derivative neglects that the test functions move with the edge. The convergence rate is therefore of the size of
+    the remaining gap: a degree too low for the pressure slows Newton's method; the next degree leaves a smaller gap.
     """
     return len(history) > 10 and history[-1] < STALLED and history[-1] > 0.3 * max(history[-4:-1])
 
@@ -211,7 +211,7 @@ def solve_zones(
     tolerance: float,
     limit: int = 25,
 ) -> SmoothSolution:
-    """Return the state where the complementary energy is stationary.
+    """Return the contact state, at which the complementary energy is stationary.
 
     Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last step of the coefficients relative
     to P; a step that is `stalled`, or is below `STALLED` after ``limit`` steps, is returned as the residual. Raises
@@ -247,7 +247,7 @@ def solve_zones(
 
 
 def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
-    """Return the solution of equations (many, too) whose rows and columns are scaled by ``size``.
+    """Solve one or many systems, with rows and columns scaled by ``size``, and return the solutions.
 
     ``right`` has the shape (..., terms) or (..., terms, right sides). Raises `NotConverged`.
     """

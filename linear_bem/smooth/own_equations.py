@@ -1,7 +1,7 @@
 """One Newton step of every ball alone under a given force, for many balls at once.
 
-The matrix of a ball's equations changes with its pressure only a little: it is computed again where the last change was
-large, and kept else (a modified Newton method), because the right side alone is several times cheaper.
+The matrix of a ball's equations depends weakly on its pressure: it is recomputed only after a large change (a modified
+Newton method), because the right side alone is several times cheaper.
 """
 
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from linear_bem.smooth.newton import NodeStack, Rule, solve_scaled
 from linear_bem.smooth.polynomials import basis
 
 RENEWED = 0.02
-"""Relative change of P in one sweep above which a ball's matrix is computed again."""
+"""Relative change of P in one sweep above which a ball's matrix is recomputed."""
 FELT, SHARP = 4, 1e-6
-"""Degrees above that of P of the polynomial, through values at `disc_nodes`, that the half-space's displacement is
-inside a contact, and the precision down to which it is used: measured to 1e-6 of P, 3e-6 at degree 4, on contacts up to
-1.5 layers wide. More precise equations, and contacts whose edge passes between these nodes, take all quadrature points.
+"""Degree, less that of P, of the polynomial through values at `disc_nodes` for the half-space's displacement in a
+contact, and the precision down to which it is used: its error was 1e-6 of P, 3e-6 at degree 4, on contacts up to
+1.5 layers wide. More precise equations, and contacts whose edge passes between these nodes, use all quadrature points.
 """
 
 
@@ -29,7 +29,7 @@ inside a contact, and the precision down to which it is used: measured to 1e-6 o
 class Steps:
     """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ [over 1/``singular``] of every ball.
 
-    ``responses`` (balls, terms) are the derivatives of the coefficients by the ball's force.
+    ``responses`` (balls, terms) are the derivatives of the coefficients with respect to the ball's force.
     """
 
     changes: Array
@@ -48,7 +48,7 @@ class OwnEquations:
     def step(
         self, nodes: NodeStack, outside: Array, profile: Array, forces: Array, changed: Mask, report: Report = silent
     ) -> Steps:
-        """Return one Newton step; ``outside`` and ``profile`` [m] at the nodes, ``changed`` which matrices to renew."""
+        """Return one Newton step; ``outside``, ``profile`` [m] at the nodes; ``changed``: matrices to recompute."""
         count, terms = nodes.zones.coefficients.shape
         if len(self._matrices) != count:
             self._matrices, changed = np.empty((count, terms, terms)), np.ones(count, dtype=bool)
@@ -97,9 +97,9 @@ class OwnEquations:
         return (u + approach[:, None] * v, approach, 1.0 / reach, v / reach[:, None]), matrix
 
     def _smooth_degree(self, n: NodeStack) -> int | None:
-        """Return the degree of nodes on which the displacement by the kernel's smooth part s is a polynomial.
+        """Return the degree of nodes that represent the displacement by the kernel's smooth part s; None: too many.
 
-        s is analytic up to a distance of 2 h i: on zones smaller than that few nodes suffice, else None.
+        s is analytic up to a distance of 2 h i: on zones smaller than that, few nodes suffice.
         """
         if self.kernel.homogeneous:
             return None
@@ -109,9 +109,9 @@ class OwnEquations:
 
 
 def _at_nodes(n: NodeStack, phi: Array, test: Array, degree: int | None) -> tuple[Array, Array, Array, Array]:
-    """Return nodes xi, eta (balls, nodes), the integrals of ``test`` by values there, and the equivalent loads.
+    """Return nodes xi, eta (balls, nodes), the matrices from values there to integrals of ``test``, equivalent loads.
 
-    ``phi`` (balls, terms, points) is a basis of the degree at least; None stands for the quadrature points.
+    ``phi`` (balls, terms, points) is a basis of at least this degree; degree None stands for the quadrature points.
     """
     if degree is None:
         return n.xi, n.eta, test, n.loads

@@ -28,7 +28,7 @@ from linear_bem.smooth.newton import Nodes, NodeStack
 SUMMED = 1000
 """Number of balls up to which `summed_pulls` sums all pairs."""
 LISTED = 2000
-"""Distances at which `layer_pulls` lists dK/dr."""
+"""Number of distances at which `layer_pulls` tabulates dK/dr."""
 
 
 def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float, report: Report = silent) -> Array:
@@ -59,10 +59,10 @@ def half_space_pulls(
 
 
 def layer_pulls(kernel: LayeredKernel, positions: Array, forces: Array, reach: float) -> Array:
-    """Return the sum over neighbours of Q_i Q_j |dK/dr| [N] for every ball: that of T without its cancellation.
+    """Return the sum over neighbours of Q_i Q_j |dK/dr| [N] for every ball: T without its cancellation.
 
-    Pressures within ``reach`` [m] of their balls are taken at that much less than their distance, but at half of it at
-    least, and |dK/dr| is the largest from there on, as it may pass through zero.
+    As pressures reach ``reach`` [m] from their balls, distances are reduced by it, at most to a half; |dK/dr| is its
+    largest value from there on, as it may pass through zero.
     """
     r = np.geomspace(1e-4 * reach, 2.0 * float(np.hypot(*np.ptp(positions, axis=0))) + reach, LISTED)
     shares = np.maximum.accumulate(np.abs(kernel.scaled_slope(r))[::-1])[::-1] * r**2
@@ -75,7 +75,7 @@ def layer_pulls(kernel: LayeredKernel, positions: Array, forces: Array, reach: f
 
 
 def summed_pulls(positions: Array, forces: Array, pull: Callable[[Array], Array]) -> Array:
-    """Return the sum over neighbours of Q_i Q_j pull(r) [N] for every ball, of more than `SUMMED` within 5 %."""
+    """Return the sum over neighbours of Q_i Q_j pull(r) [N] for every ball, for more than `SUMMED` within 5 %."""
     if len(positions) <= SUMMED:
         return np.asarray(forces * (pull(distances(positions)) @ forces))
     return np.asarray(forces * _estimated_sum(positions, forces, pull))

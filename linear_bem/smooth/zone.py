@@ -46,7 +46,7 @@ class Zone:
         return self.centre[0] + a[0, 0] * xi + a[0, 1] * eta, self.centre[1] + a[1, 0] * xi + a[1, 1] * eta
 
     def frame(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return the frame coordinates of surface points."""
+        """Return the frame coordinates of surface points [m]."""
         b = np.linalg.inv(self.axes)
         dx, dy = x - self.centre[0], y - self.centre[1]
         return b[0, 0] * dx + b[0, 1] * dy, b[1, 0] * dx + b[1, 1] * dy
@@ -56,7 +56,7 @@ class Zone:
         return np.asarray(np.tensordot(self.coefficients, basis(xi, eta, self.degree), 1))
 
     def pressure(self, x: Array, y: Array) -> Array:
-        """Return p at surface points, zero outside the contact."""
+        """Return p at surface points [m], zero outside the contact."""
         xi, eta = self.frame(np.asarray(x, float), np.asarray(y, float))
         inside = self.squared_pressure(xi, eta) * (xi**2 + eta**2 < 1.7)
         return np.sqrt(np.maximum(inside, 0.0))

@@ -19,7 +19,7 @@ from linear_bem.layer.kernel import gauss
 from linear_bem.smooth.polynomials import basis, circle, fit_nodes, horner, monomials
 
 CACHED = 200_000
-"""Numbers per array up to which zones are treated together, so that arrays stay in the processor's cache."""
+"""Largest number of values per array of zones treated together, so that arrays fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ZoneStack:
         return np.asarray(np.linalg.svd(self.axes, compute_uv=False)[:, 0])
 
     def parts(self, numbers: int) -> Iterator[slice]:
-        """Yield slices of as many zones as fit the cache with so many numbers per zone and array."""
+        """Yield slices of as many zones as fit the cache, with ``numbers`` values per zone and array."""
         size = max(1, CACHED // numbers)
         return (slice(start, start + size) for start in range(0, len(self), size))
 
@@ -66,7 +66,7 @@ class ZoneStack:
         return c[:, 0] + a[:, 0, 0] * xi + a[:, 0, 1] * eta, c[:, 1] + a[:, 1, 0] * xi + a[:, 1, 1] * eta
 
     def frame(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return the frame coordinates of surface points."""
+        """Return the frame coordinates of surface points [m]."""
         b = np.linalg.inv(self.axes)[..., None]
         dx, dy = x - self.centre[:, :1], y - self.centre[:, 1:]
         return b[:, 0, 0] * dx + b[:, 0, 1] * dy, b[:, 1, 0] * dx + b[:, 1, 1] * dy
@@ -124,7 +124,7 @@ class ZoneStack:
             ]
             bend = np.stack([slopes[1] - slopes[0], slopes[2] - slopes[0]]) / difference
             scale, turn = np.linalg.eigh(0.5 * (bend + bend.transpose(1, 0, 2)).transpose(2, 0, 1))
-            # a step uphill also where P bends upwards or, as on a ring of maxima, not at all
+            # ascend even where P is convex or, as on a ring of maxima, flat in one direction
             size = np.maximum(np.abs(scale), 1e-3 * np.max(np.abs(scale), axis=1, keepdims=True) + 1e-300)
             move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slopes[0])
             at = np.clip(at + move, low, high)

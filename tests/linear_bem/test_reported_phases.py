@@ -51,7 +51,7 @@ def test_every_grid_and_its_long_parts_are_reported(monkeypatch):
     solve(Problem(Layer(1.0, 0.48, 1.25), balls, Load("approach", (0.1, 0.1, 0.1, -1.0))), 1e-2, lines.append)
     for phase in (
         "influence of patches on each other: 1 of 4 patches",
-        "grid of 4096 cells: 4 patch(es), 32 cells across a contact's",
+        "grid of 4096 cells: 4 patch(es), 32 cells across one contact's patch",
         "first pressures on the grid: 0 of 4 patches",
         "grid of 4096 cells, step 2: gap ",
         "T along x: 3 of 4 patches",
