@@ -34,8 +34,8 @@ from runs.session.session import Options, Session, conduct
 FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
 SAVED_EVERY, SAVING, TOLD_EVERY = 5.0, 10.0, 10.0
-"""Interval [s] at which an unfinished path is saved, or so many times what saving takes if that is longer; interval [s]
-of the lines that say how far it is."""
+"""Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
+between progress lines."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -219,7 +219,7 @@ class Evolution:
                 cycle, contacts = self.sliding.cycles_after(moment.sigma), len(moment.contacts)
                 self._tell(
                     f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {self.steps} steps, {contacts} contacts, "
-                    f"{moment.speed:.1e} of the load drives the fastest ball (at rest: {self.sliding.rest:.1e})"
+                    f"driving force of the fastest ball: {moment.speed:.1e} of its load (rest: {self.sliding.rest:.1e})"
                 )
 
     def _document(
@@ -269,7 +269,7 @@ class Evolution:
         }
         model = self.session.model.name
         if model != "finite_strain" and self.problem.size <= MEASURED:
-            self._tell("the path is at its end; the full linear model at its start and end, for the error of T")
+            self._tell("the path is complete; solving the full linear model at its start and end, for the error of T")
             found["direct_check"], full = outcome.direct_check(
                 self.problem, balls, forces, moments, self.session.scene.tangential_force or DIRECT_ACCURACY
             )
@@ -279,12 +279,12 @@ class Evolution:
                 found["balls"] = outcome.without_pressures(self.problem, moments[-1], full)
         if balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
             return found
-        self._tell(f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions")
+        self._tell(f"repeating the path with a {outcome.COARSER:g} times coarser tolerance, for the error of positions")
         found["position_error"] = outcome.position_error(
             moments, forces, balls, begin, self.tolerance, self.sliding.rest
         )
         if balls.cell is None and balls.rolling == 0.0:
-            self._tell("the equilibrium next to the end")
+            self._tell("searching for the equilibrium next to the end")
             found["equilibrium"] = outcome.equilibrium(forces, balls, end, given.difference)
             found["pair_equilibria"] = outcome.pair_equilibria(forces, balls) if given.cheap and len(end) == 2 else None
         return found
