@@ -25,7 +25,7 @@ SHARE = 0.05
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
 PATIENCE = 60.0
-"""Default time limit of the advice [s]: what would take longer is left out."""
+"""Default time limit of the advice [s]; effects that would exceed it are left out."""
 FINER = 1.5
 """Time of a solution for the advice over that of the less accurate solution from which it starts."""
 FRICTION = 0.3

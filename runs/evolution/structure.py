@@ -83,7 +83,7 @@ def structure_factor(x: Array, cell: Array | None, largest: float) -> tuple[Arra
     power = np.abs(waves) ** 2 / len(x)
     ring = np.digitize(size.ravel(), edges) - 1
     used = (ring < WAVES) & (size.ravel() > 0.0)
-    # a wave and its opposite are one; of those along y alone both are there
+    # a wave vector and its opposite are one wave; along y, both are in the list
     weight = np.where(along[:, None] > 0, 1.0, 0.5) + np.zeros(size.shape)
     number, total, mean = (
         np.bincount(ring[used], (weight * values).ravel()[used], WAVES) for values in (1.0, power, size)
