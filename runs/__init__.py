@@ -1,4 +1,4 @@
-"""What users run: command line, scenes, comparison of models, tables, figures and output folders."""
+"""The command line and all that it uses besides the models: scenes, comparisons, tables, figures, output folders."""
 
 import os as _os
 

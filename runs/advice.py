@@ -25,16 +25,16 @@ SHARE = 0.05
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
 PATIENCE = 60.0
-"""Default time limit of the advice [s]: what would take longer is left out."""
+"""Default time limit of the advice [s]; effects that would exceed it are left out."""
 FINER = 1.5
-"""Time of a solution for the advice over that of the one it starts from, which is less accurate."""
+"""Time of a solution for the advice over that of the less accurate solution from which it starts."""
 FRICTION = 0.3
 """Coefficient of friction for which a drift is quoted."""
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One effect: whether the scene has it, its relative change of T and the error of that, and what to do."""
+    """One effect: whether the scene has it, the relative change of T by it with its error, and what to do."""
 
     effect: str
     present: bool
@@ -47,8 +47,8 @@ class Advice:
 class Adviser:
     """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T.
 
-    ``patience`` is the time [s] that its solutions may take together; those that would take longer are ``left_out``,
-    and ``spent`` is about the time of the others.
+    ``patience``: total time limit [s] of its solutions; ``left_out``: effects whose solutions would exceed it;
+    ``spent``: estimated time [s] of the solutions so far.
     """
 
     def __init__(
@@ -243,5 +243,5 @@ class Adviser:
 
 
 def _rounded(share: float, digits: int) -> float:
-    """Return a share in per cent to significant digits, which prints without an exponent: 10, not 1e+01."""
+    """Return a share in per cent, rounded to significant digits; it prints without an exponent: 10, not 1e+01."""
     return float(f"{100.0 * share:.{digits}g}")

@@ -1,4 +1,4 @@
-"""The command ``thirdbody``: solve, compare, evolve, plan, study, report, doctor. Each loads only what it needs."""
+"""The command line ``thirdbody``: one function per command, which imports its modules only when it is called."""
 
 import contextlib
 import importlib.metadata
@@ -29,9 +29,9 @@ SceneArgument = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only the result's JSON on standard output.")]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (compare: no model)."),
+    typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (out/SCENE-compare)."),
 ]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete this run's files and start again.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the files of an earlier run and start anew.")]
 ModelOption = Annotated[
     ModelName | None,
     typer.Option(
@@ -49,7 +49,7 @@ def top(version: Annotated[bool, typer.Option("--version", help="Print the versi
 
 
 def read(file: Path) -> Scene:
-    """Read a scene; where that takes long, as with 100 000 balls, elapsed time is shown."""
+    """Read a scene; show the elapsed time if it takes long, as with 100 000 balls."""
     with waiting(f"reading {file}") if ranks.is_root() else contextlib.nullcontext():
         return read_scene(file)
 
@@ -62,7 +62,7 @@ def solve(
     out: OutOption = None,
     fresh: FreshOption = False,
 ) -> None:
-    """Solve a scene by one model. An unfinished run is continued, a finished one is shown again."""
+    """Solve a scene with one model. An unfinished run is resumed; the result of a finished run is shown again."""
     from runs.commands.solve import solve_scene  # noqa: PLC0415
 
     solve_scene(read(scene), model.value if model else None, Options(as_json, out, fresh))
@@ -72,7 +72,7 @@ def solve(
 def compare(
     scene: SceneArgument, as_json: JsonOption = False, out: OutOption = None, fresh: FreshOption = False
 ) -> None:
-    """Compare the finite-strain load path with the linear model at equal forces and equal approaches."""
+    """Compare the finite-strain load path with the linear model, at equal normal forces and at equal approaches."""
     from runs.commands.compare import compare_scene  # noqa: PLC0415
 
     compare_scene(read(scene), Options(as_json, out, fresh))
@@ -87,7 +87,7 @@ def evolve(
     fresh: FreshOption = False,
     tables: Annotated[
         Path | None,
-        typer.Option("--tables", metavar="DIR", help="Where tables of pairs are kept; default out/pair-tables."),
+        typer.Option("--tables", metavar="DIR", help="Folder of the tables of pairs; default out/pair-tables."),
     ] = None,
 ) -> None:
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
@@ -98,7 +98,7 @@ def evolve(
 
 @app.command()
 def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
-    """Show what would be simulated and what not, its size, and how long it takes."""
+    """Show which effects a scene simulates, its size, time and memory, and which changes of the scene matter."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
 
     plan_scene(read(scene), model.value if model else None, as_json=as_json)
@@ -107,18 +107,18 @@ def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = 
 @app.command()
 def study(
     name: Annotated[str, typer.Argument(metavar="NAME", help=f"One of: {studies.listing()}.", show_default=False)],
-    quick: Annotated[bool, typer.Option("--quick", help="A coarser version that takes seconds.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Run a coarse version that takes seconds.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default out/study-NAME.")
     ] = None,
     fresh: FreshOption = False,
     shard: Annotated[str, typer.Option("--shard", metavar="i/n", help="Run only the i-th of n parts.")] = "1/1",
     tables: Annotated[
-        bool, typer.Option("--tables", help="Compute nothing: tables and figures from what is there.")
+        bool, typer.Option("--tables", help="Compute nothing; write tables and figures from the saved parts.")
     ] = False,
-    publish: Annotated[bool, typer.Option("--publish", help="Write the answer into the study's README.")] = False,
+    publish: Annotated[bool, typer.Option("--publish", help="Write the results into the study's README.")] = False,
 ) -> None:
-    """Compute a study and write its tables and figures. Parts that are saved already are not computed again."""
+    """Run a study and write its tables and figures. Parts that are already saved are not computed again."""
     options = studies.Options(quick, out, fresh, studies.read_shard(shard), tables, publish)
     studies.run_study(name, options)
 
@@ -126,19 +126,19 @@ def study(
 @app.command()
 def render(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Output folder of a finite-element run.")],
-    field: Annotated[str, typer.Option("--field", help="Field that gives the colours.")] = "von_mises",
+    field: Annotated[str, typer.Option("--field", help="Field shown by the colours.")] = "von_mises",
     view: Annotated[
-        list[str] | None, typer.Option("--view", help="cut or surface, may be repeated; default both.")
+        list[str] | None, typer.Option("--view", help="cut or surface; may be repeated; default: both.")
     ] = None,
     step: Annotated[int | None, typer.Option("--step", metavar="N", help="Default: the last written step.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: pictures in RUN.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/pictures.")] = None,
     animation: Annotated[bool, typer.Option(help="Draw the load path as a GIF (and MP4 with ffmpeg).")] = True,
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a picture.")] = "1600x1000",
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size of a picture in pixels.")] = "1600x1000",
     whole: Annotated[
-        bool, typer.Option("--whole", help="No pictures: the fields of the whole scene, mirrored, for ParaView.")
+        bool, typer.Option("--whole", help="Draw nothing; write the whole scene's fields, mirrored, for ParaView.")
     ] = False,
 ) -> None:
-    """Draw the deformed layer under its balls in three dimensions, and the load path as an animation."""
+    """Draw the deformed layer and its balls in three dimensions, and animate the load path."""
     from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
 
     views = {} if view is None else {"views": tuple(view)}
@@ -152,7 +152,7 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run or a study.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Default: report.html in DIR.")] = None,
 ) -> None:
-    """Write one self-contained HTML page for a run or a study: tables, figures, scene, versions, command."""
+    """Write a self-contained HTML page about a run or a study: tables, figures, scene, versions, command."""
     from runs.reporting import report_folder  # noqa: PLC0415
 
     report_folder(folder, out)
@@ -160,7 +160,7 @@ def report(
 
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
-    """List the Python, DOLFINx, PETSc, MPI, BLAS and gmsh that are found, what is wrong with them, and the remedy."""
+    """Check the Python, DOLFINx, PETSc, MPI, BLAS and gmsh found on this machine; name faults and remedies."""
     from runs.commands.doctor import examine  # noqa: PLC0415
 
     raise typer.Exit(examine(as_json=as_json))

@@ -1,9 +1,9 @@
-"""A wheel of the linear core alone: `linear_bem` on numpy and scipy, without `meshes`, `finite_strain` and `runs`.
+"""Builds a wheel of `linear_bem` alone, which needs only numpy and scipy.
 
     python -m runs.linear_wheel [DIR]      # default: dist
 
-Its distribution is called ``thirdbody-linear``. Version, licence and requirements are those of the project; do not
-install it beside ``thirdbody``, which holds the same package.
+The distribution is called ``thirdbody-linear``; version, licence and requirements are those of the project. Do not
+install it together with ``thirdbody``, which contains the same package.
 """
 
 import shutil

@@ -1,4 +1,4 @@
-"""The linear solution that a plan is based on: of which balls, and what that of all takes in time and memory."""
+"""The linear solution behind a plan: of all balls or of some, with time and memory of the solution of all."""
 
 import dataclasses
 import time
@@ -18,25 +18,25 @@ from runs.display.numbers import leading_ball
 from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
 
 CLOSE, ABOUT = 7, 5
-"""Balls up to which advice is about the whole scene; of more, about that with the largest T and its nearest ones: so
-many together."""
+"""Number of balls up to which advice considers the whole scene; with more balls, it considers the second number: the
+ball with the largest T and its nearest neighbours."""
 FEW, MANY = 12, 120
-"""Of more balls a plan solves the first number about the middle, and the second where more than `CHECKED` touch:
-beside the sample, time grows as the number of balls."""
+"""Balls about the middle that a plan solves if the scene has more; `MANY` if more than `CHECKED` balls are loaded.
+Without the sample, time is proportional to the number of balls."""
 SAMPLED, LARGER = 4, 3.0
-"""Balls at equal steps that judge the error of a part, and the time of the sample of all over theirs: measured 2.8 to
-4.1, the least in cells."""
+"""Size of the sample of balls that estimates the error of a part, and the time of the sample of all balls over that
+of this sample: measured 2.8 to 4.1, least in periodic cells."""
 ROUGH, QUICK = 1e-2, 1.0
-"""Relative accuracy of a plan's linear solution of few balls; within so many seconds it is made as asked for too."""
+"""Relative accuracy of a plan's solution of few balls; if it took less than `QUICK` [s], the required one follows."""
 MEMORY, PER_COEFFICIENT, PER_BALL, PER_CELL = 175e6 - COMMAND_BYTES, 4.1e3, 110e3, 500.0
-"""Memory of the linear model [bytes]: alone, more per coefficient of balls judged by a sample, of others more per ball
-and per unknown, which grids need. Measured, in MB, with the command: 165 for 2 balls, 180 for 60, 180 to 228 for 200 to
+"""Memory of the linear model [bytes]: constant part; per coefficient if a sample estimates the error; otherwise per
+ball and per unknown (grids). Measured, in MB, with the command: 165 for 2 balls, 180 for 60, 180 to 228 for 200 to
 400, 274 for 2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """The linear ``result`` of ``part``, the balls ``seen`` of a problem, and the time [s] that all of them take."""
+    """The linear ``result`` of ``part``, the balls ``seen`` of a problem; ``seconds``: time of all its balls."""
 
     part: Problem
     seen: Sequence[int]
@@ -45,9 +45,9 @@ class Ahead:
 
 
 def ahead_of(problem: Problem, accuracy: float | None) -> Ahead:
-    """Return the linear solution of few balls, or of some about the middle.
+    """Return the linear solution of all balls if they are few, else of some about the middle.
 
-    Those of many are judged by a sample, as all are, but by a smaller one: it takes most of the time of some hundreds.
+    The error of many balls is estimated by a smaller sample than in the run, whose sample may take most of the time.
     """
     model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
     if np.count_nonzero(_loaded(small)) > CHECKED:
@@ -68,7 +68,7 @@ def ahead_of(problem: Problem, accuracy: float | None) -> Ahead:
 
 
 class _Phases:
-    """Takes the linear model's lines of progress; ``sampled`` is the processor time [s] spent on a sample."""
+    """Receives the linear model's progress lines; ``sampled``: processor time [s] of the sample."""
 
     def __init__(self) -> None:
         self.sampled = 0.0
@@ -87,7 +87,7 @@ def measured(
     model: Model, problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent,
     sample: int | None = None,
 ) -> Result:  # fmt: skip
-    """Return a model's result with its time [s] on an idle machine: the processor time, where that is less."""
+    """Return a model's result with its time [s] on an idle machine: the lesser of wall and processor time."""
     begun = time.process_time()
     result = model.solve(problem, Run(accuracy, report=report, sample=sample))
     seconds = min(result.solved.seconds, time.process_time() - begun)
@@ -95,7 +95,7 @@ def measured(
 
 
 def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
-    """Return the ball with the largest T and the nearest others with their solution; few balls, and a cell, whole."""
+    """Return the ball with the largest T and its nearest ones, with their solution; all if few, or in a cell."""
     if problem.size <= CLOSE or problem.periodic is not None:
         return problem, ahead
     place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
@@ -106,10 +106,10 @@ def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
 
 
 def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]:
-    """Return the problem of up to so many balls about the loaded one nearest to the middle, and their numbers.
+    """Return the problem of up to ``count`` balls about the loaded ball nearest to the middle, and their numbers.
 
-    Those of a cell are in a smaller cell, which is as wide as they are and the largest ball; the whole where that is
-    no smaller.
+    Balls of a periodic cell get a smaller cell: their extent plus the largest diameter. If that is not smaller, the
+    whole problem is returned.
     """
     whole = problem, range(problem.size)
     if problem.size <= count:
@@ -134,12 +134,12 @@ def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]
     )
     try:
         return dataclasses.replace(part, balls=balls, periodic=Periodic((float(cell[0]), float(cell[1])))), seen
-    except InvalidProblem:  # bodies wider than their radius says
+    except InvalidProblem:  # bodies wider than their radius
         return whole
 
 
 def _loaded(problem: Problem) -> Mask:
-    """Return which balls have a load, or share one."""
+    """Return which balls have a load or a share of the total load."""
     return np.broadcast_to(np.array(problem.load.values) > 0.0, problem.size)
 
 
@@ -150,7 +150,7 @@ def _nearest(problem: Problem, place: Array, count: int) -> Sequence[int]:
 
 
 def only(problem: Problem, kept: Sequence[int]) -> Problem:
-    """Return the problem of some of its balls, with their share of a total force; the problem itself of all."""
+    """Return the problem with only the balls ``kept``, a total force reduced in proportion."""
     if len(kept) == problem.size:
         return problem
     load = problem.load
@@ -163,7 +163,7 @@ def only(problem: Problem, kept: Sequence[int]) -> Problem:
 
 
 def memory(problem: Problem, ahead: Result) -> float:
-    """Return the memory [bytes] of the linear solution without the command, from that of some of its balls."""
+    """Return the memory [bytes] of the linear solution alone, extrapolated from that of some balls (``ahead``)."""
     unknowns = unknowns_of(problem, ahead)
     if "sample" in ahead.solved.accuracy:
         return MEMORY + PER_COEFFICIENT * unknowns
@@ -171,5 +171,5 @@ def memory(problem: Problem, ahead: Result) -> float:
 
 
 def unknowns_of(problem: Problem, ahead: Result) -> int:
-    """Return the number of unknowns, in proportion to the balls."""
+    """Return the number of unknowns, extrapolated in proportion to the number of balls."""
     return round(ahead.solved.unknowns * problem.size / len(ahead.balls))

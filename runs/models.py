@@ -34,9 +34,9 @@ class ModelName(enum.StrEnum):
 class Run:
     """Arguments of a model other than the problem.
 
-    Accuracy, MPI communicator, folder, observer, fields to be written, the budget of a refinement, the load fractions
-    with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults, what takes the
-    linear model's lines of progress and its solutions, and the ``sample`` of balls that judges its error.
+    Accuracy, MPI communicator, folder, observer, fields to be written, limits of mesh refinement, the load fractions
+    with output (None: those of `load_path`), values of `finite_strain.Numerics` other than its defaults; for the linear
+    model, receivers of its progress lines and solutions, and the size of the ``sample`` that estimates its error.
     """
 
     tangential_force: float | None = None
@@ -53,8 +53,8 @@ class Run:
 
 
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
-"""Processor time [s] of a command beside its models, elements and linear ones, and memory: imports, figures, files;
-measured on small scenes."""
+"""Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
+with the linear model; memory [bytes]."""
 Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
 """Problem, accuracy, budget, load fractions."""
 
@@ -142,7 +142,7 @@ def _elements_plan(kinematics: str) -> Planner:
 
 
 def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return a plan whose times, and those of its other numbers of meshes, are ``factor`` times as long."""
+    """Return a plan with its times, and those of its alternatives ("perhaps"), multiplied by ``factor``."""
 
     def longer(key: str, value: Any) -> Any:
         if key == "perhaps":
@@ -176,21 +176,21 @@ MODELS = {
         ),
     )
 }  # fmt: skip
-"""In the order in which a scene's default is chosen: the first that supports its effects and is selected by them."""
+"""The default for a scene is the first model here that supports its effects and is selected by them."""
 
 
 def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
     """Return the model for ``scene``, the problem as that model sees it, and notes for the reader.
 
     Without ``asked``, the first model that supports every effect of the scene. A model named by the user may ignore
-    an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` if effects remain that no
-    model, or not this model, supports. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
+    an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` for an effect that this
+    model, or every model, lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
     """
     wanted = frozenset(scene.effects)
     moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
     if "reciprocation" in moving:
         raise UnsupportedProblem(
-            f"{scene.path}: {_names(moving)}: solve and compare keep the balls where they are, alone in the plane; "
+            f"{scene.path}: {_names(moving)}: solve and compare do not move the balls; "
             f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
         )
     nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
@@ -209,7 +209,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     missing = model.called_for_by - wanted
     if missing:
         raise UnsupportedProblem(
-            f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not call for; add the table"
+            f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not have; add the table"
         )
     dropped = sorted(wanted & model.leaves_out)
     notes = tuple(f"[{e}] left out by --model {asked}: {EFFECTS[e].without}" for e in dropped)
@@ -219,9 +219,9 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 def planned_runs(
     model: Model, problems: Sequence[Problem], accuracy: float | None, budget: Mapping[str, float]
 ) -> dict[str, float] | None:
-    """Return times [s] and largest memories [bytes] of runs to full load, None without a run or a plan of it.
+    """Return total times [s] and largest memories [bytes] of runs to full load; None without runs or a plan.
 
-    Raises what the plan raises.
+    Raises the errors of the plan.
     """
     if model.plan is None or not problems:
         return None
@@ -231,7 +231,7 @@ def planned_runs(
 
 
 def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dict[str, Any]:
-    """Return the plan of a model with memory and time of the command around it: ``seconds`` where it was measured."""
+    """Return a model's plan plus the command's memory and time: ``seconds`` on the machine of the measurements."""
     more = dict.fromkeys(("seconds", "processor_seconds"), slowness() * seconds)
     more |= dict.fromkeys(("memory_bytes", "processor_memory_bytes", "memory_bytes_at_most"), COMMAND_BYTES)
     others = {key: [as_command(other, seconds) for other in plan[key]] for key in ("perhaps",) if key in plan}

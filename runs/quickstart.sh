@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From a bare Debian to a number: installs what is missing, then sets the paper's thin pair against finite strain on two ranks.
+# From a bare Debian to a result: installs missing packages, then compares both models on the paper's thin pair, on two ranks.
 #
 #   bash runs/quickstart.sh [options of `thirdbody compare`]
 set -euo pipefail
@@ -9,7 +9,7 @@ set_up run
 
 cd -- "$checkout"
 job=(.venv/bin/thirdbody compare runs/scenes/paper_thin_pair.toml "$@")
-# mpirun gives its ranks a terminal of 80 columns, whatever it writes to itself.
+# mpirun gives its ranks a terminal of 80 columns, whatever the width of its own.
 if [[ -t 1 ]]; then
   COLUMNS=${COLUMNS:-$(tput cols 2>/dev/null || echo 120)}
 else
@@ -22,9 +22,9 @@ echo "quickstart: in $checkout: mpirun -n 2 ${job[*]}"
 status=0
 "${two_ranks[@]}" "${job[@]}" </dev/null || status=$?
 if ((status)); then
-  echo "quickstart: the job ended with exit code $status; what it had finished is kept, and the same command continues from there" >&2
+  echo "quickstart: the job ended with exit code $status; finished parts are saved, and the same command continues from there" >&2
 fi
-echo "quickstart: the same by hand (what is finished is shown again; --fresh starts again):"
+echo "quickstart: the same by hand (a finished result is shown again; --fresh computes it again):"
 echo "  cd $(printf %q "$checkout")"
 if [[ $(readlink -f "$(command -v mpirun)") == $(readlink -f "$mpirun") ]]; then mpirun=mpirun; fi
 options=(-n 2 --bind-to none)

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Makes this checkout ready to run: Debian packages, a .venv over /usr/bin/python3, the project in it.
+# Sets up this checkout: installs Debian packages, makes a .venv from /usr/bin/python3, and installs the project in it.
 #
 #   bash runs/setup.sh [run|render|docs|test|packages]
 #
-# run: what a simulation needs (the default); render: that and pyvista (150 MB), for `thirdbody render`; docs: run
-# and Sphinx, for the handbook; test: all that and ruff, mypy, pytest, meshio; packages: only the Debian packages.
-# runs/quickstart.sh and tests/run.sh source this file. Nothing that is already there is installed again, and a set-up that was
-# interrupted continues where it stopped.
+# run: packages for simulations (the default); render: also pyvista (150 MB), for `thirdbody render`; docs: run
+# and Sphinx, for the handbook; test: all of these and ruff, mypy, pytest, meshio; packages: only the Debian packages.
+# runs/quickstart.sh and tests/run.sh source this file. Installed packages are not installed again, and an interrupted
+# set-up continues where it stopped.
 
 checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 venv=$checkout/.venv
@@ -17,7 +17,7 @@ blas_packages=(libopenblas0-serial libopenblas0-pthread libopenblas0-openmp) # a
 
 say() { printf 'setup: %s\n' "$*"; }
 
-# stop WHAT [REMEDY...]: says what could not be done and the commands that mend it.
+# stop WHAT [REMEDY...]: prints the failure and the commands that repair it, and exits.
 stop() {
   printf 'setup: %s\n' "$1" >&2
   shift
@@ -28,13 +28,13 @@ stop() {
   exit 1
 }
 
-# stop_with_log WHAT [REMEDY...]: the same, after the end of what the failed step printed (without mpirun's own words, framed by dashes).
+# stop_with_log WHAT [REMEDY...]: the same, after the last lines of the failed step (without mpirun's messages, framed by dashes).
 stop_with_log() {
   tail -c "+$((log_mark + 1))" "$log" | sed '/^-\{60,\}$/,/^-\{60,\}$/d' | tail -n 12 | sed 's/^/  | /' >&2
   stop "$@" "All that was printed is in $log"
 }
 
-# logged WORDS COMMAND...: one line for the person, the long output to the log, a sign of life every minute.
+# logged WORDS COMMAND...: runs a command with one line for the user, its output in the log, and a line every minute.
 logged() {
   local words=$1 status=0
   shift
@@ -45,7 +45,7 @@ logged() {
     seconds=0
     while sleep 5 >/dev/null 2>&1; do
       seconds=$((seconds + 5))
-      if ((seconds % 60 == 0)); then say "  still at it after $((seconds / 60)) min (follow it: tail -f $log)"; fi
+      if ((seconds % 60 == 0)); then say "  still running after $((seconds / 60)) min (to follow: tail -f $log)"; fi
     done
   ) 9>&- &
   ticker=$!
@@ -72,7 +72,7 @@ check_system() {
       "Upgrade, or use a container: docker run -it -v '$checkout:/thirdbody' debian:12 bash"
   fi
   if [[ $ID != debian || ($VERSION_ID != 12 && $VERSION_ID != 13) ]]; then
-    system_note="$PRETTY_NAME is not among the systems this is proved on (Debian 12, 13; sid now and then); going on."
+    system_note="$PRETTY_NAME is not a tested system (Debian 12, 13, sometimes sid); continuing."
   fi
 }
 
@@ -174,7 +174,7 @@ check_python() {
     stop "/usr/bin/python3 is Python ${python_version:-of an unknown version}; Python 3.11 or newer is needed." "Use Debian 12 or 13."
 }
 
-# Everything that, once changed, calls for another look: the stamp carries its hash.
+# Hash of everything whose change requires a new set-up; it is part of the stamp's name.
 fingerprint() {
   {
     cat "$checkout/pyproject.toml" "$checkout/runs/setup.sh"
@@ -186,7 +186,7 @@ fingerprint() {
 ensure_venv() {
   local mark=$venv/.thirdbody-venv fault=''
   if [[ -e $mark && $(<"$mark") == begun ]]; then
-    fault="its making was interrupted"
+    fault="its creation was interrupted"
   elif [[ -e $venv/pyvenv.cfg || -e $venv/bin ]]; then
     grep -qE '^include-system-site-packages *= *true' "$venv/pyvenv.cfg" 2>/dev/null || fault="it does not see Debian's packages"
     grep -qE '^home *= */usr/bin/?$' "$venv/pyvenv.cfg" 2>/dev/null || fault="it is made by another Python than /usr/bin/python3"
@@ -207,7 +207,7 @@ ensure_venv() {
   printf made >"$mark"
 }
 
-# Debian's numpy is the one DOLFINx was built for: no wheel may take the place of anything the system provides.
+# DOLFINx was built for Debian's numpy: no wheel may replace a package of the system.
 write_requirements() {
   "$venv/bin/python" -I - "$checkout/pyproject.toml" "$venv" "$@" <<'PYTHON'
 import re, sys, tomllib
@@ -251,9 +251,9 @@ install_project() {
   fi
 }
 
-# One look at the whole: every module imports, numpy and h5py are the system's, PETSc is real, two ranks see each other.
+# Checks the result: every module imports, numpy and h5py are the system's, PETSc is real, two ranks see each other.
 verify() {
-  logged "looking whether it all works on two ranks" "${two_ranks[@]}" "$venv/bin/python" -c '
+  logged "checking the installation on two ranks" "${two_ranks[@]}" "$venv/bin/python" -c '
 import importlib.util, sys
 faults = []
 for name in ("numpy", "scipy", "h5py", "mpi4py", "petsc4py"):
@@ -280,10 +280,10 @@ if PETSc.ScalarType != numpy.float64:
 # Otherwise the first run of each kind waits for the compiler.
 precompile() {
   logged "compiling the finite elements of common scenes, for a minute or two" "${two_ranks[@]}" "$venv/bin/python" -m finite_strain.precompile ||
-    say "they do not compile, so finite_strain will not work; see it by:  $venv/bin/python -m finite_strain.precompile"
+    say "they do not compile, so finite_strain will not work; for the errors:  $venv/bin/python -m finite_strain.precompile"
 }
 
-# Ranks of one thread that do not spin or fight for a core. What the user has set stays.
+# One thread per rank, and idle ranks yield their core. Variables that the user has set remain.
 set_mpi_environment() {
   export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}" PYTHONNOUSERSITE="${PYTHONNOUSERSITE:-1}"
   export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
@@ -304,7 +304,7 @@ set_mpi_environment() {
   fi
 }
 
-# Sets mpirun and what starts two ranks with it: options, for every version of Open MPI has other names for them.
+# Sets mpirun and the command that starts two ranks: with options, since their names as variables differ between Open MPIs.
 find_mpirun() {
   mpirun=$(command -v mpirun.openmpi || command -v mpirun) || return
   two_ranks=("$mpirun" -n 2 --bind-to none)
@@ -335,7 +335,7 @@ make_ready() {
     [[ -w $folder ]] || stop "cannot write in $folder, which belongs to $(stat -c %U "$folder" 2>/dev/null || echo nobody)." \
       "Make it yours, as root:  chown -R $(id -un) '$checkout'"
   done
-  # Two set-ups at once would tread on each other.
+  # Simultaneous set-ups would interfere.
   exec 9>"$venv/.thirdbody-lock"
   if ! flock -n 9; then
     say "waiting for another set-up of this checkout to end"

@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
-# Proves the README's two commands on a bare Debian: a debootstrapped root with nothing but the base system.
+# Tests the README's two commands on a bare Debian: a debootstrapped root with only the base system.
 #
 #   tests/on_debian.sh RELEASE [quickstart|tests|both|setup] [options] [-- options of tests/run.sh]
 #
 # RELEASE is 12 (DOLFINx 0.5), 13 (0.9), sid (the newest of Debian) or a code name. `both` is the default; `setup` is the set-up of
-# both without their jobs. Prints a table at the end: command, seconds, exit code; exit code 1 when one did not end as it should.
-#   --user         run as an ordinary user without sudo, once before the Debian packages are there (the command must refuse,
-#                  in plain words) and once after root has installed them
-#   --commit REV   prove that commit; without it, the files of the working tree that git does not ignore
-#   --keep         go on in the root of the last run; without it, the root is a bare base system again (its packages come from the
-#                  cache, so this takes minutes, not an hour)
+# both without their jobs. Prints a table at the end: command, seconds, exit code; exits with 1 if a command did not end as expected.
+#   --user         run as an ordinary user without sudo, before the Debian packages are installed (the command must refuse
+#                  with a clear message) and again after root has installed them
+#   --commit REV   test that commit; without it, the files of the working tree that git does not ignore
+#   --keep         continue in the root of the last run; without it, the root is a bare base system again (with packages from the
+#                  cache, this takes minutes, not an hour)
 #   --cache DIR    where the base system, the Debian packages and the root are kept (default /var/tmp/thirdbody-debian-RELEASE)
 #   --ca FILE      certificates that pip trusts inside (default: those PIP_CERT or SSL_CERT_FILE name here, if either is set)
 #
-# Needs root, 8 GB of disk a release, and the network (deb.debian.org, pypi.org). All runs in namespaces of its own: mounts and
-# processes end with it, however it ends. Two releases may be proved at once, one release only by one run at a time.
+# Needs root, 8 GB of disk per release, and the network (deb.debian.org, pypi.org). All runs in separate namespaces: mounts and
+# processes always end with the script. Two releases may be tested at the same time, each by one run only.
 set -euo pipefail
 mirror=http://deb.debian.org/debian
 checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
@@ -124,7 +124,7 @@ done
 if [[ -n $ca ]]; then passed+=(PIP_CERT=/etc/on-debian-ca.pem); fi
 
 summary=() faults=0
-# run NAME EXPECTED ACCOUNT COMMAND...: in the root, with an environment as bare as a first login's; EXPECTED is `works` or `refuses`.
+# run NAME EXPECTED ACCOUNT COMMAND...: in the root, with the environment of a first login; EXPECTED is `works` or `refuses`.
 run() {
   local name=$1 expected=$2 who=$3 status=0 begin seconds verdict=ok home=/root
   shift 3

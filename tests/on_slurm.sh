@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Proves runs/cluster/thirdbody.slurm on a real Slurm of one node, which this script starts and ends; run by hand, as root.
+# Tests runs/cluster/thirdbody.slurm on a real Slurm of one node, which this script starts and ends; run by hand, as root.
 #
 #   apt-get install slurm-wlm munge openmpi-bin
 #   tests/on_slurm.sh [SCENE]
 #
-# Submits the scene (without one: a pair on a coarse mesh) on two ranks, its systems solved by multigrid, signals the job as
-# Slurm does before its time ends, and checks that it is queued again and goes on to a result. Nothing of an installed
-# Slurm or munge is read or changed: configuration, keys, sockets and state are in a temporary folder.
+# Submits the scene (default: a pair on a coarse mesh) on two ranks with multigrid, sends the job the signal that
+# Slurm sends before its time limit, and checks that it is queued again and completes. An installed Slurm or munge is
+# neither read nor changed: configuration, keys, sockets and state are in a temporary folder.
 set -euo pipefail
 
 checkout=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
@@ -97,7 +97,7 @@ signalled=no
 for _ in {1..3600}; do
   now=$(state JobState)
   case $now in COMPLETED | FAILED | TIMEOUT | CANCELLED | NODE_FAIL) break ;; esac
-  if [[ $signalled == no && $now == RUNNING && -n $(saved) ]]; then # a step is saved: time is up
+  if [[ $signalled == no && $now == RUNNING && -n $(saved) ]]; then # a step is saved: send the signal
     scancel --batch --signal=USR1 "$job"
     signalled=yes
     echo "on_slurm.sh: signalled with $(saved) saved"

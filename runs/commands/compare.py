@@ -21,12 +21,12 @@ def compare_scene(scene: Scene, options: Options) -> None:
     """Compare both models on ``scene``, save the run and print the answer."""
     if "periodic" in scene.effects:
         raise UnsupportedProblem(
-            f"{scene.path}: compare needs both models, and finite strain has no cell that repeats; drop [periodic], "
+            f"{scene.path}: compare needs both models, and finite strain does not support [periodic]; drop it, "
             "or use solve"
         )
     if "finite_strain" not in scene.effects and "reciprocation" not in scene.effects:
         raise UnsupportedProblem(
-            f"{scene.path}: compare sets finite against small strain and needs [finite_strain]; "
+            f"{scene.path}: compare runs finite and small strain and needs [finite_strain]; "
             'add the table (law = "neo_hookean"), or use solve'
         )
     conduct(Session("compare", scene, None, options), _compute, _show)

@@ -30,7 +30,7 @@ OPTIONAL = {
     "jinja2": ("`thirdbody report` needs it, and `thirdbody study` for most pages", "pip install jinja2"),
     "pyvista": ("`thirdbody render` needs it", INSTALL_PICTURES),
 }
-"""Packages that some commands need: which, and how to install the package."""
+"""Packages that only some commands need: the command, and how to install the package."""
 OLDEST_DOLFINX = (0, 5, 2)
 LAUNCHED_BY_MPI = ("OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX_", "PMI_", "PRTE_", "ORTE_")
 PROBE = """
@@ -124,9 +124,9 @@ def examine(*, as_json: bool) -> int:
             out.print(f"{'':16}{finding.fault}", highlight=False, markup=False, soft_wrap=True)
             out.print(f"{'':16}repair: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
     if blocked:
-        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: repair what is wrong above"
+        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: repair the faults above"
     else:
-        verdict = "every model can run" + (", better with the repairs above" if wrong else "")
+        verdict = "every model can run" + (", but the repairs above are advised" if wrong else "")
     out.print(verdict, highlight=False)
     return 1 if blocked else 0
 

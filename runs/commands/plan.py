@@ -1,4 +1,4 @@
-"""The command ``plan``: what a scene would simulate and what not, how large it is and how long it takes."""
+"""The command ``plan``: effects, size, time and memory of a scene before it is run, and advice on its effects."""
 
 import dataclasses
 import math
@@ -31,10 +31,10 @@ NAMES = {
     "forms": "form of the elements",
     "linear_solver": "linear solver of the finest mesh planned",
     "memory_bytes": "memory",
-    "processor_memory_bytes": "memory on one",
+    "processor_memory_bytes": "memory on one core",
     "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
     "seconds": "time on two idle cores",
-    "processor_seconds": "time on one",
+    "processor_seconds": "time on one core",
     "symmetries": "symmetries used",
     "meshes": "meshes",
     "accuracy": "refined until",
@@ -45,8 +45,7 @@ NAMES = {
     "states": "states solved",
 }
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
-"""Share of the run's time that a plan of many balls may take; least (up to `CHECKED` balls) and largest time [s] of its
-advice."""
+"""For the advice of a plan: largest share of the run's time, least (up to `CHECKED` balls) and largest time [s]."""
 
 
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
@@ -86,13 +85,13 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     if adviser.left_out:
         names = ", ".join(adviser.left_out)
         few = "the balls in question alone" if problem.periodic is None else "fewer balls"
-        notes = (*notes, f"left out, as it takes long beside the run: {names}; plan a scene of {few} for it")
+        notes = (*notes, f"left out, as slow compared with the run: {names}; to compute it, plan a scene of {few}")
     if part.size < problem.size:
-        notes = (*notes, f"expected: of {part.size} balls about the middle, without the others")
+        notes = (*notes, f"the expected values are those of the {part.size} balls about the middle alone")
     if close is not part:
         leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
-        which = f"ball {leading}, which has the largest T of those looked at, and its {ABOUT - 1} nearest alone"
-        notes = (*notes, f"advice: about {which}")
+        which = f"ball {leading}, which has the largest T of those solved, and its {ABOUT - 1} nearest neighbours"
+        notes = (*notes, f"the advice considers only {which}")
         inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
     document = {
         "scene": as_given(scene.data),
@@ -114,7 +113,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
 
 
 def _require_drift(scene: Scene, model: Model, problem: Problem) -> None:
-    """Raise what ``evolve`` refuses, of a scene whose balls drift."""
+    """Raise the errors of ``evolve`` for a scene whose balls drift."""
     if scene.reciprocation is not None:
         from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
 
@@ -122,7 +121,7 @@ def _require_drift(scene: Scene, model: Model, problem: Problem) -> None:
 
 
 def _patience(problem: Problem, expected: float, begun: float) -> float:
-    """Return the time [s] that the advice may take: for many balls `PART` of their run's, less what the plan has taken.
+    """Return the time [s] that the advice may take: for many balls, the share `PART` of the run's less the time so far.
 
     ``expected``: time of the run [s]; ``begun``: processor time at the start of the plan [s].
     """
@@ -165,7 +164,7 @@ def _model_plan(
 
 
 def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
-    """Return load steps and time of ``compare``, or why it refuses: its first, light load step needs a finer mesh."""
+    """Return load steps and time of ``compare``, or why it refuses: its small first load step needs a finer mesh."""
     assert model.plan is not None
     try:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
@@ -175,7 +174,7 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
 
 
 def _doubts(problem: Problem) -> list[str]:
-    """Return where the energy of the layer's law is not known to be convex."""
+    """Return notes on the states where the layer's strain energy is not known to be polyconvex."""
     law = None if problem.finite_strain is None else problem.finite_strain.chosen
     return [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
 
@@ -240,8 +239,8 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
     limit = f"{100.0 * (accuracy or USUAL):.2g} %"
     headings = {True: f"above {limit}", False: f"below {limit}", None: "perhaps"}
     if advice:
-        asked = "asked for" if accuracy else "that a change is judged by"
-        say(f"what would change T by more than the {limit} {asked}, by the linear model:", "bold")
+        asked = "(the required accuracy)" if accuracy else "(no accuracy is required)"
+        say(f"which changes of the scene would change T by more than {limit} {asked}, by the linear model:", "bold")
     for matters, heading in headings.items():
         for item in advice:
             if item["matters"] is matters:

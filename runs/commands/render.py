@@ -45,7 +45,7 @@ class RenderOptions:
 
 
 def render_run(run: Path, options: RenderOptions) -> list[Path]:
-    """Draw a run's written fields and return the files that were made."""
+    """Draw the fields that a run has written and return the picture files."""
     if not ranks.is_root():
         return []
     _check(options)
@@ -85,7 +85,7 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 class _Shown:
-    """A field as it is shown on every sheet of a run, with the colour limits of the last step."""
+    """One field drawn at every load step with the colour limits of the last one."""
 
     def __init__(self, last: WrittenStep, options: RenderOptions) -> None:
         self.last, self.options = last, options

@@ -11,7 +11,7 @@ from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
 
 DRAWN = 40
-"""Balls of a linear solution up to which its pressures are drawn: contacts of more are too small to be seen."""
+"""Largest number of balls whose pressures are drawn: with more, contacts are too small to be seen."""
 
 
 def solve_scene(scene: Scene, asked: str | None, options: Options) -> None:

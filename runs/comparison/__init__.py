@@ -1,1 +1,1 @@
-"""Finite strain against the linear model: states at equal force and approach, factors, curves between steps."""
+"""Comparison of finite strain with the linear model: states at equal force or approach, ratios, sensitivities."""

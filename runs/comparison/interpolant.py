@@ -1,8 +1,8 @@
-"""A comparison between its load steps: S_Q, S_D and Q as functions of the approach, with errors.
+"""Interpolation between the load steps of a comparison: S_Q, S_D and Q as functions of the approach, with errors.
 
 At small load S - 1 is a power series in x = sqrt(D) and Q is proportional to x^3 (Hertz), so (S - 1) / x and Q / x^3
 are smooth and are interpolated by cubic splines through the steps. The error is the sum of two terms: the error of the
-two neighbouring steps; and the greatest change when one of the four nearest steps is left out (several times the error
+two neighbouring steps; and the largest change when one of the four nearest steps is omitted (several times the error
 of the spline through all steps), times a factor that falls to 0 at the steps.
 """
 
@@ -54,7 +54,7 @@ class Interpolant:
 
 
 def interpolants(rows: Sequence[Mapping[str, Any]], ball: int) -> dict[str, Interpolant]:
-    """Return what can be interpolated of one ball's rows of a comparison; needs three steps that have the value."""
+    """Return an interpolant of every quantity of one ball that at least three load steps have."""
     path = [row for row in rows if row["ball"] == ball and row["approach"] > 0.0]
     found = {}
     for name, (at_no_load, power) in COLUMNS.items():

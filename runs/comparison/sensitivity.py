@@ -1,13 +1,13 @@
-"""How uncertain inputs change the tangential force by the linear model: exponents of T, and a step of Poisson's ratio.
+"""Sensitivity of the tangential force to the inputs by the linear model: exponents of T, a step of Poisson's ratio.
 
-The exponent of an input x is d ln T / d ln x, T along its direction on the ball that feels most: 1 % more x changes T
-by that many per cent. It is a central difference of T over `STEP` to both sides; where a scene has no such side
-(closer balls would overlap), the one-sided difference of second order. By dimensions
+The exponent of an input x is d ln T / d ln x for the largest T, along its direction: 1 % more x changes T
+by that many per cent. It is a central difference of T with the step `STEP` or, where a scene allows only one side
+(closer balls would overlap), a one-sided difference of second order. By dimensional analysis
 
     T = E1 R^2 f(nu, h/R, L/R, E2/E1, D/R)   or, under given forces,   f(..., Q / (E1 R^2)),
 
-so the exponents of moduli and force add up to 1, those of lengths plus twice that of the force to 2. Nothing is
-computed from these two sums: they check all exponents.
+so the exponents of moduli and force add up to 1, and those of lengths plus twice that of the force to 2. The two sums
+are used only to check the exponents.
 """
 
 import dataclasses
@@ -28,13 +28,13 @@ STEP = 0.005
 PRECISION = 1e-3
 """Relative accuracy of each T. Neighbouring values share their discretisation, so that most of its error cancels."""
 SOLUTIONS = 15
-"""Solutions of the linear model that it takes at most."""
-TITLE = "what the inputs do to T"
+"""Largest number of linear solutions that it needs."""
+TITLE = "sensitivity of T to the inputs"
 STEEP, UNLIKE = 20.0, 2.0
-"""Largest exponent of a T that does not nearly vanish; largest ratio of T at finite strain and T of the linear model,
-or its inverse, at which what is known of one is said of the other."""
+"""Largest exponent of a T that does not nearly vanish; largest ratio of T at finite strain to T of the linear model,
+or its inverse, up to which the sensitivities hold at finite strain too."""
 POISSON_STEP = 0.01
-"""Change of Poisson's ratio that is tried: that of one rubber from the next."""
+"""Change of Poisson's ratio that is tried: typical scatter between rubbers."""
 WORDS = {
     "h": "thickness of the layer",
     "R": "radius of the balls",
@@ -46,7 +46,7 @@ WORDS = {
 }
 MODULI = {"E1": 1.0, "E2": 1.0, "Q": 1.0}
 LENGTHS = {"h": 1.0, "R": 1.0, "L": 1.0, "D": 1.0, "Q": 2.0}
-"""Weights of the exponents in the two sums that dimensions fix at 1 and 2."""
+"""Weights of the exponents in the two sums that must be 1 and 2 by dimensional analysis."""
 
 Change = Callable[[Problem, float], Problem]
 """A problem with one input multiplied by a factor."""
@@ -54,9 +54,9 @@ Change = Callable[[Problem, float], Problem]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What the inputs do to T on one ball: exponents by symbol, Poisson's ratio from and to, and T's relative change.
+    """Sensitivity of T on one ball: exponents by symbol; Poisson's ratio before and after a step, relative change of T.
 
-    ``moduli`` and ``lengths`` are the sums of exponents that dimensions fix at 1 and 2.
+    ``moduli`` and ``lengths`` are the sums of exponents that must be 1 and 2.
     """
 
     ball: int
@@ -68,9 +68,9 @@ class Sensitivity:
 
 
 def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
-    """Return what the inputs of ``problem`` do to T at full load; None where no T acts.
+    """Return the sensitivity of T at full load to the inputs of ``problem``; None where no T acts.
 
-    Raises what the linear model raises, and `UnsupportedProblem` for bodies whose size no number states.
+    Raises the errors of the linear model, and `UnsupportedProblem` for bodies without a parameter of size.
     """
     problem = without(problem, ["finite_strain"])
     solve = MODELS["linear_bem"].solve
@@ -94,7 +94,7 @@ def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
 
 
 def record(problem: Problem) -> dict[str, Any] | None:
-    """Return the JSON object of `sensitivity`; None where there is none, and the reason where it cannot be computed."""
+    """Return the JSON object of `sensitivity` or the reason for a failure; None where no T acts."""
     try:
         found = sensitivity(problem)
     except ThirdBodyError as error:
@@ -110,7 +110,7 @@ def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], fl
         except InvalidProblem:
             continue
     if not sides:
-        raise InvalidProblem("sensitivity: no value of an input beside the given one is allowed")
+        raise InvalidProblem("sensitivity: an input cannot be changed in either direction")
     if len(sides) == 2:
         return (relative(sides[0][1]) - relative(sides[1][1])) / (2.0 * step)
     sign, near = sides[0]
@@ -119,7 +119,7 @@ def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], fl
 
 
 def _inputs(problem: Problem) -> dict[str, Change]:
-    """Return how each input of a problem is multiplied by a factor."""
+    """Return, for each input of a problem, the function that multiplies it by a factor."""
     inputs: dict[str, Change] = {"E1": _constant("layer", "young"), "R": _radius, "L": _distance}
     if math.isfinite(problem.layer.thickness):
         inputs["h"] = _constant("layer", "thickness")
@@ -162,7 +162,7 @@ def _radius(problem: Problem, factor: float) -> Problem:
             body = _scaled(ball.shape, factor)
             balls.append(dataclasses.replace(ball, shape=body, radius=body.apex_radius))
         else:
-            raise UnsupportedProblem("sensitivity: the size of a profile f(x, y) is no number to change")
+            raise UnsupportedProblem("sensitivity: a profile f(x, y) has no parameter of size")
     return dataclasses.replace(problem, balls=tuple(balls))
 
 
@@ -177,7 +177,7 @@ def _scaled(body: Indenter, factor: float) -> Indenter:
 
 
 def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float | None = None) -> list[dict[str, str]]:
-    """Return a row per input: its value, what a change does to T, and the change that amounts to T's own error.
+    """Return a row per input: its value, the change of T by a change of it, and the change equivalent to T's error.
 
     ``found`` is a `record` without failure, ``known`` the relative error of T.
     """
@@ -199,7 +199,7 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
     row = {"input": name, "value": value, "change of T": step}
     if known is not None:
         change = known / abs(slope) if slope else None
-        # a power law says nothing about an input that more than doubles
+        # a power law is not valid for an input that more than doubles
         large = "-" if change is None else "more than 100 %" if unit == " %" and change > 100.0 else ""
         row["input change equal to T's error"] = large or f"\u00b1 {number(change, 2)}{unit}"
     return row
@@ -222,9 +222,9 @@ def _value(symbol: str, problem: Problem, scale: Scale) -> str:
 
 
 def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kind: str) -> float | None:
-    """Return T at finite strain over that of the linear model under the same load, on the ball of ``found``.
+    """Return T at finite strain over T of the linear model under the same load, on the ball of ``found``.
 
-    ``comparison`` are the rows of `compare_steps`, ``kind`` is the load's.
+    ``comparison``: rows of `compare_steps`; ``kind``: kind of the load.
     """
     key = "strengthening_at_approach" if kind == "approach" else "strengthening_at_force"
     known = [row[key] for row in comparison if row["ball"] == found.get("ball")]
@@ -232,22 +232,20 @@ def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kin
 
 
 def holds(ratio: float | None) -> bool:
-    """Return whether T at finite strain, ``ratio`` times the linear model's, is close enough to change as that does."""
+    """Return whether the sensitivity holds at finite strain, where T is ``ratio`` times the linear model's."""
     return ratio is None or 1.0 / UNLIKE <= ratio <= UNLIKE
 
 
 def check(found: Mapping[str, Any], ratio: float | None = None) -> str:
-    """Return the sentence that says what the table is of and whether it holds at finite strain, or why there is none.
+    """Return the caption of the table, with its validity at finite strain, or why there is no table.
 
-    ``ratio`` is that of `ratio`, where finite strain was computed.
+    ``ratio`` is the result of `ratio`, where finite strain was computed.
     """
     if "failure" in found:
-        return f"what the inputs do to T could not be computed: {found['failure']}"
+        return f"the sensitivity of T to the inputs could not be computed: {found['failure']}"
     text = f"by the linear model at full load, on ball {found['ball']}; + makes T larger"
     if not holds(ratio):
-        return (
-            f"{text}; T at finite strain is {number(ratio)} times the linear model's, and does not change as that does"
-        )
+        return f"{text}; T at finite strain is {number(ratio)} times the linear model's: its sensitivity differs"
     if ratio is None and max(map(abs, found["exponents"].values())) > STEEP:
-        return f"{text}; T nearly vanishes in the linear model: at finite strain size and changes may differ"
+        return f"{text}; T nearly vanishes in the linear model: at finite strain, T and its sensitivity may differ"
     return text

@@ -64,7 +64,7 @@ def _floor(step: Mapping[str, Any]) -> float:
 
 
 def _errors(step: Mapping[str, Any], ball: int) -> tuple[float, float]:
-    """Return the finite model's error of T [N] at its normal force, and at its approach."""
+    """Return the finite-strain model's error of T [N] at given normal force and at given approach."""
     state, record = step["balls"][ball], step.get("record", {})
     at_approach = state["tangential_force_error"]
     at_force = (
@@ -80,7 +80,7 @@ def _errors(step: Mapping[str, Any], ball: int) -> tuple[float, float]:
 def strengthening(
     finite: Mapping[str, Any], linear: Mapping[str, Any], floor: float = 0.0, finite_error: float | None = None
 ) -> tuple[float | None, float | None, str | None]:
-    """Return ratio, absolute error and note; no ratio where the linear force is not above its error and ``floor``.
+    """Return ratio, absolute error and note; no ratio unless the linear force exceeds its error and ``floor``.
 
     ``finite_error`` [N], if given, replaces the error of T of the finite state.
     """
@@ -96,13 +96,13 @@ def strengthening(
 
 
 def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
-    """Return the sentence that says what finite strain does to the tangential force at the end of the load path."""
+    """Return a sentence on the change of the tangential force by finite strain at the end of the load path."""
     if len(balls) == 1:
         return "One ball feels no tangential force: there is nothing to compare."
     last = [row for row in rows if row["step"] == rows[-1]["step"] and row["strengthening_at_force"] is not None]
     if not last:
         return "The linear tangential force is below its own error on every ball: there is nothing to compare."
-    leading = leading_ball(balls)  # the one that tables and figures show
+    leading = leading_ball(balls)  # also shown in tables and figures
     row = next((r for r in last if r["ball"] == leading), last[0])
     depth, load = row["approach"], scale.units.force(row["normal_force"], 3)
     over = "" if scale.dimensionless else f"{number(depth / scale.radius, 3)} R, "

@@ -1,1 +1,1 @@
-"""Numbers, tables and figures for people."""
+"""Formatting of numbers, tables on the terminal, and figures."""

@@ -1,4 +1,4 @@
-"""One ball's contact pressure as a smooth field with an edge of its own, from values at the nodes of a surface.
+"""One ball's contact pressure as a smooth field inside a fitted contact edge, from values at the nodes of a surface.
 
 Near the edge of a frictionless contact the pressure falls as the square root of the distance, so its square is smooth
 up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
@@ -12,15 +12,15 @@ import numpy as np
 from linear_bem.arrays import Array
 
 DEGREES = (2, 4, 6)
-"""Degrees of polynomials that are tried: nodal values rattle, and a higher one follows that outside."""
+"""Degrees of polynomials that are tried; higher ones would follow the oscillations of nodal values outside."""
 BETTER = 0.7
-"""Deviation of a higher degree over a lower one's from which it is taken."""
+"""A higher degree is used if its deviation over the lower one's is below this."""
 WELL_INSIDE = 0.3
-"""Least pressure over the peak of the nodes that it is fitted to; averages farther out include free cells."""
+"""Least pressure over the peak of the nodes used in the fit; averages farther out include cells without contact."""
 GOOD = 0.12
 """Largest root mean square deviation of the fit, over the peak: 0.04 to 0.1 on coarse meshes that oscillate."""
 BEYOND = 1.4
-"""Largest distance from the middle at which the edge is looked for, over the largest of a fitted node."""
+"""The edge is sought up to this distance from the middle, over that of the farthest fitted node."""
 RINGS, RAYS = 40, 180
 
 
@@ -40,7 +40,7 @@ class Patch:
 
     @property
     def force(self) -> float:
-        """Integral of the pressure [N], by the rings' mean pressures over their areas."""
+        """Integral of the pressure [N]: mean pressure times area, summed over the rings."""
         share = (np.hypot(self.x - self.x[0, 0], self.y - self.y[0, 0]) ** 2).mean(axis=1)
         mean = self.pressure.mean(axis=1)
         return self.area * float(np.sum(0.5 * (mean[1:] + mean[:-1]) * np.diff(share)) / share[-1])

@@ -21,7 +21,7 @@ LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
 BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
 """Markers and error bars of every curve."""
 SAME = 0.25
-"""Largest deviation of a drawn contact's area and force from the result's, over the latter."""
+"""Largest relative deviation of a drawn contact's area and force from the result."""
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -199,7 +199,7 @@ def _draw_section(
         center, aside = along @ ball["position"], normal @ (ball["position"] - origin)
         radius, body = shape.radius, shape.indenter
         if abs(aside) > (0.99 if isinstance(body, Sphere) else 1e-6) * radius:
-            continue  # the section passes beside it, or would need more than its profile
+            continue  # the section misses this ball, or does not show its profile
         if isinstance(body, Sphere):
             cut = math.sqrt(radius**2 - aside**2)
             x, z = center + cut * np.cos(angle), radius + cut * np.sin(angle) - ball["approach"]

@@ -1,4 +1,4 @@
-"""Numbers for people: in the units of the scene, over R and E R^2, and with their errors."""
+"""Formatting of numbers: in the units of the scene, over R and E R^2, and with their errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Vector = Sequence[float]
 
 @dataclass(frozen=True)
 class Scale:
-    """What numbers are shown in: R [m], E [Pa], and the scene's units; ``unlike``: R is the radius of ball 0 alone."""
+    """Units of the numbers shown: R [m], E [Pa], the scene's units; ``unlike``: radii differ, R is that of ball 0."""
 
     radius: float
     young: float
@@ -26,7 +26,7 @@ class Scale:
 
     @classmethod
     def of(cls, problem: Problem, scene: Mapping[str, Any] | None = None) -> Scale:
-        """Return the scale of ``problem``; ``scene`` holds the tables that it was written as."""
+        """Return the scale of ``problem``; ``scene`` holds the tables of its scene file."""
         radii = [ball.radius for ball in problem.balls]
         return cls.from_numbers(radii, problem.layer.young, scene)
 
@@ -43,7 +43,7 @@ class Scale:
 
     @property
     def dimensionless(self) -> bool:
-        """Whether the scene's numbers are those over R and E already."""
+        """Whether the scene's numbers are already over R and E."""
         return self.units == DIMENSIONLESS
 
     def both(self, approach: float) -> str:
@@ -52,7 +52,7 @@ class Scale:
         return own if self.dimensionless else f"{own} ({number(approach / self.radius)} R)"
 
     def legend(self) -> str:
-        """Return what R and E are."""
+        """Return the definition of R and E."""
         whose = "ball 0" if self.unlike else "the balls"
         if self.dimensionless:
             return f"R: radius of {whose}, E: Young's modulus of the layer; both are 1 in this scene"
@@ -110,7 +110,7 @@ def attraction(balls: Sequence[Mapping[str, Any]], index: int, force: Vector) ->
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """Return "1.42 +- 0.03": the error to two significant digits at most, the value to the same place."""
+    """Return "1.42 +- 0.03": the error to at most two significant digits, the value to the same decimal place."""
     parts = _to_the_place_of_the_error(value, error)
     if parts is None:
         return number(value)
@@ -130,7 +130,7 @@ def with_error_in_parentheses(value: float | None, error: float | None) -> str:
 
 
 def _to_the_place_of_the_error(value: float | None, error: float | None) -> tuple[float, float, int, int] | None:
-    """Return value and error over a power of ten, the digits after the point that the error allows, and the power."""
+    """Return value and error over a power of ten, the decimal places that the error justifies, and the power."""
     if value is None or error is None or error <= 0.0 or not math.isfinite(error):
         return None
     exponent = math.floor(math.log10(max(abs(value), error)))
@@ -141,7 +141,7 @@ def _to_the_place_of_the_error(value: float | None, error: float | None) -> tupl
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return ``value`` to ``digits`` significant digits, below a million without a power of ten; a dash for none."""
+    """Return ``value`` to ``digits`` significant digits, below a million without an exponent; a dash for None."""
     if value is None:
         return "-"
     text = f"{value:.{digits}g}"
@@ -154,7 +154,7 @@ def percent(change: float) -> str:
 
 
 def short_number(value: float | None) -> str:
-    """Return ``value`` to three significant digits in at most nine characters, a dash for none."""
+    """Return ``value`` to three significant digits in at most nine characters; a dash for None."""
     if value is None or value == 0.0 or 1e-3 <= abs(value) < 1e4:
         return number(value, 3)
     mantissa, exponent = f"{value:.2e}".split("e")
@@ -167,7 +167,7 @@ TERMS = {
     "transfer": "transfer of the small-strain correction",
     "solver": "solver",
 }
-"""Terms of a finite-element run's error budget, in words."""
+"""Names of the terms of a finite-element run's error budget."""
 
 
 def error_terms(accuracy: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Rows of result tables, for terminal and page: numbers in the scene's units; a value with its error is a pair."""
+"""Rows of result tables for the terminal and HTML: numbers in the scene's units, a value with its error as a pair."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,18 +11,18 @@ Row = dict[str, Any]
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 OF_SEVERAL = "T / Q of more than two balls: the part of T along the line to the centre of the other balls"
 LARGEST = 3
-"""How many balls with the largest |T| are named."""
+"""Number of balls with the largest |T| that are named."""
 ROUNDOFF = 1e-9
 """A component below this fraction of its force is roundoff."""
 RATIO, SIZE_RATIO = "T / Q", "|T| / Q"
 OVER_R, OVER_E = "D / R", "Q / E R²"
-"""Headings of what is shown beside a scene's own units, where there is room."""
+"""Headings of the dimensionless columns, which need a wide table."""
 
 
 def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False) -> list[Row]:
     """Return the state of every ball; forces are those on the ball.
 
-    In a ``periodic`` cell the others are all around a ball: T over Q is a size and has no sign.
+    In a ``periodic`` cell the other balls are on all sides, so |T| / Q is shown, without a sign.
     """
     units, rows = scale.units, []
     for index, ball in enumerate(balls):
@@ -47,7 +47,7 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
 
 
 def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[str]:
-    """Return how to read the signs of `ball_rows`, and of more than two balls which T are the largest."""
+    """Return the sign convention of `ball_rows` and, for more than two balls, the largest T."""
     if len(balls) < 2:
         return []
     if len(balls) == 2:
@@ -80,7 +80,7 @@ def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> li
 def comparison_rows(
     compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
 ) -> list[Row]:
-    """Return the load path of one ball in both models, and how much finite strain strengthens T."""
+    """Return the load path of one ball in both models, with the strengthening factors of T."""
     unit = scale.units.force
 
     def along(force: Sequence[float | None] | None) -> float | None:

@@ -1,4 +1,4 @@
-"""The common look of figures: fonts, colours for colour-blind readers, marked features."""
+"""The common style of figures: fonts, colours for colour-blind readers, marked features."""
 
 import contextlib
 import re
@@ -31,7 +31,7 @@ SETTINGS = {
 
 @contextlib.contextmanager
 def look() -> Iterator[None]:
-    """Draw and save inside this context: the same fonts, spines and legends in every figure."""
+    """Context in which figures are drawn and saved with common fonts, spines and legends."""
     import matplotlib as mpl  # noqa: PLC0415  (slow to load)
 
     with mpl.rc_context(SETTINGS):
@@ -108,9 +108,9 @@ def zero_line(axes: Any) -> None:
 def error_bars(
     axes: Any, points: Sequence[tuple[float, float, float]], numerators: Sequence[float] | None = None, **style: Any
 ) -> None:
-    """Draw points (x, value, error) on a line, which breaks where the value changes its sign.
+    """Draw points (x, value, error) joined by a line, interrupted where the value changes sign.
 
-    With the ``numerators`` of ratios it also breaks where their denominators do: the ratio has a pole there.
+    With the ``numerators`` of ratios, also where the denominators change sign: the ratio has a pole there.
     """
     if points:
         columns = np.transpose(points)
@@ -123,7 +123,7 @@ def error_bars(
 
 
 def legend_or_note(axes: Any, **style: Any) -> None:
-    """Add the legend of what is drawn; panels without data say so."""
+    """Add a legend, or a note in a panel without data."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**style)
     elif not axes.has_data():

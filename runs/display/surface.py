@@ -15,7 +15,7 @@ from runs.process.files import DAMAGED, replacing
 
 NAME = "surface.npz"
 ROUNDS = 8
-"""Rounds of `smoothed`; five to six average over one element of order 3."""
+"""Averaging rounds of `smoothed`; five to six average over one element of order 3."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ def load(folder: Path) -> Surface | None:
         return None
     except DAMAGED as error:
         raise OutputUnusable(
-            f"{folder / NAME}: cannot be read ({error}); only a picture is made from it: remove it"
+            f"{folder / NAME}: cannot be read ({error}); remove it: it is used only for a picture"
         ) from None
 
 
 def smoothed(surface: Surface) -> Iterator[Array]:
-    """Yield the pressure [Pa] at the nodes, as it is, then averaged over more and more of their surroundings.
+    """Yield the nodal pressure [Pa]: first unchanged, then averaged over larger and larger surroundings.
 
-    Nearly incompressible elements under stiff contact open at some nodes and press at others; their force is in the
-    average, which every round keeps.
+    In nearly incompressible elements under stiff contact some nodes lose contact and others carry more; averaging
+    conserves the force.
     """
     points = surface.points
     places = np.round(points / (1e-9 * np.ptp(points)))  # mirror images meet in nodes of their own
@@ -79,7 +79,7 @@ def section(top: Surface, positions: Sequence[Sequence[float]]) -> tuple[Array, 
     """Return coordinates along the section line and heights [m] there, where it crosses edges of the surface."""
     origin, direction, normal = section_line(positions)
     offset = (top.points[:, :2] - origin) @ normal
-    # a line that runs exactly along edges crosses none of them: move it off the points by a tiny distance
+    # a line exactly along edges crosses none of them: shift it off the nodes by a tiny distance
     span = float(np.ptp(top.points[:, :2], axis=0).max())
     offset = np.where(np.abs(offset) < 1e-9 * span, 1e-9 * span, offset)
     edges = np.unique(np.sort(top.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)

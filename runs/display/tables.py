@@ -1,4 +1,4 @@
-"""Results as tables for people: scaled numbers, one line per ball or load step."""
+"""Result tables on the terminal: scaled numbers, one line per ball or load step."""
 
 import math
 import os
@@ -20,21 +20,21 @@ from runs.process import ranks
 WIDE = 116
 """Width in characters of the widest table with its errors written out."""
 SHORT = 0
-"""Instead of a number of significant digits: format by `runs.display.numbers.short_number`."""
+"""In place of a number of significant digits: use `runs.display.numbers.short_number`."""
 DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
-"""Significant digits of a column by the symbol that its heading begins with; 4 of any other."""
+"""Significant digits of a column, keyed by the first symbol of its heading; 4 for others."""
 COMPARED = DIGITS | {"T / Q": SHORT}
 MANY, SHOWN = 100, 20
-"""Number of balls above which a table shows a part of them, and how many it then shows."""
+"""Number of balls above which a table shows only some of them, and how many it then shows."""
 ON_PAGES = ("iterations", "cut-backs")
-"""Columns for the page alone."""
+"""Columns shown only in HTML."""
 
 
 def console() -> Console:
     """Return the console of standard output.
 
-    As wide as the terminal or ``COLUMNS``; wide enough for every table if neither is known. A launcher of several
-    ranks gives each rank its own pseudo-terminal: the width of that is ignored, and no colours are used.
+    As wide as the terminal or ``COLUMNS``; wide enough for every table if neither is known. An MPI launcher
+    gives each rank its own pseudo-terminal: its width is ignored, and no colours are used.
     """
     if ranks.rank_and_size()[1] == 1 and sys.stdout.isatty():
         return Console()
@@ -50,24 +50,24 @@ def say(out: Console, *lines: str, style: str = "") -> None:
 
 
 def notes(*accounts: Mapping[str, Any]) -> list[str]:
-    """Return the notes of some results ("solved"), each once."""
+    """Return the notes of some results (their "solved" entries), each once."""
     return [f"note: {note}" for note in dict.fromkeys(note for solved in accounts for note in solved["notes"])]
 
 
 def is_narrow(out: Console) -> bool:
-    """Whether a console takes short tables: the errors in parentheses, and no numbers over R and E R^2."""
+    """Whether a console needs short tables: errors in parentheses, no numbers over R and E R^2."""
     return out.width < WIDE
 
 
 def show_balls(
     out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
 ) -> None:
-    """Print the state of every ball; of more than `MANY` balls those with the largest T, the largest first."""
+    """Print the state of every ball; of more than `MANY` balls only those with the largest T, in descending order."""
     rows = ball_rows(balls, scale, periodic=periodic)
     if len(balls) > MANY:
         largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
         rows = [rows[i] for i in largest]
-        title += f": the {SHOWN} largest T of {len(balls)} balls, in this order; steps.csv and result.json have all"
+        title += f": the {SHOWN} largest T of {len(balls)} balls, descending; steps.csv and result.json have all"
     _show(out, title, rows, DIGITS, scale)
 
 
@@ -79,7 +79,7 @@ def show_path(out: Console, steps: Sequence[Mapping[str, Any]], ball: int, scale
 def show_comparison(
     out: Console, compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
 ) -> None:
-    """Print the load path of one ball in both models, and how much finite strain strengthens T."""
+    """Print the load path of one ball in both models, with the strengthening factors of T."""
     rows = comparison_rows(compared, balls, ball, scale)
     _show(out, f"ball {ball}: finite against small strain", rows, COMPARED, scale)
 
@@ -101,7 +101,7 @@ def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, in
 
 
 def show_words(out: Console, title: str, rows: Sequence[Mapping[str, str]]) -> None:
-    """Print rows of words under their headings."""
+    """Print rows of text under their headings."""
     table = Table(title=Text(title, style="bold"), box=SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for column in rows[0]:
         table.add_column(Text(column))
@@ -149,7 +149,7 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
 
 
 def mesh_words(mesh: Mapping[str, Any]) -> str:
-    """Return order and fineness of a mesh, and by how much its domain is wider than planned; a dash for old runs."""
+    """Return order and fineness of a mesh, and the factor by which its domain is wider than planned."""
     if "order" not in mesh:
         return "-"
     wider = f", domain {mesh['extent']:.2g} times as wide" if mesh.get("extent", 1.0) != 1.0 else ""

@@ -1,4 +1,4 @@
-"""Jinja templates beside the modules that fill them in."""
+"""Loads the Jinja templates that lie beside the modules that use them."""
 
 from pathlib import Path
 from typing import Any

@@ -60,7 +60,7 @@ def results(
     if model != "finite_strain" and problem.size <= MEASURED:
         once("direct_check", "the full linear model at start and end of the path, for the error of T", check)
     if not balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
-        words = f"the path by a {outcome.COARSER:g} times coarser tolerance, for the error of the positions"
+        words = f"the path with a {outcome.COARSER:g} times coarser tolerance, for the error of positions"
         once("position_error", words, coarser)
         if balls.cell is None and balls.rolling == 0.0:
             once("equilibrium", "the equilibrium next to the end", equilibrium)

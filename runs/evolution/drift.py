@@ -5,17 +5,17 @@ Independent variable sigma = s/f [m], sliding path over friction coefficient; ve
 doi 10.1016/0893-9659(89)90079-7].
 
 Contacts. In a step of length h no gap g may close faster than g/h, at every stage: a pair that would close within the
-step closes at its end, and nothing overlaps by more than `hard_balls.UNSETTLED`. For constant forces this is the exact
-end of the step, whenever within it the pair touches: both are the projection of the free motion (Moreau's catching-up
-algorithm, source as in `runs.evolution.motion`). Forces that change make the difference
+step closes at its end, and nothing overlaps by more than `hard_balls.UNSETTLED`. For constant forces the end of the
+step is exact, no matter when the pair touches: both are the projection of the free motion (Moreau's catching-up
+algorithm, source as in `runs.evolution.motion`). Forces that change within the step cause the error
 
     e = (h - h_1) |df| / 2,
 
 with h_1 the first closing and df the change of the free velocity of the landing balls over the step: up to h_1 both
-paths are the same but for the speed at which the gap closes, and after it they differ by less than (h - h_1) times
-the closing velocity. A pair that is braked and then does not touch (it passes) leaves a gap, which is the error that
-the brake made. Both are kept below the tolerance, as the embedded error is; so a step contains as many new contacts as
-its tolerance allows, one where that is fine.
+paths differ only in the speed at which the gap closes, and after it they differ by less than (h - h_1) times
+the closing velocity. A pair that is slowed down but then passes without contact leaves a gap, which is the error of
+slowing it down. Both errors and the embedded one are kept below the tolerance; so a step contains as many new contacts
+as the tolerance allows, only one if it is fine.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ LONGEST = 0.25
 AT_END = 1.0 - 1e-12
 """Share of a path's end from which it counts as reached."""
 PUSHING = 1e-6
-"""Contact force over the largest force from which a contact counts as pushing."""
+"""A contact counts as pushing from this contact force over the largest force."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class _Trial:
 class Drift:
     """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps`` counts those from the start.
 
-    ``rest`` is the largest (T + pushes)/Q of any ball at which nothing is taken to move any more.
+    ``rest``: all balls count as at rest once (T + pushes)/Q of every ball is at most this.
     """
 
     def __init__(self, forces: Forces, balls: HardBalls, tolerance: float, rest: float) -> None:

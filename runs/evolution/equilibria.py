@@ -155,8 +155,8 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         if parted.intersection(landed.tolist()):
             i, j = balls.pairs(landed[:1])[0]
             raise NotConverged(
-                f"none that Newton's method finds without balls inside each other; balls {i} and {j} touch on its way, "
-                "and their forces part them there"
+                f"Newton's method finds none without overlapping balls; balls {i} and {j} touch on its way, "
+                "and their forces separate them there"
             )
         held = np.union1d(held, landed).astype(np.intp)
         if float(np.max(np.abs(x - start))) > FURTHEST * touch:

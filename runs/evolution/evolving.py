@@ -33,8 +33,8 @@ from runs.session.session import Options, Session, conduct
 FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
 SAVED_EVERY, SAVING, TOLD_EVERY = 5.0, 10.0, 10.0
-"""Interval [s] at which an unfinished path is saved, or so many times what saving takes if that is longer; interval [s]
-of the lines that say how far it is."""
+"""Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
+between progress lines."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -248,7 +248,7 @@ class Evolution:
                 self._tell(
                     f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {before + moment.steps} steps, "
                     f"{contacts} contacts, "
-                    f"{moment.speed:.1e} of the load drives the fastest ball (at rest: {self.sliding.rest:.1e})"
+                    f"driving force of the fastest ball: {moment.speed:.1e} of its load (rest: {self.sliding.rest:.1e})"
                 )
 
     def _document(

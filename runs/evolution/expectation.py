@@ -1,4 +1,4 @@
-"""What ``plan`` says of ``evolve``: how many runs and steps it takes, and the time of each of its parts."""
+"""Estimates of ``plan`` for ``evolve``: number of runs and steps, and the time of each part."""
 
 import time
 from collections.abc import Mapping
@@ -23,20 +23,20 @@ from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
 STEPS, CROWD, COARSE, FINER = 5.5, 600.0, 1e-4, 1.0 / 3.0
-"""Steps of a path to rest for each ball with the tolerance `COARSE`; number of balls from which on they grow less;
-power of the tolerance with which they grow. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many, one of 30 took
-ten times as many; 1000 balls 1400 where they gather, but 120 to 1100 where they keep apart."""
+"""Estimated steps of a path to rest: steps per ball with the tolerance `COARSE`; number of balls above which they grow
+more slowly; exponent of the tolerance. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many steps, one of 30 took
+ten times as many; 1000 balls took 1400 where they gather, but 120 to 1100 where they keep apart."""
 PATIENCE = 3.0
 """Time [s] that a path is followed to count and time its steps."""
 LATER, TOUCHING = 1.0, 40
-"""What a step takes longer than the first ones, when fewer balls touch: so many times their time, from so many balls
-on; of fewer in proportion."""
+"""Extra time of later steps over the time of the first ones, when fewer balls touch; number of balls from which it
+applies (for fewer balls, in proportion)."""
 EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 20.0
-"""Forces evaluated in a step; time of the full model next to a state that it has solved, over that of a first solution,
-of more than `IN_ONE_FILE` balls (of fewer it is measured: 0.01 to 0.04); how often the search for an equilibrium asks
-for T at two places of each coordinate."""
+"""Evaluations of the forces per step; time of the full model next to a solved state over that of a first solution, for
+more than `IN_ONE_FILE` balls (for fewer it is measured: 0.01 to 0.04); number of times that the search for an
+equilibrium evaluates T at two values of each coordinate."""
 PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
-"""Time of the pictures [s], and more for each of the balls that are drawn one by one, and for each path."""
+"""Time of the pictures [s]: constant part, per ball that is drawn individually, and per path."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
 
 
 def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) -> str:
-    """Return the expectation in words; ``memory`` are those of its values."""
+    """Return the expectation in words; ``memory`` holds its memory values in words."""
     steps = count(round(found["steps"]), "step")
     if not found["steps_counted"]:
         rounded = float(f"{found['steps']:.1g}")
@@ -106,7 +106,7 @@ def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) ->
     said += f", {memory['memory_bytes']}"
     if not alone:
         said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
-    still = "" if found["steps"] else "; by point loads nothing moves from the start"
+    still = "" if found["steps"] else "; as point loads, the balls do not move at all"
     return f"evolve: {said}: {parts}{still}"
 
 
@@ -119,7 +119,7 @@ def _missing(scene: Scene, model: Model, problem: Problem) -> list[Problem]:
 
 
 def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
-    """Return the time [s] of runs by the linear model, one of which is made to see how long it takes."""
+    """Return the time [s] of runs by the linear model, estimated from a measured one."""
     if not missing:
         return 0.0
     states = sum(len(DEPTHS) if each.size == 1 else each.size for each in missing)
@@ -150,7 +150,7 @@ def _path(scene: Scene, problem: Problem) -> Followed:
 
 
 def _evaluation(scene: Scene, problem: Problem, solution: float) -> float:
-    """Return the time [s] of T by the full model next to a state that it has solved."""
+    """Return the time [s] of the full model for T next to a state that it has already solved."""
     if problem.size > IN_ONE_FILE:
         return WARM * solution
     sliding = scene.reciprocation

@@ -33,7 +33,7 @@ def at(problem: Problem, positions: Array) -> Problem:
 
 
 class DirectForces:
-    """The full linear model at any positions: exact for many balls of any sizes.
+    """Forces by the full linear model at any positions, for many balls of any sizes.
 
     The solution of each state starts from the previous one (`linear_bem.ContactSequence`), so a state that is reached
     by different paths agrees to ``accuracy``, not to the last digit.
@@ -45,7 +45,7 @@ class DirectForces:
         self._sequence = ContactSequence(accuracy)
 
     def __call__(self, positions: Array) -> State:
-        """Return the state at ``positions``, those nearest to them if balls overlap, which the model refuses.
+        """Return the state at ``positions`` or, if balls overlap there, at the nearest positions without overlap.
 
         Raises what `linear_bem.ContactSequence` raises.
         """

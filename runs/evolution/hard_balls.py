@@ -34,13 +34,13 @@ TOUCHING = 1e-9
 CONNECTED = 1e-3
 """Gap over touching distance up to which a pair belongs to one group."""
 OVERLAP, UNSETTLED = 1e-12, 5e-10
-"""Overlap over touching distance that is roundoff, and that is left where more than `DENSE` pairs are near, as the
-interior-point method ends with it: parting the balls there, and computing their forces again, would take a tenth of the
-time of a path. It is below what a `Problem` of these balls may have (`linear_bem.touching.ROUNDOFF`)."""
+"""Overlap over touching distance: roundoff; and the overlap accepted with more than `DENSE` near pairs, the accuracy of
+the interior-point method: removing it, and computing the forces again, would take a tenth of the time of a path. It is
+below the overlap that a `Problem` may have (`linear_bem.touching.ROUNDOFF`)."""
 PASSES = 50
 """Largest number of times that overlapping balls are moved apart; 36 that overlap by up to 0.7 R take one or two."""
 FEW = 40
-"""Up to so many balls, all their pairs are quicker to look at than a tree is to build."""
+"""Number of balls up to which checking all pairs is quicker than building a tree."""
 IN_ONE_FILE = 100
 """Balls up to which a whole path is in one JSON object, and equilibria are sought by dense matrices."""
 WITHOUT_LOAD = 1e-6

@@ -9,7 +9,7 @@ a gap that may close within a step h):
 which is the velocity nearest the free one, T_i/Q_i, in the metric Q. [Moreau 1988, doi 10.1007/978-3-7091-2624-0_1]
 
 Rolling resistance. A ball whose whole force T + sum N dg/dx stays below r_i does not move; otherwise what exceeds r_i
-moves it along that force. So resistance is a force of size r_i against v_i, any up to r_i at rest: the derivative of
+moves it along that force. So resistance is a force of size r_i against v_i, or up to r_i at rest: the derivative of
 the dissipation r_i |v_i|. The velocity then minimises the convex function
 
     sum_i [ Q_i |v_i|^2 / 2 + r_i |v_i| - T_i v_i ]     subject to   dg_c/ds >= b_c,
@@ -37,7 +37,7 @@ DENSE = 40
 EXACT = 1e-10
 """Tolerance of the interior-point method's gap, for velocities of order 1."""
 FEASIBLE = 1e-8
-"""Its tolerance of residuals: most end at 1e-14 to 1e-11, but it gives up where one grows beyond it on the way."""
+"""Its tolerance of residuals: most end at 1e-14 to 1e-11, but the method stops if one grows beyond it on the way."""
 REFINED = 1e-8
 """Residual from which its linear systems are refined: in 1450 contacts with rolling resistance the same iterations and
 velocities to 4e-9 as with its defaults (1e-13 relative, 1e-12 absolute), in 0.74 of the time."""

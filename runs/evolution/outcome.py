@@ -25,7 +25,7 @@ COARSER = 10.0
 NAMED = 3
 """Sizes of clusters that are named, the largest."""
 FURTHEST = 12.0
-"""Distance over the touching one up to which the equilibria of a pair are looked for."""
+"""Distance over the touching distance up to which equilibria of a pair are sought."""
 
 
 def rest(end: Moment) -> Document:

@@ -114,10 +114,10 @@ class PairLaw:
 
 
 class PairForces:
-    """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, left out beyond its reach.
+    """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, neglected beyond its reach.
 
     ``share`` is the error of T over its largest value in a state, as measured on three and four balls; ``cell`` holds
-    the lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is left out.
+    the lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is neglected.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class PairForces:
         return State(tangential, normal, np.full(len(normal), self.share * largest))
 
     def cut_error(self, positions: Array) -> float:
-        """Return the largest change of T over the largest T at ``positions``, where a tenth as much is left out."""
+        """Return the largest change of T over the largest T at ``positions`` when a tenth as much is neglected."""
         wider = PairForces(self.problem, self.singles, self.law, self.share, self.cell, 0.1 * self._cut)
         here, there = self(positions).tangential, wider(positions).tangential
         largest = float(np.max(np.hypot(*there.T)))

@@ -1,17 +1,17 @@
-r"""Which balls are within reach of each other, and what one does to another at that distance.
+r"""The pairs of balls within reach of each other, and the pair law cut off at that reach.
 
 A pair law decays: exponentially on a layer with a rigid base, as 1/L (displacement) and 1/L^2 (T) on an elastic one.
-Beyond ``reach`` both are below a share (`CUT`) of their largest values and are left out; from `TAPER` of ``reach`` on a
-polynomial with two continuous derivatives takes them to zero, so that forces stay smooth when pairs come and go.
-`runs.evolution.pair_forces.PairForces.cut_error` measures what that changes. In a periodic cell nothing of the
-point-load law is left out: its smooth far part (`linear_bem.far_field.kernel_split`) is on a mesh over the cell
-(`CutLaw.waves`), so that the reach can be short: slow waves in lattices grow at its rate to 1e-5. Of its corrections
-those beyond reach count as spread evenly, as in the theory of liquids [Allen, Tildesley, Computer Simulation of
-Liquids, 2017, sec. 2.8]: they press all balls down by the same, and pull none.
+Beyond ``reach`` both are below a share (`CUT`) of their largest values and are neglected; from `TAPER` of it on, a
+polynomial with two continuous derivatives reduces them to zero, so that forces stay smooth when pairs come and go.
+`runs.evolution.pair_forces.PairForces.cut_error` measures the effect of the cut. In a periodic cell the point-load law
+is not cut: its smooth far part (`linear_bem.far_field.kernel_split`) is computed on a mesh over the cell
+(`CutLaw.waves`), so that the reach can be short: slow waves in lattices grow at its rate to 1e-5. The corrections
+to it are taken as uniformly distributed beyond the reach, as in the theory of liquids [Allen, Tildesley, Computer
+Simulation of Liquids, 2017, sec. 2.8]: they press all balls down equally and exert no T.
 
 Pairs come from a k-d tree of all positions and, in a periodic cell, of their images within reach [Verlet 1967,
-doi 10.1103/PhysRev.159.98]: a list with some more reach is kept until a ball has moved by half of it. Pairs beyond
-reach add exact zeros, in a fixed order: the sums do not depend on when the list was made.
+doi 10.1103/PhysRev.159.98]: a list with a larger reach is kept until a ball has moved by half the difference. Pairs
+beyond the reach add exact zeros, in a fixed order: the sums do not depend on when the list was made.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ if TYPE_CHECKING:
     from runs.evolution.pair_forces import PairLaw
 
 CUT, CORRECTED, ON_MESH = 5e-5, 10.0, 50.0
-"""Share of the largest influence and pull below which they are left out. In a periodic cell it is about the law's
-corrections, where the share of the influence is as many times larger as the second number says, because what is left
-out counts as spread evenly; below as many times the share as the third the point-load law is on a mesh alone."""
+"""Share of the largest influence and pull below which they are neglected. In a periodic cell the share applies to the
+corrections of the law; for their influence it is `CORRECTED` times larger, because the neglected part is taken as
+uniformly distributed. Below `ON_MESH` times the share, the point-load law is only on a mesh."""
 FARTHEST = 1e5
 """Largest distance of a table over the smallest touching distance: 1/L is below `CUT` from there on."""
 STEP = 2e-3
 """Spacing of the table in log L. Cubic splines: 1e-11 of smooth laws, 1e-9 where a law's second derivative jumps."""
 TAPER = 0.7
-"""Share of the reach from which the law is taken to zero. A lattice has few distances in a steeper end: rates of slow
-waves are up to 4 % off with 0.9 (six lattices, h = 1.5 R to 8 R), up to 0.6 % with 0.7; 0.5 leaves out too much."""
+"""Share of the reach from which the law is reduced to zero. A steep end contains few distances of a lattice: rates of
+slow waves are up to 4 % off with 0.9 (six lattices, h = 1.5 R to 8 R), 0.6 % with 0.7; 0.5 neglects too much."""
 SKIN = 0.1
 """Additional reach of a list over the reach."""
 DENSE = 100
 """Balls up to which elimination is quicker than conjugate gradients."""
 RULE = RULES[0][1]
-"""Of the mesh in a periodic cell: field to 5e-7 of a load at one spacing."""
+"""Rule of the mesh in a periodic cell: field to 5e-7 of a load at one spacing."""
 MOST = 40_000_000
 """Pairs that a list may have: 5 GB at about 130 bytes each."""
 
 
 class CutLaw:
-    """A pair law as a table, zero from its ``reach`` [m] on; ``cut`` is the share (`CUT`) below which it is left out.
+    """A pair law as a table, zero beyond its ``reach`` [m]; ``cut`` is the share (`CUT`) below which it is neglected.
 
     With ``on_mesh`` the table lacks what `waves` holds.
     """
@@ -76,7 +76,7 @@ class CutLaw:
         self.reach, self._law = float(at[last]), law
         part = np.clip((at / self.reach - TAPER) / (1.0 - TAPER), 0.0, 1.0)
         fall = 1.0 - part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
-        # what one ball per area that is not in the sum would add to the influence [m^3/N]
+        # influence of the neglected balls for one ball per area [m^3/N]
         self._beyond = float(np.sum((1.0 - fall) * (values - linear)[:, 0] * 2.0 * np.pi * at**2) * STEP)
         width = self.reach / (RULE.step + RULE.cut)
         self._split = Split(law.kernel, width, RULE.step * width, thin=True)
@@ -116,7 +116,7 @@ class CutLaw:
 
 @dataclass(frozen=True)
 class SparseAndMesh:
-    """A sparse matrix and what a mesh adds at points, as an operator."""
+    """The sum of a sparse matrix and the contribution of a mesh at points, as an operator."""
 
     sparse: csr_matrix
     mesh: PeriodicMesh

@@ -29,7 +29,7 @@ from runs.process.json_values import Document, plain, to_json
 from runs.scene.effects.finite_strain import effect_identity
 
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
-"""Problem, folder for the restart files of a run of minutes, load fractions to be solved."""
+"""Arguments: problem, folder for the restart files of a long run, load fractions to be solved."""
 
 Places = tuple[tuple[float, float], ...]
 """Positions of balls [m]."""
@@ -73,8 +73,8 @@ class PairState:
 class Additivity:
     """Three or four balls: the largest T and its error [N], and the errors of simpler laws relative to that T.
 
-    ``coupled``: T of the coupled pairs that `runs.evolution.pair_forces` takes, ``coupled_load`` their Q over Q,
-    ``bare_sum``: T as the sum of pair forces.
+    ``coupled``: T by the coupled pairs of `runs.evolution.pair_forces`; ``coupled_load``: the same of Q, over Q;
+    ``bare_sum``: T by the sum of pair forces.
     """
 
     arrangement: str
@@ -135,7 +135,7 @@ class PairTable:
         self.states = self._read()
 
     def _read(self) -> States:
-        """Return the saved states; none where the file is another table's or damaged, which ``damage`` then says."""
+        """Return the saved states; none if the file is of another table or damaged (then ``damage`` is set)."""
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
             return States.from_dict(data) if data["identity"] == self.identity else States()
@@ -301,7 +301,7 @@ def common_ball(problem: Problem) -> tuple[Ball, float]:
     if len(kinds) > 1 or len(approaches) > 1:
         raise UnsupportedProblem(
             f"[reciprocation] forces: a table of pairs needs equal balls under one approach, got {len(kinds)} kind(s) "
-            f'and {len(approaches)} approach(es); use forces = "direct" with --model linear_bem, or in a cell that '
-            "repeats, where that is not possible, --model point_load"
+            f'and {len(approaches)} approach(es); use forces = "direct" with --model linear_bem or, with [periodic], '
+            "where that is not possible, --model point_load"
         )
     return replace(problem.balls[0], position=(0.0, 0.0)), problem.load.values[0]

@@ -1,4 +1,4 @@
-"""The forces that a model gives to an evolution: set up once, then evaluated thousands of times."""
+"""The forces of a model for an evolution: set up once, then evaluated thousands of times."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ DIRECT_ACCURACY = 1e-2
 MEASURED = 2000
 """Largest number of balls whose forces are compared with the full linear model at start and end, in seconds."""
 DIRECT_DIFFERENCE = 1e-3
-"""Length of secants over the touching distance: across it T changes by more than the error of that accuracy."""
+"""Length of secants over the touching distance, so large that T changes by more than its error of that accuracy."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def provider(
     if kind == "direct":
         return Provider(
             DirectForces(problem, accuracy or DIRECT_ACCURACY),
-            ("the full model is asked at every step",),
+            ("the full model is solved at every step",),
             cheap=False,
             difference=DIRECT_DIFFERENCE,
         )
@@ -90,7 +90,7 @@ def provider(
     note = (
         f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "
         f"{100.0 * worst.coupled:.2g} % of the largest (bare sum of pair forces: {100.0 * worst.bare_sum:.2g} %)"
-        + ("" if measured else "; the stated error of T is that share alone: other arrangements may differ more")
+        + ("" if measured else "; the stated error of T is only this share: other arrangements may differ more")
     )
     return Provider(table.forces(cell), (note,) if problem.size > 2 else (), table.data)
 

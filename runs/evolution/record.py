@@ -18,8 +18,8 @@ from runs.evolution.hard_balls import HardBalls, Pairs
 from runs.process.json_values import Document
 
 WORTH_KEEPING, OF_MANY = 0.02, 0.25
-"""Displacement since the last kept moment, over the smallest touching distance, from which the next one is kept: of few
-balls, for which every change of a contact is kept, too, and of many."""
+"""Displacement since the last kept moment, over the smallest touching distance, after which the next one is kept: for
+few balls, for which every change of a contact is kept too, and for many balls."""
 APART = 1e-3
 """Gap over touching distance at which a contact counts as open again."""
 NEIGHBOURS = 1.2

@@ -83,7 +83,7 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
     if document["cut_error"]:
         lines.append(
-            f"forces between balls far apart are left out; with ten times less left out, T at the start changes by "
+            f"forces between distant balls are neglected; neglecting ten times less changes T at the start by "
             f"{100.0 * document['cut_error']:.1g} % of the largest"
         )
     lines += _compared(document)

@@ -22,7 +22,7 @@ WAVES = 48
 FLAT = 1e-3
 """Width over length below which balls are in one line."""
 EDGE = 1e-6
-"""Length of the edge between two Voronoi cells over their balls' distance up to which it is a corner."""
+"""An edge between two Voronoi cells up to this length, over the distance of their balls, counts as a corner."""
 
 
 def nearest_distances(x: Array, cell: Array | None) -> Array:
@@ -40,7 +40,7 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     r"""Return psi_6 of every ball: the mean of exp(6 i theta) over the directions theta to its neighbours.
 
     Neighbours are those whose cells of Voronoi's diagram share an edge longer than `EDGE`, so that four balls on one
-    circle, as at a vacancy of a lattice, have no diagonal; balls in one line without a cell have none, and 0.
+    circle, as at a vacancy of a lattice, have no diagonal; for balls in one line without a cell, psi_6 = 0.
     |psi_6| = 1 in a triangular lattice; the size of the mean over all balls is less than the mean size where grains
     point differently.
     [Halperin, Nelson 1978, doi 10.1103/PhysRevLett.41.121]
@@ -48,7 +48,7 @@ def hexatic_order(x: Array, cell: Array | None) -> NDArray[np.complex128]:
     count = len(x)
     if cell is None and (count < 4 or np.linalg.svd(x - x.mean(axis=0), compute_uv=False)[1] < FLAT * np.ptp(x)):
         return np.zeros(count, dtype=complex)
-    # the eight cells around are enough: of balls more than a cell's length away along an axis an image is nearer
+    # the eight cells around are enough: a ball more than a cell's length away along an axis has a nearer image
     diagram = Voronoi(x if cell is None else images(x, cell))
     points, pairs, ends = diagram.points, diagram.ridge_points, np.array(diagram.ridge_vertices)
     apart = np.hypot(*(points[pairs[:, 1]] - points[pairs[:, 0]]).T)
@@ -83,7 +83,7 @@ def structure_factor(x: Array, cell: Array | None, largest: float) -> tuple[Arra
     power = np.abs(waves) ** 2 / len(x)
     ring = np.digitize(size.ravel(), edges) - 1
     used = (ring < WAVES) & (size.ravel() > 0.0)
-    # a wave and its opposite are one; of those along y alone both are there
+    # a wave vector and its opposite are one wave; along y, both are in the list
     weight = np.where(along[:, None] > 0, 1.0, 0.5) + np.zeros(size.shape)
     number, total, mean = (
         np.bincount(ring[used], (weight * values).ravel()[used], WAVES) for values in (1.0, power, size)

@@ -1,8 +1,8 @@
 """The command that builds the handbook: ``python -m runs.handbook.build``, or ``bash runs/handbook/build.sh``.
 
-Pages in ``pages/`` are copied to a folder of sources. There, tutorials are run, and pages are added that are made from
-the code (scene file, command line, live page) or that have their place elsewhere in the project (studies,
-derivations, rules for contributors). Sphinx turns all of them into HTML; its warnings are errors.
+The pages in ``pages/`` are copied to a folder of sources, where the tutorials are run. Further pages are generated from
+the code (scene file, command line, live page) or copied from elsewhere in the project (studies, derivations, rules for
+contributors). Sphinx turns all of them into HTML; its warnings are errors.
 """
 
 import os
@@ -26,13 +26,13 @@ ELSEWHERE = {
     ".github/CONTRIBUTING.md": "contributing.md",
     **{f"runs/studies/{name}/README.md": f"studies/{name}.md" for name in STUDIES},
 }
-"""Files of the project that are pages of the handbook, too."""
+"""Files of the project that are also pages of the handbook."""
 ANSWER = "<!-- answer:"
 SENTENCE = r"(?:[^.\n]|\.\d|\n(?!\n))*\.(?:\*\*)?(?=\s)"
 OPENING = re.compile(rf"^(?:\*\*|Of \d|Resolved as ){SENTENCE}", re.MULTILINE)
 """A published answer that opens with a sentence, not with a table."""
 ANSWERED = re.compile(rf"^\*\*Answer\.\*\* (?:\([^)]*\) )?({SENTENCE})", re.MULTILINE)
-"""An answer in words on a study's page, before what is published."""
+"""An answer in words on a study's page, before the published results."""
 TABLE = re.compile(r"<!-- studies:.*?-->", re.DOTALL)
 HEADING, TITLE = re.compile(r"^(#+ )", re.MULTILINE), re.compile(r"^# ", re.MULTILINE)
 LINK = re.compile(r"\]\((?P<target>\.\./[^)#\s]+)(?P<part>#[^)]*)?\)")
@@ -69,13 +69,13 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
 
 
 def with_one_title(page: str) -> str:
-    """Return a study's page with its published answer, if that has a title, one level below the page's own title."""
+    """Return a study's page with the title of its published answer, if any, one level below the page's own title."""
     own, mark, answer = page.partition(ANSWER)
     return own + mark + (HEADING.sub(r"#\1", answer) if TITLE.search(answer) else answer)
 
 
 def study_table() -> str:
-    """Return the table of all studies: question, and the sentence that opens the published answer if it has one."""
+    """Return the table of all studies: question, and the opening sentence of the published answer, if any."""
     rows = []
     for name, question in STUDIES.items():
         own, _, published = (ROOT / "runs/studies" / name / "README.md").read_text(encoding="utf-8").partition(ANSWER)
@@ -87,7 +87,7 @@ def study_table() -> str:
 
 
 def linked(text: str, original: Path, copy: Path, sources: Path) -> str:
-    """Return a page's text with links that fit its copy in ``sources``; pictures that it shows are copied there."""
+    """Return a page's text with links adapted to its copy in ``sources``; its pictures are copied there."""
 
     def found(link: re.Match[str]) -> str:
         file = (original.parent / link["target"]).resolve()
@@ -105,7 +105,7 @@ def linked(text: str, original: Path, copy: Path, sources: Path) -> str:
 
 
 def tutorials() -> list[Path]:
-    """Return the tutorials in the order of their index, in which they may use each other's runs."""
+    """Return the tutorials in the order of their index; a tutorial may use the runs of earlier ones."""
     index = (PAGES / "tutorials" / "index.md").read_text(encoding="utf-8")
     return [PAGES / "tutorials" / f"{name}.md" for name in re.findall(r"^([a-z_]+)$", index, re.MULTILINE)]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the handbook into out/handbook/html: installs what is missing, runs the tutorials, warnings are errors.
+# Builds the handbook in out/handbook/html: installs missing packages and runs the tutorials; warnings are errors.
 #
 #   bash runs/handbook/build.sh
 set -euo pipefail

@@ -1,4 +1,4 @@
-"""The page that lists every command with its arguments and options, made from the command line itself."""
+"""The page that lists every command with its arguments and options, generated from `runs.cli`."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from runs.studies.framework.tables import markdown
 
 HEAD = """# The command line
 
-`thirdbody COMMAND --help` prints the same. This page is made from the command line itself.
+`thirdbody COMMAND --help` prints the same. This page is generated from the code of the command line.
 """
 
 

@@ -18,7 +18,7 @@ myst_heading_anchors = 3
 default_role = "code"  # docstrings name code in single backquotes
 nitpicky = False
 autodoc_mock_imports = ["dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"]
-"""The reference of the finite elements is built where they are absent, too."""
+"""Mocked, so that the reference of `finite_strain` is built even without these packages."""
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 autodoc_member_order = "bysource"

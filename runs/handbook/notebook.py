@@ -1,7 +1,7 @@
-"""A tutorial as a notebook: the page's own text, its blocks as cells, with what they printed when the page was built.
+"""A tutorial as a Jupyter notebook: the page's text, its blocks as cells with the output from the build of the page.
 
-The format is plain JSON (nbformat 4.5, https://nbformat.readthedocs.io), so no library is needed; those that would
-write it bring compiled packages along.
+The format is plain JSON (nbformat 4.5, https://nbformat.readthedocs.io) and is written here without nbformat, which
+depends on compiled packages.
 """
 
 import json
@@ -17,7 +17,7 @@ ROLE = re.compile(r"\{[a-z:]+\}(`[^`]*`)")
 
 
 def notebook(page: str) -> str:
-    """Return the notebook of a tutorial whose blocks were run; links within the handbook become plain words."""
+    """Return the notebook of a tutorial whose blocks were run; links within the handbook become plain text."""
     cells, end = [], 0
     for block in FENCED.finditer(page):
         cells.append(_cell("markdown", page[end : block.start()]))

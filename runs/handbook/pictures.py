@@ -19,7 +19,7 @@ from runs.session.session import Options
 OUT = Path("out/pictures")
 PICTURES = Path(__file__).with_name("pictures")
 WIDTH, FRAMES_KEPT, COLORS = 1100, 2, 24
-"""Pixels of the still; every so many frames of the animation are kept, in so many colours."""
+"""Size of the still in pixels; interval of the frames of the animation that are kept, and their number of colours."""
 
 
 def draw_layer() -> None:

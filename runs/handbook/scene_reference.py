@@ -1,4 +1,4 @@
-"""The page that explains the scene file key by key, made from the models that read it.
+"""The page that explains the scene file key by key, generated from the pydantic models that read it.
 
 ``python -m runs.handbook.scene_reference`` prints it.
 """
@@ -30,7 +30,7 @@ NAMED = {
     "SemiAxes": "three lengths (m), or a list with three per ball",
     "Shapes": " or ".join(map('`"{}"`'.format, balls.SHAPE_KEYS)) + ", or a list with one per ball",
 }
-"""Words for types of a scene whose names do not say what to write."""
+"""Descriptions of types whose names do not tell the user what to write."""
 
 
 def page() -> str:
@@ -49,13 +49,13 @@ def page() -> str:
 
 HEAD = """# The scene file, key by key
 
-A scene is a TOML file. `title` stands at its top; all else is in tables. Lengths, forces, pressures and angles are
+A scene is a TOML file: first the `title`, then tables. Lengths, forces, pressures and angles are
 strings with a unit, such as `"10 mm"`, `"57.4 kPa"` or `"20 deg"`, or plain numbers in m, N, Pa and rad.
-`[layer]`, `[balls]` and `[load]` are needed. A table of an *effect* is optional: what a scene does not name is not
-simulated, and costs nothing. Faults are reported all at once, each with its table, key, rule and value, before any
-long work.
+`[layer]`, `[balls]` and `[load]` are required. The table of an *effect* is optional: an effect without its table is not
+simulated and costs nothing. All faults are reported together before the computation, each with its table, key, rule
+and value.
 
-This page is made from the code that reads scenes.
+This page is generated from the code that reads scenes.
 """
 
 
@@ -77,7 +77,7 @@ def _row(table: str, key: str, field: FieldInfo) -> dict[str, str]:
 
 
 def meaning(field: FieldInfo) -> str:
-    """Return what a key's value may be, in words."""
+    """Return the description of a key's permitted values."""
     if field.metadata:
         known = [name for name, kind in _types() if list(kind.__metadata__) == field.metadata]
         return _words(known[0])
@@ -96,7 +96,7 @@ def _of(kind: Any) -> str:
 
 
 def _types() -> list[tuple[str, Any]]:
-    """Return the types that parse what a scene has written."""
+    """Return the types that parse the values of a scene."""
     return [(name, kind) for name, kind in (vars(units) | vars(balls)).items() if hasattr(kind, "__metadata__")]
 
 

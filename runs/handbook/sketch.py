@@ -1,4 +1,4 @@
-"""The sketch of the physics page: a section through two balls and the layer they dent, by the linear model."""
+"""The sketch on the physics page: a section through two balls and the layer that they dent, by the linear model."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ THICKNESS, APPROACH, DISTANCE = 1.3, 0.3, 2.3
 
 @look()
 def draw(folder: Path) -> None:
-    """Write sketch.svg: section, and what R, h, L, D, Q and T are."""
+    """Write sketch.svg: a section that defines R, h, L, D, Q and T."""
     from matplotlib.patches import Circle  # noqa: PLC0415
 
     half = 0.5 * DISTANCE

@@ -1,8 +1,8 @@
-"""Runs the tutorials as printed: files are written, commands and Python run in order, and what they print is put in.
+"""Runs the tutorials: writes their files, runs their commands and Python blocks in order, and inserts the output.
 
-In a page, a fenced block ``toml`` whose first line is ``# NAME.toml`` is a file of that name; ``sh`` holds commands;
-``python`` a script of its own. A block ``output`` after one of those is filled with what it printed: the page itself
-holds none. ``sh`` blocks with the first line ``# not run here`` are left alone.
+In a page, a fenced block ``toml`` whose first line is ``# NAME.toml`` is a file of that name; ``sh`` holds commands,
+``python`` a separate script. An empty block ``output`` after one of these is filled with its output.
+``sh`` blocks with the first line ``# not run here`` are not run.
 """
 
 import os
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 NOT_RUN = "# not run here"
 WIDTH = 200
-"""Columns of the blocks' terminal: pages wrap sentences themselves."""
+"""Width of the blocks' terminal in columns; pages wrap sentences themselves."""
 TABLE = re.compile(r"\u2500{3}|^ *ball {2,}", re.MULTILINE)
 """The line below the heading of a table, or the heading of the table in a printed result."""
 
@@ -29,13 +29,13 @@ class TutorialFailed(Exception):
 
 @dataclass
 class Tutorial:
-    """One page, run in ``folder``; pages that share a folder find each other's runs there."""
+    """One page, run in ``folder``; pages with the same folder share their runs."""
 
     page: Path
     folder: Path
 
     def run(self) -> str:
-        """Return the page with what its blocks printed; raises `TutorialFailed`."""
+        """Return the page with the output of its blocks; raises `TutorialFailed`."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._printed = ""
         return BLOCK.sub(self._filled, self.page.read_text(encoding="utf-8"))
@@ -69,7 +69,7 @@ class Tutorial:
 
 
 def _shown(printed: str) -> str:
-    """Return what was printed as fenced blocks: sentences as ``text``, which pages wrap, tables as ``none``."""
+    """Return printed output as fenced blocks: sentences as ``text``, which pages wrap, tables as ``none``."""
     kinds = groupby(printed.split("\n\n"), key=lambda part: "none" if TABLE.search(part) else "text")
     blocks = ((kind, "\n\n".join(parts).rstrip("\n") + "\n") for kind, parts in kinds)
     return "\n\n".join(f"```{kind}\n{text if text.strip() else ''}```" for kind, text in blocks)

@@ -1,1 +1,1 @@
-"""Pictures in three dimensions of what a finite-element run has written: the deformed layer under its balls."""
+"""Three-dimensional pictures from the written fields of a finite-element run: the deformed layer under its balls."""

@@ -1,4 +1,4 @@
-"""What a picture is coloured by: one number per node, its name, its unit with a prefix, and its colours."""
+"""Colouring of a picture by a field: one number per node, its name, its unit with a prefix, and its colours."""
 
 import math
 from collections.abc import Callable
@@ -15,9 +15,9 @@ _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 @dataclass(frozen=True)
 class Coloring:
-    """How a written field is shown: words, colour map, and the number taken from its values at each node.
+    """Display of a written field: its name, colour map, and the number computed from its values at each node.
 
-    ``centre`` is the value that a colour map of two hues has in its middle (None: one hue upwards from the lowest).
+    ``centre``: middle value of a diverging colour map (None: a sequential map from the lowest value).
     """
 
     words: str

@@ -1,4 +1,4 @@
-"""A step drawn in three dimensions by VTK without a screen: layer and balls, whole or cut through the balls' axes."""
+"""Drawing of a load step in three dimensions by VTK, off screen: layer and balls, whole or cut through the axes."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _BEYOND = 1.5
 _BALL, _SECTION, _BASE = "#b9c2cf", "#dde2e9", "#9aa1ab"
 _SUPERSAMPLING = 2
 _INSIDE = 1e-5
-"""Layer thicknesses behind the balls' axes at which the layer is cut: a half model ends at the axes up to roundoff."""
+"""Distance of the cut behind the balls' axes, in layer thicknesses: a half model ends at the axes up to roundoff."""
 _TALL = 1.0
-"""Least height of a drawn body that is no sphere, in its half widths."""
+"""Least height of a drawn body other than a sphere, in its half widths."""
 _DEEP = 1.15
 """Depth of the drawing, base included, in layer thicknesses."""
 
@@ -76,7 +76,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera at infinity: directions to the right, up and towards it, the centre of the picture, half its height."""
+    """A camera at infinity: directions to the right, up and towards it; centre and half height of the picture."""
 
     right: Array
     up: Array
@@ -198,7 +198,7 @@ def _base(step: WrittenStep, window: Window, cut: bool) -> Any:
 
 def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
     whole = _ball(ball)
-    smooth = ball.shape == "sphere" and ball.outline is None  # others have edges, and facets that are small enough
+    smooth = ball.shape == "sphere" and ball.outline is None  # others have edges, and their facets are small enough
     if view == "surface":
         plotter.add_mesh(
             whole, color=_BALL, opacity=0.35, smooth_shading=smooth, specular=0.6,
@@ -216,7 +216,7 @@ def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
 
 
 def _filled(outline: Any) -> Any:
-    """Return the convex plane figure within an outline."""
+    """Return the convex polygon inside an outline."""
     import pyvista  # noqa: PLC0415
 
     points = np.asarray(outline.points)
@@ -270,7 +270,7 @@ def _set_lights(plotter: Any, camera: Camera) -> None:
 
 
 def _averaged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the picture with each block of drawn pixels averaged to one."""
+    """Return the picture with each block of rendered pixels averaged to one pixel."""
     n = _SUPERSAMPLING
     height, width = image.shape[0] // n, image.shape[1] // n
     blocks = image[: height * n, : width * n].reshape(height, n, width, n, 3)

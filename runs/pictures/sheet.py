@@ -1,4 +1,4 @@
-"""A drawn step on its sheet: colour bar with unit, scale bar, caption; and a sequence of sheets as an animation."""
+"""A sheet: a drawn load step with colour bar, scale bar and caption; and sequences of sheets as animations."""
 
 import shutil
 import subprocess
@@ -15,14 +15,14 @@ from runs.process.files import replacing
 
 Image = NDArray[np.uint8]
 _BAND = 0.17
-"""Height of the band under the drawing, for bars and caption, over the sheet's."""
+"""Height of the band under the drawing for bars and caption, over the height of the sheet."""
 _DPI = 200.0
 _FRAME_SECONDS, _LAST_SECONDS = 0.35, 2.0
 
 
 @dataclass(frozen=True)
 class Legend:
-    """What a sheet shows beside the drawing: coloring with its limits and unit, width of the drawing [m], caption."""
+    """Data for bars and caption of a sheet: coloring with limits and unit, width of the drawing [m], caption."""
 
     coloring: Coloring
     limits: tuple[float, float]
@@ -33,7 +33,7 @@ class Legend:
 
 
 def drawing_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return the size of the drawing on a sheet of a size, in pixels."""
+    """Return the size of the drawing on a sheet of the given size, in pixels."""
     return size[0], size[1] - round(_BAND * size[1])
 
 
@@ -75,7 +75,7 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
 
 
 def save_png(sheet: Image, path: Path) -> None:
-    """Write a sheet as PNG, whole or not at all."""
+    """Write a sheet as PNG, atomically."""
     from PIL import Image as Pillow  # noqa: PLC0415  (comes with matplotlib)
 
     with replacing(path) as draft:
@@ -96,7 +96,7 @@ def save_gif(sheets: Sequence[Image], path: Path) -> None:
 
 
 def save_mp4(sheets: Sequence[Image], path: Path) -> bool:
-    """Write sheets as a film where ffmpeg is installed; return whether it is. Raises `OutputUnusable`."""
+    """Write sheets as MP4 if ffmpeg is installed, and return whether it is; raises `OutputUnusable`."""
     program = shutil.which("ffmpeg")
     if program is None:
         return False

@@ -1,4 +1,4 @@
-"""The whole scene's fields for ParaView and meshio: each written step completed at its mirror planes."""
+"""The whole scene's fields for ParaView and meshio: each written step completed by reflection at its mirror planes."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +11,9 @@ FOLDER = "whole"
 
 
 def write_whole(files: Mapping[int, Path], folder: Path) -> Path:
-    """Write the steps in ``files`` (path by number) as whole scenes into ``folder``; return the index over all.
+    """Write the steps in ``files`` (path by number) as whole scenes into ``folder``; return the index file of all.
 
-    Vectors and tensors are mirrored as such, nodes on a mirror plane are shared; names, units and kinds stay.
+    Vectors and tensors are reflected, nodes on a mirror plane are shared; names, units and kinds remain.
     """
     import h5py  # noqa: PLC0415  (only where fields are read)
 

@@ -1,4 +1,4 @@
-"""One written load step of a run, completed at its mirror planes: what a picture is drawn from."""
+"""One written load step of a run, completed by reflection at its mirror planes: the data of a picture."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,14 +11,14 @@ from linear_bem.arrays import Array
 from linear_bem.errors import MissingDependency, OutputUnusable
 
 _MIRRORED = {8: [4, 5, 6, 7, 0, 1, 2, 3], 4: [1, 0, 2, 3]}
-"""Corners of a hexahedron and of a tetrahedron in VTK's order after a mirror has turned them inside out."""
+"""Corners of a reflected hexahedron and tetrahedron in VTK's order (a reflection turns cells inside out)."""
 
 
 @dataclass(frozen=True)
 class DrawnBall:
-    """A ball as it stands in one step: axis (x, y), radius, approach, all in m, and shape.
+    """A ball in one step: axis (x, y), radius, approach, all in m, and shape.
 
-    Other bodies have an ``outline``: points (directions, radii, 3) [m] from the apex.
+    Shapes other than spheres and paraboloids have an ``outline``: points (directions, radii, 3) [m] from the apex.
     """
 
     position: tuple[float, float]
@@ -35,7 +35,7 @@ class DrawnBall:
 
 @dataclass(frozen=True)
 class WrittenStep:
-    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), region of each (m,), node fields, balls."""
+    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), regions of the cells (m,), node fields, balls."""
 
     number: int
     points: Array
@@ -59,7 +59,7 @@ class WrittenStep:
 
 
 def step_files(run: Path) -> dict[int, Path]:
-    """Return the HDF5 file of every written step of a run (its folder, or the folder of its fields) by its number."""
+    """Return the HDF5 file of every written step, by number; ``run``: folder of the run or of its fields."""
     for folder in (run / "fields", run):
         found = {int(path.stem.removeprefix("step_")): path for path in sorted(folder.glob("step_*.h5"))}
         if found:
@@ -73,9 +73,9 @@ def step_files(run: Path) -> dict[int, Path]:
 
 
 def read_step(path: Path, number: int, field: str) -> WrittenStep:
-    """Return a written step with one node field beside its displacement, as it is drawn; raises `OutputUnusable`."""
+    """Return a written step with its displacement and one node field, for drawing; raises `OutputUnusable`."""
     step, deformed = _read(path, number, field)
-    if not deformed:  # small strain: contact is met at the undeformed place, moved straight down
+    if not deformed:  # small strain: contact is at the undeformed place, moved straight down
         step.displacement[:, :2] = 0.0
     return step
 
@@ -86,7 +86,7 @@ def read_whole(path: Path, number: int) -> WrittenStep:
 
 
 def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool]:
-    """Return a step with one field, or with all, and whether its contact is in the deformed configuration."""
+    """Return a step with one field or with all, and whether contact was in the deformed configuration."""
     try:
         import h5py  # noqa: PLC0415  (not needed where nothing is drawn)
     except ImportError as error:

@@ -1,1 +1,1 @@
-"""The process: ranks, signals, exit codes, and whole documents on standard output."""
+"""What a command needs of its process and machine: MPI ranks, signals, exit codes, files, locks, standard output."""

@@ -1,4 +1,4 @@
-"""How a command ends: exit code and one clear message, on one rank or on many."""
+"""The end of a command: exit code and one clear message, on one rank or on many."""
 
 import errno
 import io
@@ -17,16 +17,16 @@ BAD_INPUT = (InvalidProblem, UnsupportedProblem, OutputUnusable)
 
 
 def run_to_end(task: Callable[[], int | None]) -> NoReturn:
-    """Run ``task`` and exit: 0, its own code, 1 for a failure, 2 for bad input, 130 when interrupted.
+    """Run ``task`` and exit: 0 or the code that it returns, 1 for a failure, 2 for bad input, 130 when interrupted.
 
-    Every rank runs this. Rank 0 prints; ranks that never joined MPI end with 0, so that the launcher
+    Every rank runs this, and rank 0 prints. Ranks that never joined MPI end with 0, so that the launcher
     does not kill rank 0, whose exit code is that of the job.
     """
     signals.listen()
     words = ""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal or pipe whose encoding lacks "±" gets a "?"
+            stream.reconfigure(errors="replace")  # "?" where the encoding of the terminal or pipe lacks "±"
     try:
         code = task() or 0
         sys.stdout.flush()
@@ -40,14 +40,14 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
         _linger(3.0 if code else 0.5)
         code = 0
     if signals.received():
-        os._exit(code)  # interrupted libraries may hang in their own clean-up
+        os._exit(code)  # interrupted libraries may hang in their clean-up
     sys.exit(code)
 
 
 def _linger(seconds: float) -> None:
     """Wait until the launcher ends this process, in case rank 0 is failing.
 
-    Open MPI takes 1 s to report a failure while another rank still has to be ended, 2 s otherwise.
+    Open MPI reports a failure after 1 s if another rank is still running, after 2 s otherwise.
     """
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     time.sleep(seconds)

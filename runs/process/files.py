@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Reading and writing of files; files are replaced atomically."""
 
 import contextlib
 import csv
@@ -14,16 +14,16 @@ from zipfile import BadZipFile
 from linear_bem.errors import OutputUnusable
 
 DAMAGED = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
-"""What numpy raises where a file of arrays is damaged."""
+"""Exceptions that numpy raises for a damaged file of arrays."""
 DRAFT = ".part."
-"""How the names of files begin that are not written to the end."""
+"""Prefix of the names of incomplete files."""
 
 
 @contextlib.contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Yield a draft beside ``target`` that takes its place when all went well; raises `OutputUnusable`.
+    """Yield a draft beside ``target`` that replaces it if the block succeeds; raises `OutputUnusable`.
 
-    Two processes that write the same file each have a draft of their own; the last one counts.
+    Two processes that write the same file have separate drafts; the last one remains.
     """
     draft = target.with_name(f"{DRAFT}{os.getpid()}.{target.name}")
     try:
@@ -37,7 +37,7 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a text file that survives a crash of the machine once this has returned; raises `OutputUnusable`."""
+    """Write a text file and flush it to the disk; raises `OutputUnusable`."""
     with replacing(target) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
         file.write(text)
         file.flush()
@@ -45,7 +45,7 @@ def write_text(target: Path, text: str) -> None:
 
 
 def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows of plain values under the names of all their keys; a row may lack some."""
+    """Write rows of plain values, one column per key; a row may lack some keys."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
     writer.writeheader()
@@ -54,7 +54,7 @@ def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_csv(source: Path, cell: Callable[[str], Any] = str) -> list[dict[str, Any]]:
-    """Return the rows of a file that `write_csv` wrote, each cell converted by ``cell``."""
+    """Return the rows of a file written by `write_csv`, each cell converted by ``cell``."""
     with open(source, encoding="utf-8", newline="") as file:
         return [{key: cell(text) for key, text in row.items()} for row in csv.DictReader(file)]
 

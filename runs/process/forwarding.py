@@ -1,8 +1,8 @@
-"""Standard output through a launcher's pipe: whole lines, and no more at once than the launcher reads at once.
+"""Standard output through an MPI launcher's pipe: whole lines, in blocks no larger than the launcher reads at once.
 
-Open MPI 5 reads its ranks' output in blocks of 4096 bytes, and what follows the last end of line in a block may be
-lost (seen with 5.0.7: of a document of 20 kB some 20 bytes did not arrive, in one run of two). A block that ends with
-a line and is read before the next block is written cannot be cut.
+Open MPI 5 reads its ranks' output in blocks of 4096 bytes and may lose the text after the last end of line in a block
+(seen with 5.0.7: about 20 bytes of a document of 20 kB were lost, in every second run). A block that ends with
+a line and is read before the next one is written cannot be cut.
 """
 
 import fcntl
@@ -14,13 +14,13 @@ import termios
 import time
 
 BLOCK = 4096
-"""Bytes that are written at once; the kernel does not split blocks of this size."""
+"""Largest number of bytes written at once; the kernel does not split blocks of this size."""
 PATIENCE = 2.0
-"""Longest time [s] to wait until a block is read; a launcher that takes longer is assumed not to read."""
+"""Longest wait [s] until a block is read; a launcher that takes longer is assumed not to read."""
 
 
 class WholeLines(io.TextIOBase):
-    """A text stream onto a pipe's file descriptor that writes whole lines, at most `BLOCK` bytes at once."""
+    """A text stream that writes whole lines to a pipe's file descriptor, at most `BLOCK` bytes at once."""
 
     encoding = "utf-8"
 
@@ -38,7 +38,7 @@ class WholeLines(io.TextIOBase):
         return self._descriptor
 
     def write(self, text: str) -> int:
-        """Write text: complete lines go to the pipe at once, an incomplete line is kept until it ends or `flush`."""
+        """Write complete lines to the pipe immediately; keep an incomplete line until it ends or `flush`."""
         *lines, self._waiting = (self._waiting + text).split("\n")
         piece = b""
         for line in lines:
@@ -69,7 +69,7 @@ class WholeLines(io.TextIOBase):
 
 
 def _unread(descriptor: int) -> int:
-    """Return how many bytes of a pipe wait to be read; none where the descriptor has become something else."""
+    """Return the number of unread bytes in a pipe; 0 if the descriptor is no longer a pipe."""
     try:
         return int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)), sys.byteorder)
     except OSError:
@@ -77,7 +77,7 @@ def _unread(descriptor: int) -> int:
 
 
 def forward_whole_lines() -> None:
-    """Write this process's standard output line by line if a launcher reads it through a pipe."""
+    """Write standard output in whole lines if a launcher reads it through a pipe."""
     try:
         descriptor = sys.stdout.fileno()
         pipe = stat.S_ISFIFO(os.fstat(descriptor).st_mode)

@@ -1,4 +1,4 @@
-"""Plain JSON of results: numpy values become Python values, and non-finite numbers become null."""
+"""Results as plain JSON: numpy values become Python values, and non-finite numbers become null."""
 
 import json
 import math
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 Document = dict[str, Any]
-"""A JSON object as it is saved and printed: numbers in SI."""
+"""A JSON object as saved and printed; numbers in SI units."""
 
 
 def plain(value: Any, infinity: str | None = None) -> Any:

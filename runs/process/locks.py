@@ -1,11 +1,11 @@
-"""Locks of files, which a process holds until it ends in any way: they tell whether a run goes on or was killed."""
+"""File locks, which the system releases when their process ends: they show whether a run is alive or was killed."""
 
 import fcntl
 from pathlib import Path
 from typing import IO
 
 RUNNING, STOPPED = "running", "stopped"
-"""State that a run writes of itself, and the one it is in if its process is gone: killed, or its machine went down."""
+"""State that a run writes at its start, and its actual state if its process is gone (killed, or machine down)."""
 
 
 def take(file: IO[str], *, wait: bool = False, shared: bool = False) -> bool | None:
@@ -20,7 +20,7 @@ def take(file: IO[str], *, wait: bool = False, shared: bool = False) -> bool | N
 
 
 def seen(state: str, path: Path) -> str:
-    """Return the state that a run with the lock ``path`` is in; as written where the lock says nothing."""
+    """Return the actual state of the run with the lock ``path``; the written ``state`` if locks do not work."""
     if state != RUNNING:
         return state
     try:

@@ -1,4 +1,4 @@
-"""What this machine has, and how fast it is."""
+"""Memory and speed of this machine."""
 
 import os
 import time
@@ -6,10 +6,10 @@ from functools import cache
 from pathlib import Path
 
 LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
-"""Where a container's limit is written: control groups of version 2 and 1."""
+"""Files that hold a container's memory limit: control groups of version 2 and 1."""
 POINTS, TIMES, MEASURED = 10, 20, 3.3e-3
-"""Points along each side of the system that `slowness` factors, how often, and its time [s] on the machine that plans'
-constants were measured on: on one where it took 7.3e-3 s, six runs took 1.95 to 2.44 times as long as there."""
+"""Benchmark of `slowness`: points along each side, repetitions, and time [s] on the reference machine of the plans'
+constants. On a machine where it took 7.3e-3 s, six runs took 1.95 to 2.44 times as long as on the reference machine."""
 
 
 def memory_bytes() -> float:
@@ -25,9 +25,9 @@ def memory_bytes() -> float:
 
 @cache
 def slowness() -> float:
-    """Return the time of computations on this machine over that where the constants of plans were measured.
+    """Return the time of computations on this machine over that on the reference machine of the plans' constants.
 
-    It is that of the factors of Laplace's equation on `POINTS` cubed points, the quickest of many: 0.1 to 0.2 s in all.
+    Benchmark: factorisation of Laplace's equation on `POINTS` cubed points, the quickest of many (0.1 to 0.2 s in all).
     """
     from scipy.sparse import diags, identity, kron  # noqa: PLC0415  (only where a plan is made)
     from scipy.sparse.linalg import splu  # noqa: PLC0415

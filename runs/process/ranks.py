@@ -1,4 +1,4 @@
-"""Which rank this process is, before MPI is loaded, and how a run ends on all ranks together."""
+"""MPI rank of this process, known before MPI is loaded, and the common end of a run on all ranks."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ LAUNCHERS = (
     ("SLURM_PROCID", "SLURM_STEP_NUM_TASKS"),
 )
 PATIENCE = 5.0
-"""Seconds that a failing rank waits for the others to fail as well before it ends them."""
+"""Time [s] that a failing rank waits for the others to fail as well before it aborts them."""
 
 _farewell: Any = None
 
@@ -25,7 +25,7 @@ def rank_and_size() -> tuple[int, int]:
 
 
 def launched() -> bool:
-    """Return whether a launcher started this process, and so reads what it prints."""
+    """Return whether an MPI launcher started this process and reads its output."""
     return _from_launcher() is not None
 
 
@@ -39,7 +39,7 @@ def _from_launcher() -> tuple[int, int] | None:
 
 
 def hosts() -> int:
-    """Return how many machines the ranks run on, where the launcher says how many share one."""
+    """Return the number of machines that the ranks run on, if the launcher states the ranks per machine."""
     for name in ("OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS_PER_NODE"):
         if os.environ.get(name, "").isdigit():
             return -(-rank_and_size()[1] // int(os.environ[name]))
@@ -47,7 +47,7 @@ def hosts() -> int:
 
 
 def is_root() -> bool:
-    """Return whether this process is the one that prints and writes."""
+    """Return whether this process is the one that prints and writes files."""
     return rank_and_size()[0] == 0
 
 
@@ -57,13 +57,13 @@ def joined() -> bool:
 
 
 def world() -> Any:
-    """Return the communicator of all ranks; raises `MissingDependency` without mpi4py or a launcher that fits it."""
+    """Return the communicator of all ranks; raises `MissingDependency` without mpi4py or its MPI's launcher."""
     global _farewell  # noqa: PLW0603
     try:
         from mpi4py import MPI  # noqa: PLC0415  (only a run that needs MPI loads it)
     except ImportError as error:
         raise MissingDependency(
-            f"mpi4py cannot be imported by {sys.executable}: {error}; `thirdbody doctor` says what to do"
+            f"mpi4py cannot be imported by {sys.executable}: {error}; `thirdbody doctor` names the remedy"
         ) from None
     started, seen = rank_and_size()[1], MPI.COMM_WORLD.size
     if started != seen:
@@ -78,12 +78,12 @@ def world() -> Any:
 
 
 def share(value: Any, root: int = 0) -> Any:
-    """Return the ``value`` of one rank on every rank; without MPI, the value."""
+    """Return the ``value`` of the rank ``root`` on every rank; without MPI, the value itself."""
     return value if _farewell is None else _farewell.bcast(value, root=root)
 
 
 def all_arrive(comm: Any, patience: float = PATIENCE) -> bool:
-    """Return whether all ranks of ``comm`` come here within some seconds (collective)."""
+    """Return whether all ranks of ``comm`` arrive within ``patience`` seconds (collective)."""
     request = comm.Ibarrier()
     deadline = time.monotonic() + patience
     while not request.Test():
@@ -94,7 +94,7 @@ def all_arrive(comm: Any, patience: float = PATIENCE) -> bool:
 
 
 def end_together(code: int, last_words: str, patience: float = PATIENCE) -> None:
-    """Return when all ranks are about to end; abort them if some are stuck in a call that waits for this one."""
+    """Return when all ranks are about to end; abort them if some wait for this one in a collective call."""
     if _farewell is None or _farewell.size == 1:
         return
     if not all_arrive(_farewell, patience):

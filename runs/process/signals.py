@@ -18,7 +18,7 @@ def listen() -> None:
 
 
 def resumable(value: bool | None = None) -> bool:
-    """Return whether what this run has finished is on disk when it is stopped; a session says so."""
+    """Return, or with ``value`` set, whether this run saves its finished parts, so that it can be resumed."""
     global _resumable  # noqa: PLW0603
     _resumable = _resumable if value is None else value
     return _resumable
@@ -37,7 +37,7 @@ def check() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let a first signal interrupt at the end of the block only, so that what it changes stays whole."""
+    """Defer a first signal to the end of the block, so that its changes are complete."""
     global _held  # noqa: PLW0603
     _held = True
     try:

@@ -18,14 +18,14 @@ from runs.session.terminal import print_status
 
 NAME = "report.html"
 STYLE = Path(__file__).with_name("report.css")
-"""One column that fits a phone, light and dark; wide tables scroll in their own box."""
+"""Style sheet: one column that fits a phone, light and dark; wide tables scroll in a box of their own."""
 UNFINISHED = {
-    RUNNING: "still running, as far as can be seen from here",
+    RUNNING: "apparently still running",
     STOPPED: "killed, or its machine went down; the same command continues it",
     INTERRUPTED: "interrupted; the same command continues it",
     FAILED: "failed; the same command tries again",
 }
-"""What the page says of a run that is not complete, by its state."""
+"""Text on the page about an incomplete run, by its state."""
 KINDS = {
     "solve": "One scene, one model",
     "compare": "Finite against small strain",
@@ -35,20 +35,18 @@ KINDS = {
 
 
 def report_folder(path: Path, out: Path | None = None) -> None:
-    """Write the page of the folder ``path`` to ``out``; raises `OutputUnusable` where there is nothing to report."""
+    """Write the page of the folder ``path`` to ``out``; raises `OutputUnusable` if there is nothing to report."""
     if not ranks.is_root():
         return
     target = out or path / NAME
     write_text(target, page_of(read_folder(path)))
-    print_status(
-        f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, no other file is needed to read it)"
-    )
+    print_status(f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, self-contained)")
 
 
 def page_of(folder: Folder) -> str:
-    """Return the whole page: nothing in it refers to another file or to the network."""
+    """Return the page as HTML that refers to no other file and not to the network."""
     is_study = folder.command == "study"
-    # the mark of a study that an older version made always says running
+    # older versions always marked a study as running
     unfinished = "" if is_study and folder.state == RUNNING else UNFINISHED.get(folder.state, "")
     pictures = pictures_of(folder.path)
     study, run, shown = dict[str, Any](), dict[str, Any](), list[Path]()

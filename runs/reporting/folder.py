@@ -26,7 +26,7 @@ class Folder:
 
     @property
     def command(self) -> str:
-        """The command that made it: solve, compare, evolve, study, ..."""
+        """The command that wrote the folder: solve, compare, evolve, study, ..."""
         return str(self.identity.get("command", "run"))
 
     def words(self) -> Path | None:
@@ -43,7 +43,7 @@ class Folder:
         ]
 
     def repeat(self) -> str:
-        """Return the command line that reproduces it."""
+        """Return the command line that reproduces the folder."""
         launcher = f"mpirun -n {ranks} " if (ranks := self.ranks()) > 1 else ""
         if self.command == "study":
             return launcher + command(self.identity["study"], bool(self.identity.get("quick")))
@@ -53,7 +53,7 @@ class Folder:
         return launcher + " ".join(words) + " --out NEW_FOLDER"
 
     def ranks(self) -> int:
-        """Return how many MPI ranks it was made with."""
+        """Return the number of MPI ranks of the run."""
         said = re.findall(r"on (\d+) rank\(s\)", self.log)
         recorded = [int(record.get("ranks", 1)) for record in self.cases()]
         return max([*recorded, int(said[-1]) if said else 1])
@@ -66,8 +66,8 @@ def read_folder(path: Path) -> Folder:
         identity, state = mark["identity"], mark["state"]
     except (FileNotFoundError, NotADirectoryError):
         raise OutputUnusable(
-            f"{path}: holds no run and no study ({MARK} is not there); name the folder that "
-            "thirdbody solve, compare, evolve or study wrote"
+            f"{path}: holds no run and no study ({MARK} is missing); name a folder written by "
+            "thirdbody solve, compare, evolve or study"
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputUnusable(

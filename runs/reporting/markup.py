@@ -1,4 +1,4 @@
-"""The HTML of a report: its template escapes text, tables scroll in their own box."""
+"""The HTML of a report; its template escapes text, and wide tables scroll in a box of their own."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -8,7 +8,7 @@ from runs.display.numbers import number, with_error
 from runs.display.templates import environment
 
 LONG = 60
-"""Characters from which a cell's text may wrap."""
+"""Number of characters from which a cell's text may wrap."""
 
 
 def render(**values: Any) -> str:
@@ -19,7 +19,7 @@ def render(**values: Any) -> str:
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, bool]]:
-    """Return heading of every column, and whether it holds words."""
+    """Return the heading of every column, and whether the column holds words."""
     keys = dict.fromkeys(key for row in rows for key in row)
     return {key: (heading(key), any(_is_words(row.get(key)) for row in rows)) for key in keys}
 
@@ -34,7 +34,7 @@ def cell(value: Any) -> tuple[str, str]:
 
 
 def heading(key: str) -> str:
-    """Return a key as a heading: words of a plain key apart, a symbol such as S_Q as it is."""
+    """Return a key as a heading: underscores of a plain key become spaces, a symbol such as S_Q remains."""
     return key.replace("_", " ") if key.islower() else key
 
 
@@ -43,5 +43,5 @@ def _is_words(value: Any) -> bool:
 
 
 def box(content: str, label: str) -> str:
-    """Return finished HTML in a box that scrolls sideways and can be reached by the keyboard."""
+    """Return HTML in a box that scrolls sideways and can be reached by the keyboard."""
     return f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(label)}">{content}</div>'

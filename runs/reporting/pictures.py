@@ -1,4 +1,4 @@
-"""Figures inside the page: SVG as vector, other pictures as data, each with a text that says what it shows."""
+"""Figures inside the page: SVG inline, other pictures as data, each with a description."""
 
 import base64
 import io
@@ -9,24 +9,24 @@ from pathlib import Path
 from runs.session.output_folder import PICTURES
 
 SHOWN = {
-    "tangential_force": "Tangential force over the load; where both models ran, how much finite strain strengthens it.",
+    "tangential_force": "Tangential force over the load; where both models ran, its strengthening by finite strain.",
     "surface": "Contact pressure on the layer's surface from above, and a section through the balls.",
     "strengthening": "Finite over small strain along the load, separation and attraction case.",
     "parameters": "Strengthening over Poisson's ratio and distance, and the sign of the tangential force.",
     "top_views": "Positions of the balls from above, at the start and later.",
     "distances": "Distances between the balls over the sliding path.",
-    "evolution": "The balls as they move, from above.",
+    "evolution": "Motion of the balls, from above.",
     "ensemble": "Outcomes from different starting positions.",
     "pareto": "Error of the tangential force against processor time, with the Pareto front.",
 }
 """Descriptions of the pictures of runs and studies by file stem, in the order of the page."""
 KINDS = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg"}
 WIDE = 1.5
-"""Width over height from which a picture keeps a readable width on a phone and scrolls in its own box."""
+"""Width over height from which a picture keeps a readable width on a phone and scrolls in a box of its own."""
 
 
 def pictures_of(folder: Path) -> list[Path]:
-    """Return the pictures of a folder, each once: the vector one where there is one."""
+    """Return the pictures of a folder, each once, as SVG if available."""
     found = [path for path in sorted(folder.rglob("*")) if path.suffix in (".svg", *KINDS) and path.is_file()]
     found = [p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
     vectors = {path.with_suffix("") for path in found if path.suffix == ".svg"}

@@ -1,4 +1,4 @@
-"""What the report on a run shows: results, accuracy, versions."""
+"""The contents of a report on a run: results, accuracy, versions."""
 
 import math
 import tomllib
@@ -15,7 +15,7 @@ from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation")
-"""Keys of a document that other parts of the page or the figures show."""
+"""Keys of a document that the page shows in other parts or in figures."""
 MOST_ROWS = 100
 STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approach"))
 
@@ -28,7 +28,7 @@ def scale_of(folder: Folder) -> Scale:
 
 
 def content(folder: Folder) -> dict[str, Any]:
-    """Return what the page shows of a solved or evolved scene, or of a comparison; nothing without results."""
+    """Return the page's contents for a solved or evolved scene or a comparison; empty without results."""
     document = folder.document
     if not document:
         return {}
@@ -39,7 +39,7 @@ def _common(
     balls: Sequence[Mapping[str, Any]], ball: int, solved: Mapping[str, Any], scale: Scale, more: dict[str, str],
     *, periodic: bool = False,
 ) -> Document:  # fmt: skip
-    """Return what the pages of a solution and of a comparison share; ``more`` are facts about the ``ball`` shown."""
+    """Return the contents common to solutions and comparisons; ``more``: further facts about the ``ball`` shown."""
     return {
         "ball": ball,
         "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
@@ -93,7 +93,7 @@ def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str,
 
 
 def _tables(document: Mapping[str, Any]) -> list[tuple[str, list[Document], str]]:
-    """Return title, rows and caption for each list of rows that nothing else shows."""
+    """Return title, rows and caption for each list of rows not shown elsewhere."""
     found = []
     for key, value in document.items():
         rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
@@ -120,7 +120,7 @@ def _state(
 ) -> dict[str, str]:
     ball, units = balls[index], scale.units
     load, force = ball["normal_force"], attraction(balls, index, ball["tangential_force"])
-    if periodic:  # no direction is towards the other balls
+    if periodic:  # the other balls are on all sides
         force = math.hypot(*ball["tangential_force"])
     error, unit = ball["tangential_force_error"], units.force
     shown = {
@@ -160,7 +160,7 @@ def _account(solved: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _accuracy(solved: Mapping[str, Any]) -> Document:
-    """Return the required and the reached accuracy and the meshes; nothing for models that do not refine."""
+    """Return required and reached accuracy and the meshes; empty for models without mesh refinement."""
     accuracy = solved.get("accuracy") or {}
     if not accuracy:
         return {}

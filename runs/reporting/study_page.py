@@ -1,4 +1,4 @@
-"""The page of a study: its answer as written, with its figures in place, and the table of its cases."""
+"""The report on a study: its Markdown answer with figures, and the table of its cases."""
 
 import itertools
 import re
@@ -15,7 +15,7 @@ TITLE = re.compile(r"^# [# ]*(.*)$", re.MULTILINE)
 
 
 def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
-    """Return the study's Markdown as HTML and the pictures that it shows; its first heading is the page's own."""
+    """Return the study's Markdown as HTML, without its first heading, and the pictures that it shows."""
     from markdown_it import MarkdownIt  # noqa: PLC0415  (comes with rich; only a study's page needs it)
 
     shown: list[Path] = []

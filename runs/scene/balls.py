@@ -1,4 +1,4 @@
-"""The scene's table [balls]: the keys that each shape takes, and the balls that they describe."""
+"""The scene's table [balls]: the keys of each shape, and the balls that they describe."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -24,30 +24,30 @@ Shapes = Annotated[
     str | tuple[str, ...], PlainValidator(partial(one_or_many, parse=partial(named, names=tuple(SHAPE_KEYS))))
 ]
 BODIES: dict[str, Callable[..., Indenter]] = {"ellipsoid": Ellipsoid, "cone": Cone, "punch": Punch}
-"""Bodies that set the radius of their `Ball` themselves, made of the keys' values in their order."""
+"""Bodies that set the radius of their `Ball` themselves; their arguments are the values of `SHAPE_KEYS`, in order."""
 
 
 class BallsTable(Table):
-    """[balls]: axis positions, shapes, and the keys that they take.
+    """[balls]: positions, shapes and dimensions of the rigid bodies, called balls whatever their shape.
 
-    One shape, or one per ball: bodies may be unlike. A key is needed if a shape takes it, and refused if none does: one
-    value, or a list with one per ball whose shape takes the key, in the order of the balls.
+    ``shape`` decides which further keys are required; all others are refused. Each is one value for all balls whose
+    shape has the key, or a list with one value for each of these balls, in the order of the balls.
     """
 
     positions: Positions
-    """Where the balls' axes stand, [x, y] of each."""
+    """Position [x, y] of each ball's vertical axis."""
     shape: Shapes = "sphere"
-    """The body of all balls, or of each; it decides which of the keys below are needed."""
+    """Shape of all balls, or a list with one per ball."""
     radius: Lengths | None = None
-    """Of a sphere or a punch; of a paraboloid at its apex."""
+    """Radius of a sphere or a punch; radius of curvature at the apex of a paraboloid."""
     semi_axes: SemiAxes | None = None
-    """Of an ellipsoid, along x, y and z."""
+    """Semi-axes of an ellipsoid along x, y and z."""
     slope: Angles | None = None
-    """Angle between a cone's flank and the surface."""
+    """Angle between a cone's flank and the undeformed surface."""
     tip_radius: Lengths | None = None
-    """Of a cone's rounded tip."""
+    """Radius of a cone's rounded tip."""
     edge_radius: Lengths | None = None
-    """Of a punch's rounded edge."""
+    """Radius of a punch's rounded edge."""
 
     @property
     def shapes(self) -> tuple[str, ...]:
@@ -55,7 +55,7 @@ class BallsTable(Table):
         return per_ball(self.shape, len(self.positions))
 
     def balls(self) -> tuple[Ball, ...]:
-        """Return the balls; raises `InvalidProblem` where the keys are not those of their shapes."""
+        """Return the balls; raises `InvalidProblem` where keys and shapes do not match."""
         size, shapes = len(self.positions), self.shapes
         if not size:
             return ()  # which `Problem` refuses
@@ -89,7 +89,7 @@ class BallsTable(Table):
         return tuple(balls)
 
     def _without_value_or_taker(self, key: str) -> list[str]:
-        """Return the fault of a key without a value that shapes of the scene take, or with one that none takes."""
+        """Return the fault of a key that the scene's shapes need and that is missing, or that none of them has."""
         value, taking = getattr(self, key), [name for name, keys in SHAPE_KEYS.items() if key in keys]
         present = dict.fromkeys(self.shapes)
         if value is None:

@@ -15,16 +15,16 @@ SAME = 1e-9
 
 
 class LoadTable(Table):
-    """[load]: exactly one key of the load, and the intermediate load ``steps`` with output."""
+    """[load]: exactly one of ``approach``, ``force`` and ``total_force``, and optional intermediate ``steps``."""
 
     approach: Lengths | None = None
-    """How deep each ball is pressed in below the undeformed surface."""
+    """Depth of each ball's lowest point below the undeformed surface."""
     force: Forces | None = None
-    """Normal force of each ball, which then finds its own depth."""
+    """Normal force on each ball; its approach results from it."""
     total_force: Force | None = None
-    """Normal force on one rigid holder of all balls, which presses them equally deep and does not tilt."""
+    """Normal force on a rigid holder that presses all balls equally deep and does not tilt."""
     steps: Listed | None = None
-    """Loads with output on the way, rising, in the unit of the load; fractions of it where the balls' loads differ."""
+    """Intermediate loads with output, in rising order; where the balls' loads differ, as fractions of full load."""
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Self:

@@ -19,7 +19,7 @@ from runs.scene.load_table import LoadTable
 from runs.scene.units import Length, Number, Pressure, Table, Units, Whole
 
 SOFTEST = 100.0
-"""Young's modulus [Pa] of a layer below which it may be a number whose unit was forgotten."""
+"""Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""
 
 
 class InvalidScene(InvalidProblem):
@@ -36,30 +36,30 @@ class InvalidScene(InvalidProblem):
 
 
 class LayerTable(Table):
-    """[layer]: constants and thickness."""
+    """[layer]: elastic constants and thickness."""
 
     young: Pressure
-    """Young's modulus; at finite strain the one of small strains."""
+    """Young's modulus; at finite strain, the initial modulus."""
     poisson: Number
     """Poisson's ratio, 0 to 0.5; 0.5 is incompressible."""
     thickness: Length
-    """Of the undeformed layer; `inf`: a half-space."""
+    """Thickness of the undeformed layer; `inf` for a half-space."""
 
 
 class ElementsTable(Table):
-    """[elements]: volumetric formulation of the finite elements; absent: chosen by Poisson's ratio."""
+    """[elements]: formulation of the finite elements; without this table, Poisson's ratio decides."""
 
     form: Literal["displacement", "mixed"]
-    """Displacement alone, or with the pressure as a further unknown; chosen by itself: mixed from nu = 0.49 on."""
+    """Unknowns: displacement only, or displacement and pressure (`mixed`; without this table, from nu = 0.49 on)."""
 
 
 class OutputTable(Table):
-    """[output]: which fields a finite-element run writes, every so many load steps; absent: all, on every step."""
+    """[output]: fields that a finite-element run writes, and how often; without this table, all at every load step."""
 
     fields: tuple[str, ...] | None = None
-    """Names of the fields; `thirdbody solve` names the known ones if one is misspelt."""
+    """Names of the fields; `thirdbody solve` lists the valid names if one is misspelt."""
     every: Whole = 1
-    """Write on every n-th load step; the last one is always written."""
+    """Write at every n-th load step; the last step is always written."""
 
     def faults(self) -> list[str]:
         """Return what is out of range, one text each."""
@@ -69,26 +69,26 @@ class OutputTable(Table):
 
 
 class AccuracyTable(Table):
-    """[accuracy]: required relative accuracy of the tangential force, and the budget of a model that refines its mesh.
+    """[accuracy]: required relative accuracy of the tangential force T, and limits for models that refine their mesh.
 
-    ``seconds`` of wall time for the whole run, ``unknowns`` of the finest mesh; absent: each model's own default.
+    Without a key, the model's own default applies.
     """
 
     tangential_force: Number | None = None
-    """Requested relative error of T."""
+    """Largest permitted relative error of T."""
     seconds: Number | None = None
-    """Limit of the whole run's wall time: no finer mesh is begun beyond it."""
+    """Limit of the run's wall time [s]: a finer mesh that would exceed it is not started."""
     unknowns: Number | None = None
-    """Largest number of unknowns of a mesh."""
+    """Largest number of unknowns of the finest mesh."""
 
     @property
     def budget(self) -> dict[str, float]:
-        """The stated limits of the budget."""
+        """The limits that the scene states."""
         return {k: v for k in ("seconds", "unknowns") if (v := getattr(self, k)) is not None}
 
 
 class PlainTables(Table):
-    """Every table that a scene may hold beside its effects."""
+    """Every table that a scene may hold besides those of its effects."""
 
     title: str = ""
     layer: LayerTable
@@ -99,12 +99,12 @@ class PlainTables(Table):
     output: OutputTable | None = None
 
     def effects(self) -> list[tuple[Effect, Any]]:
-        """Return the effects that the scene calls for, with their tables."""
+        """Return the effects whose tables the scene has, with these tables."""
         found = [(effect, getattr(self, name)) for name, effect in EFFECTS.items()]
         return [(effect, table) for effect, table in found if table is not None]
 
     def drift(self) -> dict[str, Any]:
-        """Return the tables of the effects that concern how balls move, keyed by name; empty if balls do not move."""
+        """Return the tables of the effects on the motion of the balls, keyed by name; empty if balls do not move."""
         found = {effect.name: table for effect, table in self.effects() if effect.of_drift}
         return found if "reciprocation" in found else {}
 
@@ -144,7 +144,7 @@ class PlainTables(Table):
         parts, drifts = {}, self.drift()
         for effect, table in self.effects():
             texts += effect.faults(table, self)
-            if effect.part is not None and effect.name not in drifts:  # drift is by pairs, each alone in the plane
+            if effect.part is not None and effect.name not in drifts:  # pair forces are those of two balls alone
                 parts[effect.name] = effect.part(table)
         try:
             problem = Problem(
@@ -168,9 +168,9 @@ Tables = create_model("Tables", __base__=PlainTables, **_optional)
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene that can be solved as written: the file, its text and data as given, and its meaning.
+    """A valid scene: the file, its text and data as written, and the problem that they describe.
 
-    ``drift`` holds the tables of the effects that concern how balls move, keyed by name.
+    ``drift`` holds the tables of the effects on the motion of the balls, keyed by name.
     """
 
     path: Path
@@ -193,7 +193,7 @@ class Scene:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A note where lengths carry units and the layer is so soft that its modulus may lack one."""
+        """A note where lengths have units and the modulus is so small that its unit may be missing."""
         young = self.problem.layer.young
         if young >= SOFTEST or Units.written(self.data) is None:
             return ()

@@ -1,1 +1,1 @@
-"""One run: its folder, its progress, and how it resumes after an interruption."""
+"""One run of a command: output folder, progress, and resumption after an interruption."""

@@ -1,16 +1,16 @@
-"""Time passed and time left of a run along its meshes, from the plan and from the pace so far."""
+"""Elapsed and remaining time of a run over its meshes, estimated from the plan and from the pace so far."""
 
 import time
 from collections.abc import Callable, Sequence
 
 GROWTH = 1.5
-"""Power of the unknowns by which a finer mesh takes longer than the one before it."""
+"""Exponent of the growth of time with the number of unknowns from one mesh to the next."""
 ENOUGH = 0.05
-"""Part of the planned work after which the pace so far counts."""
+"""Share of the planned work after which the pace so far is used."""
 
 
 class Clock:
-    """``expected``: planned seconds of the first meshes; none where there is no plan."""
+    """Estimates the remaining time; ``expected``: planned times [s] of the first meshes, empty without a plan."""
 
     def __init__(self, expected: Sequence[float] = (), now: Callable[[], float] = time.monotonic) -> None:
         self._expected, self._now = list(expected), now
@@ -23,11 +23,11 @@ class Clock:
         return self._now() - self._began
 
     def begin(self) -> None:
-        """Note that the work begins: time before, such as that of compiling, does not count towards the pace."""
+        """Note that the work begins: the time before, for example for compilation, does not count towards the pace."""
         self._worked = self._now()
 
     def next_mesh(self, unknowns: float, saved: float = 0.0) -> None:
-        """Begin a mesh of which a share was ``saved`` before; one that was not planned costs more than the last."""
+        """Begin a mesh, of which the share ``saved`` is done; an unplanned mesh is taken to cost more than the last."""
         self._mesh += 1
         if self._expected and self._mesh >= len(self._expected):
             self._expected.append(self._expected[-1] * (unknowns / self._unknowns) ** GROWTH)
@@ -37,18 +37,18 @@ class Clock:
         self._share = saved
 
     def reached(self, share: float) -> None:
-        """Note the share of the present mesh's work that is done."""
+        """Note the completed share of the current mesh's work."""
         self._share = share
 
     @property
     def done(self) -> float | None:
-        """Share of the planned work that is done; None without a plan."""
+        """Completed share of the planned work; None without a plan."""
         total = sum(self._expected)
         return self._work() / total if total > 0.0 else None
 
     @property
     def left(self) -> float | None:
-        """Seconds to the end of the present mesh and of those planned after it; None without a plan."""
+        """Seconds to the end of the current and all further planned meshes; None without a plan."""
         total = sum(self._expected)
         if total <= 0.0:
             return None

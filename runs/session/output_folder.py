@@ -1,4 +1,4 @@
-"""The output folder of a run: it is written during the run; only a run with the same identity may resume it."""
+"""The output folder of a run, written during the run; only a run with the same identity may resume it."""
 
 import contextlib
 import shutil
@@ -18,7 +18,7 @@ LOCK = ".lock"
 FIRST = (MARK, "scene.toml", LOCK)
 """Files that a run writes before it computes."""
 FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
-"""States of a run in its `MARK`, beside `RUNNING`."""
+"""States of a run in its `MARK`, in addition to `RUNNING`."""
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
@@ -65,7 +65,7 @@ class OutputFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         known = self._take_lock()
         mark = read_json(self.path / MARK)
-        # a run on a full disk may have left only its first files, complete or not
+        # on a full disk, a run may leave only its first files, complete or not
         others = [p.name for p in self.path.iterdir() if p.name not in FIRST and not p.name.startswith(DRAFT)]
         damaged = mark is None and (self.path / MARK).exists()
         if damaged and others and not fresh:
@@ -91,7 +91,7 @@ class OutputFolder:
         write_text(self.path / "scene.toml", scene_text)
 
     def _take_lock(self) -> bool:
-        """Return whether this run has the lock: not where the file system has none."""
+        """Return whether this run holds the lock; False where the file system has no locks."""
         self._lock = open(self.path / LOCK, "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)
         taken = take(self._lock)
         if taken is False:
@@ -136,17 +136,17 @@ class OutputFolder:
         write_csv(self.path / "steps.csv", [_flat(row) for row in rows])
 
     def finish(self) -> None:
-        """Mark the run as complete; from then on its command prints the saved document."""
+        """Mark the run as complete; from now on, the same command prints the saved document."""
         self._write_mark(FINISHED)
 
     def stop(self, error: type[BaseException]) -> None:
-        """Mark a run that is not complete by the error that ends it; the same command continues it."""
+        """Mark the run as ended by an error; the same command continues it."""
         with contextlib.suppress(OutputUnusable):  # the error that ends the run is the one to report
             if self._state() != FINISHED:
                 self._write_mark(ended(error))
 
     def log(self, text: str) -> None:
-        """Append lines to run.log, each with the time."""
+        """Append lines to run.log, each with a time stamp."""
         stamp = time.strftime("%Y-%m-%d %H:%M:%S")
         try:
             with open(self.path / "run.log", "a", encoding="utf-8") as log:
@@ -162,7 +162,7 @@ class OutputFolder:
 
 
 def ended(error: type[BaseException]) -> str:
-    """Return `INTERRUPTED` or `FAILED` by the error that ends a run."""
+    """Return `INTERRUPTED` or `FAILED`, depending on the error that ends a run."""
     return INTERRUPTED if signals.received() or error is KeyboardInterrupt else FAILED
 
 
@@ -177,7 +177,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def difference(old: Any, new: Any, where: str = "") -> str:
-    """Return how two identities differ, such as "quick is True there and False here"."""
+    """Return the difference between two identities, such as "quick is True there and False here"."""
     if isinstance(old, dict) and isinstance(new, dict):
         parts = [
             difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))

@@ -14,7 +14,7 @@ from runs.session.clock import Clock
 from runs.session.terminal import Bar, on_terminal, print_status
 
 LAST_OF_SEARCH = 0.9
-"""Share of the path finder's work at the beginning of its last step."""
+"""Share of the work done when the path finder begins its last step."""
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
 SMALL_STRAIN = "small strain"
 """Last words of a mesh's name where its states at small strain are solved."""

@@ -1,4 +1,4 @@
-"""One run of a command: its model, its folder, the saved state of an earlier run, and the output of its results."""
+"""One run of a command: model, output folder, saved state of an earlier run, and output of the results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the command line besides the scene."""
+    """Options of the command line."""
 
     as_json: bool = False
     out: Path | None = None
@@ -42,12 +42,12 @@ class Options:
 
 
 class Session:
-    """One run of one command by one model on one scene; the output folder is rank 0's.
+    """One run of one command with one model on one scene; only rank 0 uses the output folder.
 
-    ``solutions`` are those of the linear model at its load steps.
-    ``complete``: an earlier run is complete; ``saved``: its document on disk, complete or not (rank 0 only).
-    ``version`` is the format version of the saved document: runs of other versions are neither resumed nor shown.
-    Errors of the input are raised before anything slow is loaded.
+    ``solutions``: those of the linear model at its load steps.
+    ``complete``: whether an earlier run is complete; ``saved``: its document on disk, complete or not (rank 0 only).
+    ``version``: format version of the saved document; runs of other versions are neither resumed nor shown.
+    Input errors are raised before any slow import.
     """
 
     def __init__(
@@ -61,19 +61,19 @@ class Session:
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
         signals.resumable(evolves or self.model.parallel or len(self.steps or (1.0,)) > 1)
         self.plan: Document = {}
-        if self.model.plan is not None and not evolves:  # raises early what the model does not support
+        if self.model.plan is not None and not evolves:  # refuses early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
             _check_memory(scene, self.plan)
         self.folder: OutputFolder | None = None
         self.solutions: list[Solution] = []
         self.saved: Document = {}
         self.complete = False
-        if self.root:  # before MPI starts: a folder that cannot be used ends the run at once
+        if self.root:  # before MPI starts: an unusable folder ends the run at once
             self.folder = self._open_folder(version)
             finished = self.folder.finished()
             self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
             if self.folder.stopped:
-                text = "this run was stopped before: killed, or its machine went down; it goes on from what is saved"
+                text = "this run was stopped before: killed, or its machine went down; it resumes from what is saved"
                 self.folder.log(text)
                 print_status(text)
             if not self.complete:
@@ -135,7 +135,7 @@ class Session:
     def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
         """Run the model over its load path and return its result with the notes of this run.
 
-        ``saved`` are the JSON objects of the steps on disk; ``keep`` gets the unfinished result after every step, on
+        ``saved``: JSON objects of the load steps on disk; ``keep`` receives the unfinished result after every step, on
         rank 0.
         """
         steps = [Step.from_dict(step) for step in saved]
@@ -176,12 +176,12 @@ class Session:
         return dataclasses.replace(result, solved=solved)
 
     def save(self, document: Document, rows: Iterable[Mapping[str, Any]]) -> None:
-        """Write what there is so far (rank 0)."""
+        """Write the document as far as it is computed (rank 0)."""
         assert self.folder is not None
         self.folder.save(document, rows)
 
     def finish(self, solved: Mapping[str, Any], answer: str = "") -> None:
-        """Mark the run as complete, once all its files are there (rank 0); ``solved`` is its JSON object."""
+        """Mark the run as complete, after all its files are written (rank 0); ``solved``: its JSON object."""
         assert self.folder is not None
         versions = ", ".join(f"{k} {v}" for k, v in solved["versions"].items())
         self.folder.log(f"{answer}\nfinished in {solved['seconds']:.1f} s; {versions}".lstrip())
@@ -191,9 +191,9 @@ class Session:
 def conduct(
     session: Session, compute: Callable[[Session], Document | None], show: Callable[[Session, Document], None]
 ) -> None:
-    """Compute what is not complete yet, and show it or print its JSON.
+    """Complete the run, then show its result or print its JSON.
 
-    ``compute`` runs on all ranks that have something to do and returns the finished document on rank 0.
+    ``compute`` runs on all ranks that take part and returns the finished document on rank 0.
     """
     with session:
         if not (session.model.parallel or session.root):  # rank 0 alone solves models without finite elements
@@ -211,7 +211,7 @@ def conduct(
 
 
 def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:
-    """Raise `UnsupportedProblem` if the first answer, or the budget that the scene states, exceeds the memory."""
+    """Raise `UnsupportedProblem` if the first meshes, or the largest one that the scene permits, exceed the memory."""
     here = memory_bytes() * ranks.hosts()
     stated = scene.budget.get("unknowns")
     unknowns, needed = plan["unknowns"], plan["memory_bytes"]
@@ -226,7 +226,7 @@ def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:
 
 
 def _without_effect(scene: Scene, model: Model) -> list[str]:
-    """Return a note for every table and key of a scene that a model ignores."""
+    """Return a note for every table and key of a scene that the model ignores."""
     if model.parallel:
         return []
     notes = []
@@ -235,7 +235,7 @@ def _without_effect(scene: Scene, model: Model) -> list[str]:
     if scene.output is not None:
         notes.append(f"[output] left out: {model.name} has no fields inside the layer to write")
     if scene.budget:
-        notes.append(f"[accuracy] {', '.join(scene.budget)}: no bound, as {model.name} does not mesh")
+        notes.append(f"[accuracy] {', '.join(scene.budget)} left out: {model.name} has no mesh")
     return notes
 
 
@@ -267,7 +267,7 @@ def path_so_far(saved: Sequence[Step], step: Step) -> list[Step]:
 
 def unfinished(model: Model, steps: Sequence[Step]) -> Result:
     """Return the result of an incomplete load path."""
-    note = "unfinished: the load path has not come to its end; the same command continues it"
+    note = "unfinished: the load path is incomplete; the same command continues it"
     iterations = sum(int(step.record.get("iterations", 0)) for step in steps)
     seconds = sum(float(step.record.get("seconds", 0.0)) for step in steps)
     solved = Solved(False, iterations, 0, seconds, ranks.rank_and_size()[1], notes=(note,))

@@ -1,4 +1,4 @@
-"""Standard error: lines everywhere; on a terminal a bar and a spinner beside them, which show the time."""
+"""Status messages on standard error: lines and, on a terminal, a progress bar or a spinner with the time."""
 
 import contextlib
 import sys
@@ -12,7 +12,7 @@ from runs.process import ranks
 from runs.session.clock import Clock
 
 FIRST, GROWTH = 5.0, 2.0
-"""Seconds until the first progress message of a long computation, and the growth factor of the pauses after it."""
+"""Time [s] until the first progress message of a long computation, and growth factor of the pauses that follow."""
 
 
 def print_status(text: str) -> None:
@@ -21,12 +21,12 @@ def print_status(text: str) -> None:
 
 
 def on_terminal() -> bool:
-    """Whether a person watches: a terminal that no launcher of ranks gave."""
+    """Whether standard error is a terminal, and not the pseudo-terminal of an MPI launcher."""
     return sys.stderr.isatty() and not ranks.launched()
 
 
 class Bar:
-    """A bar of the planned work with the time passed and left, below the lines of a run."""
+    """Progress bar of the planned work with elapsed and remaining time, below the lines of a run."""
 
     def __init__(self, clock: Clock) -> None:
         from rich.console import Console  # noqa: PLC0415  (only on a terminal)
@@ -52,7 +52,7 @@ class Bar:
 
 @contextlib.contextmanager
 def waiting(words: str, first: float = FIRST) -> Iterator[None]:
-    """Show the elapsed time of a computation of unknown length: by a spinner on a terminal, else by lines."""
+    """Show the elapsed time of a computation of unknown duration: by a spinner on a terminal, else by lines."""
     began, done = time.monotonic(), threading.Event()
 
     def passed() -> str:

@@ -1,4 +1,4 @@
-"""Studies: each answers one question, recomputed by ``thirdbody study NAME``. To register one, list it below."""
+"""Studies: each answers one question and is run by ``thirdbody study NAME``. To add one, register it below."""
 
 import importlib
 from dataclasses import dataclass
@@ -10,34 +10,34 @@ from runs.process import ranks
 STUDIES = {
     "figures": "the paper's figures 8-12 and two maps of the sign of T",
     "benchmarks": "time and error against other contact codes; scaling with the number of balls",
-    "peers": "two balls at finite strain by this project and by other finite-element codes: work against precision",
+    "peers": "two balls at finite strain by this project and by other finite-element codes: work and precision",
     "strengthening": "how much stronger finite strain makes the tangential force, and how far that depends on the law",
     "accuracy": "what accuracy costs in time",
-    "discretisations": "order and size of the elements: work against precision on five scenes",
+    "discretisations": "order and size of the elements: work and precision on five scenes",
     "experiments": "the paper's drifting balls: simulated runs compared with its observations",
     "collective": "when a layer of many balls gathers, orders, or stays as it is",
-    "stability": "hard cases: a right answer or a named refusal",
-    "deep": "how deep finite strain goes, what ends it, and what T does there",
-    "effects": "what each effect brings in, and that a scene without it pays nothing",
-    "verification": "the finite-strain model against closed forms and itself",
-    "validation": "published results of others beside this project's answers",
+    "stability": "hard cases: a correct answer or a refusal that states its reason",
+    "deep": "how deep finite strain can be followed, what ends the load path, and T there",
+    "effects": "code and cost of each effect, and proof that a scene without it pays nothing",
+    "verification": "the finite-strain model against closed-form solutions and itself",
+    "validation": "published results of others compared with this project's",
     "scaling": "time and memory of the finite elements' linear systems by size, solver and ranks",
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 SHARED_OUT = frozenset(
     {"strengthening", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
 )
-"""Studies that ``--shard`` can split; ``scaling`` compares times on one machine."""
+"""Studies that ``--shard`` can split; not ``scaling``, which compares times on one machine."""
 ON_ALL_RANKS = SHARED_OUT | {"scaling"}
 """Studies that solve finite-element cases: every rank runs them; the others run on rank 0 only."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Command-line options of a study: ``quick`` is coarser, ``out`` the output folder, ``fresh`` starts over.
+    """Command-line options of a study: ``quick`` is coarser, ``out`` the output folder, ``fresh`` starts anew.
 
-    ``shard`` (i, n) is part i of n, counted from 1; ``tables`` only makes tables and figures from saved answers;
-    ``publish`` writes them into the study's README.
+    ``shard`` (i, n): part i of n, counted from 1; ``tables``: only make tables and figures from saved answers;
+    ``publish``: write them into the study's README.
     """
 
     quick: bool = False
@@ -68,7 +68,7 @@ def run_study(name: str, options: Options) -> None:
     if name not in SHARED_OUT and options.shard != (1, 1):
         raise InvalidProblem(f"--shard: study {name} cannot be split; only {', '.join(sorted(SHARED_OUT))} can")
     if options.publish and options.quick:
-        raise InvalidProblem("--publish: a study's page shows the full version; leave out --quick")
+        raise InvalidProblem("--publish: only the full version of a study is published; leave out --quick")
     if name in ON_ALL_RANKS or ranks.is_root():
         from runs.studies.framework.study import run  # noqa: PLC0415  (the list above must import nothing)
 

@@ -61,7 +61,7 @@ def test_the_document_holds_both_models_and_a_row_per_step_and_ball(compared: tu
     assert "makes the separation force 1.100 ± 0.006 times" in document["answer"]
     assert document["sensitivity"]["lengths"] == pytest.approx(2.0, abs=0.01)
     page = page_of(read_folder(out))
-    assert "What the inputs do to T" in page
+    assert "Sensitivity of T to the inputs" in page
     assert "0.48 \u2192 0.49" in page
     assert len(table(out)) == 8
     assert float(table(out)[-1]["strengthening_at_force"]) == row["strengthening_at_force"]

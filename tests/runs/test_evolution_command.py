@@ -334,7 +334,7 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
     free = json.loads((tmp_path / "free" / "result.json").read_text(encoding="utf-8"))
     assert "budget" not in free["pair_table"]["identity"]
     linear = evolved(replace(short, budget={"unknowns": 4e4}), tmp_path / "linear")
-    assert "[accuracy] unknowns: no bound, as point_load does not mesh" in linear["solved"]["notes"]
+    assert "[accuracy] unknowns left out: point_load has no mesh" in linear["solved"]["notes"]
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_a_plan_of_many_balls_says_how_long_they_take(
 @pytest.mark.parametrize(
     ("count", "change", "says"),
     [
-        (4, ("cycles = 0.3", "cycles = 0.3\nforces = \"direct\""), "balls drift by pair forces alone"),
+        (4, ("cycles = 0.3", "cycles = 0.3\nforces = \"direct\""), "supports only pair forces"),
         (4, ("[load]", "[substrate]\nyoung = 1e3\npoisson = 0.3\n[load]"), "add up without limit"),
         (4, ("thickness = 2.0", "thickness = inf"), "add up without limit"),
         (4, ("lengths = [5.2, 5.2]", "lengths = [3.0, 5.2]"), "at least two diameters"),

@@ -91,9 +91,9 @@ def test_advice_that_would_take_long_beside_the_run_of_many_balls_is_left_out(
     file.write_text(TEXT.format(places=[list(p) for p in PLACES], load="approach = 0.1") + cell, encoding="utf-8")
     plan.plan_scene(read_scene(file), None, as_json=True)
     found = json.loads(capsys.readouterr().out)
-    left = "shape, substrate, poisson, contact size, neighbours, what the inputs do to T; plan a scene of "
-    left += "fewer balls" if cell else "the balls in question alone"
-    assert any(note.endswith(f"{left} for it") for note in found["notes"])
+    left = "shape, substrate, poisson, contact size, neighbours, sensitivity of T to the inputs"
+    left += f"; to compute it, plan a scene of {'fewer balls' if cell else 'the balls in question alone'}"
+    assert any(note.endswith(left) for note in found["notes"])
     assert found["sensitivity"] is None
     assert [item["effect"] for item in found["advice"]] == ["finite_strain", "reciprocation"]
     assert len(made) <= 2

@@ -1,4 +1,4 @@
-"""Tensor interpolation at Chebyshev points, as the live page does it in the browser.
+"""Tensor interpolation at Chebyshev points, the same as that of the live page in the browser.
 
 Barycentric formula of the second form [Berrut and Trefethen 2004, SIAM Review 46, 501, doi 10.1137/S0036144502417715],
 with the points of the first kind, cos((j + 1/2) pi / n).

@@ -1,16 +1,16 @@
-"""The table behind the handbook's live page: two equal spheres on a layer with a rigid base, at small strain.
+"""The data of the handbook's live page: two equal spheres on a layer with a rigid base, at small strain.
 
     python -m runs.handbook.live.table            # about 15 minutes of processor time; continues after an interruption
 
-Lengths are over R, forces over E R^2, so that the table holds for all R and E. With E* = E/(1 - nu^2):
+Lengths are over R, forces over E R^2, so that the table holds for all R and E. With E* = E/(1 - nu^2), it contains
 
-- Q over that of one ball on a half-space, 4/3 E* sqrt(R) D^(3/2) [Hertz 1881], as its logarithm;
-- T over that of two point loads Q on a half-space, T0 = Q^2/(pi E* L^2), less the same ratio for point loads on the
+- the logarithm of Q over Q of one ball on a half-space, 4/3 E* sqrt(R) D^(3/2) [Hertz 1881];
+- T over T of two point loads Q on a half-space, T0 = Q^2/(pi E* L^2), less the same ratio for point loads on the
   layer, which depends on L/h and nu alone and has a finer table. The remainder, due to the contacts' size, is smooth;
-- one ball alone: contact radius a and the surface around it, for the section.
+- for one ball alone, the contact radius a and the surface around it, for the section.
 
 D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0.44 h. The table is then compared with
-`linear_bem.solve` at random points; it contains the largest differences, which the page shows.
+`linear_bem.solve` at random points; the page shows the largest differences.
 """
 
 import json
@@ -35,13 +35,13 @@ DISTANCE = Axis("distance", 2.0, 8.0, "log", 10)
 DEPTH = Axis("depth", 0.02, 1.0, "sqrt", 5)
 BREAK = DEEPEST / DEEPEST_SHARE
 THICKNESS = (Axis("thickness", 0.5, BREAK, "log", 5), Axis("thickness", BREAK, 12.0, "log", 9))
-"""The largest approach has a kink where both limits are equal, so there is one table on each side."""
+"""The largest approach has a kink at the thickness where both limits are equal: there is one table on each side."""
 FINE_POISSON = Axis("poisson", 0.0, 0.5, "linear", 8)
 REACH = Axis("distance over thickness", 0.15, 16.0, "log", 40)
 AROUND = Axis("distance from the contact", 0.0, 8.0, "sqrt", 16)
 RANDOM_POINTS, SEED = 240, 20211
 SEQUENCE_ACCURACY, CHECK_ACCURACY = 1e-3, 1e-4
-"""Relative accuracy of T asked of the solver for the table, and at the random points."""
+"""Relative accuracy of T required of the solver for the table, and at the random points."""
 
 
 def deepest(thickness: float) -> float:
@@ -101,7 +101,7 @@ class LiveTable:
     def section(self, poisson: float, thickness: float, distance: float, approach: float) -> Callable[[float], float]:
         """Return w(x) / R under both balls, by superposition of single balls.
 
-        Each has its approach reduced by the surface displacement that the other causes at its axis.
+        The approach of each is reduced by the surface displacement due to the other at its axis.
         """
         alone = approach
         for _ in range(30):
@@ -130,7 +130,7 @@ def compute(say: Callable[[str], None] = print) -> LiveTable:
 
 
 def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, float, float]]:
-    """Yield (poisson, thickness, distance, approach) spread over the whole table, the same ones every time.
+    """Yield (poisson, thickness, distance, approach) spread over the whole table, reproducibly.
 
     One eighth of the coordinates lie at the ends of their axes, where interpolation is least accurate.
     """

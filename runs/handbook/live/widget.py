@@ -24,7 +24,7 @@ def html() -> str:
 
 
 def with_errors(page: str) -> str:
-    """Return the text around the fragment, with errors in place of {{ PART_NAME }}, {{ PART_NAME_median }}."""
+    """Return the page's text with the errors inserted for {{ PART_NAME }} and {{ PART_NAME_median }}."""
     for part, errors in zip(("thin", "thick"), table.read().data["errors"], strict=True):
         for kind, values in (("", errors["largest"]), ("_median", errors["median"])):
             for name, value in values.items():
@@ -59,7 +59,7 @@ def strengthening(page: str) -> list[dict[str, Any]]:
 
 
 def _rows(page: str, start: int) -> list[list[str]]:
-    """Return the cells of the lines of the first table after ``start``: its header first, no rule."""
+    """Return the cells of the first table after ``start``, header first, without the separator line."""
     lines = page[page.index("\n|", start) + 1 :].split("\n\n", maxsplit=1)[0].splitlines()
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if not line.startswith("|-")]
 

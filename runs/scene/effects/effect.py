@@ -1,4 +1,4 @@
-"""An effect as a scene file has it: an optional table with its description."""
+"""An effect of a scene file: an optional table with its description."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from runs.scene.units import Table
 class Effect:
     """One entry of the registry.
 
-    ``words`` and ``without`` say what is simulated with the table and without it; ``example`` holds a valid value of
-    every key. ``part`` makes the value of the problem's field of the same name from the table (None: the effect is not
-    a model's); ``faults`` returns what is wrong with the table in a scene, one text each. An effect
-    ``of_drift`` concerns how balls move: ``evolve`` has it, and a model only where it names it and no ball moves.
+    ``words`` and ``without`` describe the simulation with and without the table; ``example`` holds a valid value of
+    every key. ``part`` converts the table to the problem's field of the same name (None: no model uses the effect);
+    ``faults`` returns the faults of the table in a scene, one text each. An effect ``of_drift`` belongs to the motion
+    of the balls: ``evolve`` applies it; a model does so only if it lists the effect and no ball moves.
     """
 
     name: str

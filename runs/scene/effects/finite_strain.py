@@ -10,24 +10,24 @@ from runs.scene.units import Number, Numbers, Table
 
 
 class FiniteStrainTable(Table):
-    """[finite_strain]: ``law`` and its dimensionless numbers, of one law alone; energies: `linear_bem.law`."""
+    """[finite_strain]: a hyperelastic ``law`` and its dimensionless parameters; strain energies: `linear_bem.law`."""
 
     law: str = "neo_hookean"
-    """One of `neo_hookean` (takes no numbers), `mooney_rivlin`, `yeoh`, `gent`, `ogden`, `hyperfoam`."""
+    """One of `neo_hookean` (no parameters), `mooney_rivlin`, `yeoh`, `gent`, `ogden`, `hyperfoam`."""
     share: Number | None = None
-    """Of `mooney_rivlin`: C2 / (C1 + C2), 0 to 1."""
+    """`mooney_rivlin`: C2 / (C1 + C2), 0 to 1."""
     ratios: Numbers | None = None
-    """Of `yeoh`: C2 / C1 and C3 / C1."""
+    """`yeoh`: C2 / C1 and C3 / C1."""
     limit: Number | None = None
-    """Of `gent`: the value of I1 - 3 that no strain reaches."""
+    """`gent`: the limiting value of I1 - 3, which no strain reaches."""
     exponents: Numbers | None = None
-    """Of `ogden` and `hyperfoam`: one of each term."""
+    """`ogden` and `hyperfoam`: the exponent of each term."""
     weights: Numbers | None = None
-    """Of `ogden` and `hyperfoam`: each term's part of the shear modulus; they add up to 1."""
+    """`ogden` and `hyperfoam`: each term's share of the shear modulus; the sum is 1."""
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """The law's own numbers."""
+        """The parameters of the law."""
         return {key: value for key, value in dict(self).items() if key != "law" and value is not None}
 
 
@@ -37,7 +37,7 @@ def _part(table: FiniteStrainTable) -> FiniteStrain:
 
 
 def effect_identity(effect: FiniteStrain) -> dict[str, Any]:
-    """Return what distinguishes one effect from another: two laws may have numbers of the same names."""
+    """Return what identifies an effect, the law's name included: two laws may have parameters of the same names."""
     found = asdict(effect)
     return {"law": {"name": effect.law.name, **found["law"]}} if isinstance(effect.law, Law) else found
 

@@ -10,15 +10,15 @@ from runs.scene.units import Table, TwoLengths
 
 
 class PeriodicTable(Table):
-    """[periodic]: a cell with its balls that repeats along x and y; forces are those of one cell.
+    """[periodic]: a cell with its balls that repeats along x and y; forces are per cell.
 
-    ``solve`` takes it by linear_bem, ``evolve`` by any table of pairs. In ``solve``, approaches count from the mean
-    level of the layer's underside, those of a half-space from the mean level of its surface. Positions may lie
-    anywhere: every ball stands for all its images.
+    ``solve`` supports it with linear_bem, ``evolve`` with a table of pairs of any model. In ``solve``, an approach is
+    relative to the mean level of the layer's underside or, on a half-space, of its surface. Positions may lie outside
+    the cell: every ball stands for all its images.
     """
 
     lengths: TwoLengths
-    """Of the cell, along x and y."""
+    """Lengths of the cell along x and y."""
 
 
 def _faults(table: PeriodicTable, scene: Any) -> list[str]:
@@ -31,13 +31,13 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
     texts = range_faults({"periodic.lengths": max(lengths)}, "m", max(radii), "the largest ball's radius")
     if scene.reciprocation.forces == "direct":
         texts.append(
-            'reciprocation.forces: with [periodic] balls drift by pair forces alone; take forces = "pairs", for '
-            "unequal balls with --model point_load, or drop [periodic]"
+            'reciprocation.forces: [periodic] supports only pair forces; take forces = "pairs" (for '
+            "unequal balls with --model point_load), or drop [periodic]"
         )
     if scene.substrate is not None or math.isinf(scene.layer.thickness):
         remedy = "drop [substrate]" if scene.substrate is not None else "give [layer] a finite thickness"
         texts.append(
-            "[periodic]: the dents of infinitely many balls that drift add up without limit on an elastic half-space; "
+            "[periodic]: on an elastic half-space, the dents of infinitely many drifting balls add up without limit; "
             f"{remedy}"
         )
     if min(lengths) < 4.0 * max(radii):
@@ -52,7 +52,7 @@ PERIODIC = Effect(
     "periodic",
     PeriodicTable,
     "a cell that repeats along x and y",
-    "nothing is around the balls",
+    "the balls are alone on an infinite layer",
     {"lengths": ["200 mm", "200 mm"]},
     lambda table: Periodic(table.lengths),
     _faults,

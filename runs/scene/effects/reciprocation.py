@@ -9,38 +9,38 @@ from runs.scene.effects.effect import Effect
 from runs.scene.units import Direction, Length, Number, Table, Whole
 
 FINEST, COARSEST = 1e-9, 1e-2
-"""Least and largest `tolerance` [radii]: contacts are held to the first (`runs.evolution.hard_balls`)."""
+"""Least and largest `tolerance` [radii]; contacts are satisfied to the least one (`runs.evolution.hard_balls`)."""
 
 
 class ReciprocationTable(Table):
-    """[reciprocation]: the plate slides to and fro, held at a level (load: approach), and the balls drift.
+    """[reciprocation]: the plate slides to and fro at a fixed height ([load] approach), and the balls drift.
 
-    `evolve` computes it; see `runs.evolution`.
+    Computed by `thirdbody evolve`; theory in `runs.evolution`.
     """
 
     amplitude: Length
-    """Of the sliding, from the middle to one end: a cycle slides by four amplitudes."""
+    """Sliding distance from the middle to one end: the sliding path of a cycle is four amplitudes."""
     cycles: Number
-    """How many; the run ends earlier where all balls come to rest. A saved run goes on to a larger number."""
+    """Number of cycles; the run ends earlier if all balls come to rest. A larger number continues a saved run."""
     friction: Number
-    """Effective coefficient of friction; it changes only the time scale."""
+    """Effective coefficient of friction; it affects only the time scale."""
     direction: Direction = (1.0, 0.0)
-    """Of the sliding, (x, y); it changes only the arrow in the pictures."""
+    """Direction of sliding, [x, y]; it affects only the arrow in the pictures."""
     perturbation: Length = 0.0
-    """Largest random shift of each ball along x and y before the run; balls that overlap then are moved apart."""
+    """Largest random shift of each ball along x and y before the run; balls that then overlap are moved apart."""
     seed: Whole = 0
-    """Of the random shifts; the same seed gives the same ones."""
+    """Seed of the random shifts; equal seeds give equal shifts."""
     ensemble: Whole = 1
-    """Number of runs, each with the next seed."""
+    """Number of runs; each uses the next seed."""
     tolerance: Number = 1e-6
-    """Error of one step of the path, in radii: 1e-9 (far from (0, 0) the roundoff of positions) to 0.01.
+    """Error per step of the path, in radii: 1e-9 (or the roundoff of positions, if larger) to 0.01.
 
-    A hundred times larger takes a quarter to a tenth of the steps: 1e-4 does for hundreds of balls whose groups count.
+    A value 100 times larger needs a quarter to a tenth of the steps; 1e-4 suffices to find the groups of many balls.
     """
     rest: Number = 1e-6
-    """Force over load below which a ball counts as at rest."""
+    """A ball counts as at rest while its force over load is below this value."""
     forces: Literal["pairs", "direct"] = "pairs"
-    """By a table of pairs, or the model solved at every step."""
+    """`pairs`: from a table of pairs; `direct`: the model is solved at every step."""
 
     @property
     def path_per_cycle(self) -> float:
@@ -53,12 +53,12 @@ class ReciprocationTable(Table):
         return self.cycles * self.path_per_cycle / self.friction
 
     def cycles_after(self, sigma: float) -> float:
-        """Return the number of cycles after which sliding path over friction is ``sigma`` [m]."""
+        """Return the number of cycles after which the sliding path over friction reaches ``sigma`` [m]."""
         return sigma * self.friction / self.path_per_cycle
 
 
 def _farthest(balls: Any) -> float:
-    """Return the largest coordinate over the smallest radius, at most what a problem may have."""
+    """Return the largest coordinate over the smallest radius, at most the largest ratio that a problem may have."""
     radii = balls.radius if isinstance(balls.radius, tuple) else (balls.radius or 0.0,)
     largest = max((abs(c) for place in balls.positions for c in place), default=0.0)
     return largest / min(radii) if largest < RATIOS[1] * min(radii, default=0.0) else RATIOS[1]
@@ -78,7 +78,7 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
     if table.ensemble < 1:
         texts.append(f"reciprocation.ensemble: must be at least 1, got {table.ensemble}")
     if table.ensemble > 1 and table.perturbation == 0.0:
-        texts.append(f"reciprocation.ensemble: {table.ensemble} equal runs without a perturbation; give one")
+        texts.append(f"reciprocation.ensemble: {table.ensemble} equal runs; give a perturbation")
     least, reason = FINEST, "to which contacts are held"
     if (roundoff := sys.float_info.epsilon * _farthest(scene.balls)) > least:
         least, reason = roundoff, "the roundoff of the positions"
@@ -89,22 +89,22 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
         )
     if load != "approach":
         texts.append(
-            f"[reciprocation]: the plate is held at a level, so [load] needs approach, not {load}; `thirdbody solve` "
-            "without [reciprocation] prints the D of that load: give it as approach"
+            f"[reciprocation]: the plate's height is fixed, so [load] needs approach, not {load}; `thirdbody solve` "
+            "without [reciprocation] prints D at that load: give it as approach"
         )
     if scene.load.steps is not None:
         texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
     angular = [shape for shape in ("ellipsoid", "cone") if shape in scene.balls.shapes]
     if angular:
         texts.append(
-            f'balls.shape: balls that drift apart until they touch must be round, got "{angular[0]}"; '
+            f'balls.shape: must be a shape that can drift, got "{angular[0]}"; '
             'take "sphere", "paraboloid" or "punch", or drop [reciprocation]'
         )
     radii = scene.balls.radius
     if "punch" in scene.balls.shapes and isinstance(radii, tuple) and len(set(radii)) > 1:
         # 2 sqrt(R1 R2) is the distance of two touching balls on a plane; upright sides touch at R1 + R2
         texts.append(
-            f"balls.radius: punches that drift must be as wide as the bodies beside them, got {radii} m; take one "
+            f"balls.radius: a drifting punch and all other bodies must have equal radii, got {radii} m; take one "
             "radius, or drop [reciprocation]"
         )
     return texts

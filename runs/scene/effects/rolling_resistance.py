@@ -1,4 +1,4 @@
-"""The effect `[rolling_resistance]`: a force that a ball's drift has to overcome."""
+"""The effect `[rolling_resistance]`: a resistance that the force on a ball must exceed to move the ball."""
 
 import math
 from typing import Any
@@ -9,10 +9,10 @@ from runs.scene.units import Number, Table
 
 
 class RollingResistanceTable(Table):
-    """[rolling_resistance]: a force that does not move a ball; needs [reciprocation]. See `runs.evolution.motion`."""
+    """[rolling_resistance]: the force up to which a ball stays at rest (theory: `runs.evolution.motion`)."""
 
     share: Number
-    """Force over the ball's load below which it stays at rest; above it, only the excess moves the ball."""
+    """Rolling resistance over the ball's load: only the force in excess of it moves the ball."""
 
 
 def _faults(table: RollingResistanceTable, scene: Any) -> list[str]:
@@ -27,7 +27,7 @@ def _faults(table: RollingResistanceTable, scene: Any) -> list[str]:
 ROLLING_RESISTANCE = Effect(
     "rolling_resistance",
     RollingResistanceTable,
-    "the drift of a ball has to overcome a share of its load",
+    "a ball moves only if its force exceeds a share of its load",
     "any force moves a ball",
     {"share": 1e-3},
     faults=_faults,

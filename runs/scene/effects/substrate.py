@@ -6,10 +6,10 @@ from runs.scene.units import Number, Pressure, Table
 
 
 class SubstrateTable(Table):
-    """[substrate]: isotropic elastic constants."""
+    """[substrate]: isotropic elastic constants of the half-space below the layer."""
 
     young: Pressure
-    """Young's modulus of the half-space below the layer."""
+    """Young's modulus."""
     poisson: Number
     """Poisson's ratio, 0 to 0.5."""
 

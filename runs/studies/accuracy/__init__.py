@@ -1,1 +1,1 @@
-"""The study ``accuracy``: error of T against processor time, over models and over every parameter of the solvers."""
+"""The study ``accuracy``: error of T and processor time for all models and for every parameter of the solvers."""

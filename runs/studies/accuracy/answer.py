@@ -14,11 +14,11 @@ from runs.studies.framework.template import render
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25
-"""Ratio of processor times within the noise of a shared machine."""
+"""Processor times with a smaller ratio than this are equal within the noise of a shared machine."""
 DEFAULTS = ("linear-bem-0.0001", "small-strain-0.02", "finite-strain-0.02")
 """Cases with the default accuracies, those of a scene without [accuracy]."""
 ON_ONE = "finite-strain-0.02"
-"""The case on one rank with which the one on all ranks is compared."""
+"""The case on one rank, compared with the same case on all ranks."""
 
 
 def present(found: Found, folder: Path) -> str:
@@ -134,8 +134,8 @@ def _reference(found: Found, model: str) -> dict[str, Any] | None:
 def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
     """Return the cheapest user settings for every wanted error.
 
-    A case counts if its error, its own estimate and the reference's error are all below that: an error that is small
-    by chance, or not resolved by the reference, does not count.
+    A case counts if its error, its own estimate and the reference's error are all below the wanted error: an error that
+    is small by chance, or not resolved by the reference, does not count.
     """
     answer = []
     usual = [row for row in rows if row["parameter"] in LADDER and row[column] is not None]

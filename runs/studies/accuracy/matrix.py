@@ -1,4 +1,4 @@
-"""The ladder of models and the parameters of each, on one problem: the paper's thin pair at D = 0.1 R."""
+"""The cases: all models and their parameters on one problem, the paper's thin pair at D = 0.1 R."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import as_seen_by, pair
 
 GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
-"""Every contact on a grid, none by polynomials."""
+"""Constants that make `linear_bem` solve every contact on a grid, none by polynomials."""
 USUAL = 0.02
 """Default accuracy of the finite elements."""
 USUAL_CASE = "parameter-usual"

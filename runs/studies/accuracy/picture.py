@@ -1,4 +1,4 @@
-"""The study's figure: error against processor time of every case, and the Pareto fronts."""
+"""The study's figure: error over processor time of every case, and the Pareto fronts."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ LEAST_SECONDS, LEAST_ERROR = 1e-3, 1e-6
 SIDES = sorted(
     ((x, y) for x in (8.0, -8.0, 12.0, -12.0) for y in (4.0, -4.0, 9.0, -9.0, 14.0, -14.0)), key=np.hypot.reduce
 )
-"""Places [points] of a label beside its point, in the order in which equally clear ones are taken."""
+"""Offsets [points] of a label from its point; of equally clear ones, the first is taken."""
 
 
 @look()
@@ -141,7 +141,7 @@ def _pixels(line: Any) -> Any:
 
 
 def _filled(text: Any) -> Any:
-    """Return points all over a text."""
+    """Return points spread over the area of a text."""
     box = text.get_window_extent()
     x, y = np.linspace(box.x0, box.x1, 30), np.linspace(box.y0, box.y1, 6)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

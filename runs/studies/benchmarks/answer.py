@@ -1,4 +1,4 @@
-"""The measurements, one table each, and the page that shows them."""
+"""The measurements of the study and the page that shows them, one table each."""
 
 import importlib.metadata
 import json

@@ -1,4 +1,4 @@
-"""Time to T of given accuracy for the paper's pair, without the kernel table; scaling with the number of balls."""
+"""Time to reach a given accuracy of T for the paper's pair (kernel table excluded); growth with the number of balls."""
 
 import resource
 import sys
@@ -47,10 +47,10 @@ def times_to_accuracy(repeats: int) -> list[dict[str, Any]]:
 
 
 def growth(counts: list[int]) -> list[dict[str, Any]]:
-    """Return time and memory for lattices of balls, T to 1e-3; each count in a process of its own.
+    """Return time and memory for lattices of balls, T to 1e-3; each count in a separate process.
 
-    ``GiB`` is the peak of that process, ``GiB_of_it_before`` that of Python, numpy and the kernel table;
-    ``time_goes_like`` is the exponent of time over count since the previous row.
+    ``GiB``: peak memory of that process; ``GiB_of_it_before``: part of it for Python, numpy and the kernel table;
+    ``time_goes_like``: exponent of the growth of time with the count since the previous row.
     """
     rows: list[dict[str, Any]] = []
     for count in counts:

@@ -1,7 +1,7 @@
-"""One sphere on a homogeneous half-space on one grid: this project, tamaas and ASPHER at one tolerance.
+"""One sphere on a homogeneous half-space on the same grid: this project, tamaas and ASPHER.
 
-Every code gets the same heights, load and tolerance; the error is measured in the same way for all, from the pressure
-that each returns against Hertz's. tamaas without periodic images and ASPHER solve the same problem as this project.
+Every code gets the same heights, load and tolerance; for all of them, the error is the deviation of the returned
+pressure from Hertz's. tamaas without periodic images and ASPHER solve the same problem as this project.
 """
 
 import importlib

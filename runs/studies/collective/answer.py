@@ -1,4 +1,4 @@
-"""What forms from a random start: table, phase map, pictures, growth laws, and the answer in a sentence."""
+"""The study's page: outcomes of the random starts as table, phase map and pictures; growth laws; answer in words."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from runs.studies.framework.template import render
 SHOWN = (6.0, 0.3, 1)
 """Thickness over R, area fraction and seed of the run in the animation."""
 GATHERED, GROUPED = 4.0, 1.3
-"""Mean cluster (the one that a ball picked at random is in) from which a layer counts as gathered, and as grouped."""
+"""Mean cluster size (of the cluster of a random ball) from which a layer counts as gathered, and as grouped."""
 ORDERED = 0.15
 """Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
 NETWORK = 0.5
-"""Share of all balls in the mean cluster from which clusters have joined to one network."""
+"""Mean cluster size over the number of balls from which clusters count as joined to one network."""
 GROWING = (2.0, 0.5)
-"""Range of the growth law: mean clusters of this many balls up to this share of the largest at the end."""
+"""Range of the growth law: mean cluster size from this number of balls to this share of the largest one at the end."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Finished:
 
     @property
     def outcome(self) -> str:
-        """What the layer has done, so far if it is interrupted: "gathers", "small groups", "orders" or "stays"."""
+        """Outcome, so far if the run is interrupted: "gathers", "small groups", "orders" or "stays"."""
         if self.row["cluster_mean"] >= GATHERED:
             return "gathers"
         if self.row["cluster_mean"] >= GROUPED:
@@ -54,7 +54,7 @@ class Growth:
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Run every case that has not come to its end."""
+    """Complete every unfinished case."""
     place = folder / CASES
     place.mkdir(exist_ok=True)
     for case in cases.cases(options.quick):
@@ -86,7 +86,7 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run as far as it is there; None where it has not begun."""
+    """Return a run, complete or not; None if it has not begun."""
     document = cases.saved(folder / case.name)
     if document is None:
         return None
@@ -97,7 +97,7 @@ def read(case: Case, folder: Path) -> Finished | None:
 def growth(done: Finished) -> Growth | None:
     """Return the growth law of a run, fitted by least squares in logarithms.
 
-    None where clusters do not grow enough, and where they join to one network through the cell.
+    None if clusters do not grow enough, or if they join to one network through the cell.
     """
     size = np.array([row["cluster_mean"] for row in done.rows])
     if done.rows and size[-1] > NETWORK * done.case.count:
@@ -172,9 +172,9 @@ AVERAGED = {
 
 
 def _starts(found: Sequence[Finished]) -> list[dict[str, Any]]:
-    """Return a row per scene: means over its starts, with half the range of the first two columns where there are more.
+    """Return a row per scene: means over its starts and, for several starts, half the range of the first two columns.
 
-    ``outcome`` and ``ended`` name every one that there is.
+    ``outcome`` and ``ended`` list all that occur.
     """
     scenes: dict[tuple[int, float, float, float], list[Finished]] = {}
     for done in found:
@@ -203,7 +203,7 @@ def _starts(found: Sequence[Finished]) -> list[dict[str, Any]]:
 
 
 def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
-    """Return what moves two balls on each layer."""
+    """Return the pair law of two balls on each layer."""
     return [
         {
             "h/R": h,
@@ -218,7 +218,7 @@ def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
 
 
 def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
-    """Return the wave that grows fastest in a uniform lattice of every scene, beside what its run came to."""
+    """Return the fastest growing wave in a uniform lattice for every scene, and the outcome of its run."""
     rows = []
     for done in free:
         h, phi = done.case.thickness, done.case.fraction
@@ -231,7 +231,7 @@ def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict
 
 
 def _both(deep: Sequence[Finished]) -> list[dict[str, Any]]:
-    """Return the pair law of each model, and what its layers came to from the same starts along the same path."""
+    """Return the pair law of each model, and the outcomes of its runs from equal starts after equal paths."""
     rows = []
     for finite in sorted({done.case.finite for done in deep}):
         law = cases.pair_law(cases.BETWEEN, cases.DEEP, finite=finite)

@@ -15,10 +15,10 @@ from runs.studies.framework.pair import pair
 
 THICKNESSES = (1.6, 1.8, 2.0)
 ACCURACY = 0.05
-"""Of T at finite strain, over its size or a tenth of a half-space's force."""
+"""Accuracy of T at finite strain, relative to |T| or to a tenth of a half-space's force."""
 SUBSTRATE: Elastic | None = None
 KEY = f"D {APPROACH:g} R, nu {POISSON:g}, accuracy {ACCURACY:g}"
-"""Saved answers of other values are not used."""
+"""Saved answers with another key are not used."""
 
 
 def compute(thickness: float, file: Path) -> None:
@@ -40,7 +40,7 @@ def compute(thickness: float, file: Path) -> None:
 
 
 def read(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows that are there."""
+    """Return the saved rows."""
     found = (read_json(file_of(folder, thickness)) for thickness in THICKNESSES)
     return [row for row in found if row is not None and row.pop("key", "") == KEY]
 
@@ -51,9 +51,9 @@ def file_of(folder: Path, thickness: float) -> Path:
 
 
 def vanishing(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the thickness where T vanishes at small and at finite strain; nothing until all rows are there.
+    """Return the thickness where T vanishes at small and at finite strain; empty until all rows are saved.
 
-    The thickness is a parabola of T/Q through three points; its error is that of T and its difference from a line.
+    It is the zero of a parabola of T/Q through three points; its error: that of T plus the difference from a line.
     """
     if len(rows) < len(THICKNESSES):
         return []

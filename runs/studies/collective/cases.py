@@ -1,4 +1,4 @@
-"""The runs of the study: balls at random in a periodic cell, on layers of several thicknesses, R = 1 and E = 1."""
+"""The runs of the study: randomly placed balls in a periodic cell on layers of several thicknesses, R = 1 and E = 1."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,26 +25,26 @@ DEEP, BETWEEN = 0.3, 1.8
 BOTH = ((0.3, 1), (0.3, 2), (0.3, 3), (0.15, 1), (0.5, 1))
 """Area fractions and seeds of these runs."""
 SEVERAL = {0.3: (6.0, 3.0, 2.0, 1.16), 0.15: (6.0, 3.0, 2.0, 1.16), 0.5: (2.0, 1.16)}
-"""Thicknesses over R that have three starts, by area fraction."""
+"""Thicknesses over R with three random starts, by area fraction."""
 MODEL, FINITE = "linear_bem", "finite_strain"
 GATHERING, PARTING, RESISTED = 20.0, 1000.0, 1000.0
-"""Longest run where balls in touch attract, where they separate, and with resistance to rolling: sliding path over
-friction times the largest T/Q of a pair, over R. Without resistance clusters continue to merge, ever more slowly."""
+"""Longest run if touching balls attract, if they separate, and with rolling resistance: sliding path over friction,
+times the largest T/Q of a pair, over R. Without resistance clusters continue to merge, more and more slowly."""
 ROLLING = 0.2
-"""Resistance to rolling of the runs that have it, over the largest T/Q of a pair."""
+"""Rolling resistance of the runs with it, over the largest T/Q of a pair."""
 REST = 5e-3
 """Force over load of a ball at rest, over the largest T/Q of a pair."""
 TOLERANCE = 1e-4
 """Error of one step over R."""
 DISTANCES = np.linspace(2.0, 24.0, 221)
-"""Distances over R at which two balls are looked at."""
+"""Distances over R at which the pair law is computed."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """``count`` balls that cover ``fraction`` of the plane, on a layer of thickness h over R; ``seed`` of the start.
+    """``count`` balls that cover the area ``fraction``, on a layer of ``thickness`` h/R; ``seed`` of the random start.
 
-    ``rolling``: resistance to rolling over the largest T/Q of a pair; ``approach`` over R; ``finite``: forces by finite
+    ``rolling``: rolling resistance over the largest T/Q of a pair; ``approach``: D/R; ``finite``: forces at finite
     strain.
     """
 
@@ -71,7 +71,7 @@ class Case:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the runs of the quick or of the full version, those that answer most first."""
+    """Return the runs of the quick or of the full version, the most important ones first."""
     count = 200 if quick else 1000
     if quick:
         return [Case(h, 0.3, count, 1) for h in (1.16, 6.0)]
@@ -85,7 +85,7 @@ def cases(quick: bool) -> list[Case]:
 
 @dataclass(frozen=True)
 class PairLaw:
-    """T/Q of two balls at `DISTANCES`, its largest size, and where it changes its sign (distances over R)."""
+    """T/Q of two balls at `DISTANCES`, its largest magnitude, and the distances over R where it changes sign."""
 
     ratio: Array
     largest: float
@@ -93,9 +93,9 @@ class PairLaw:
     forces: PairForces | None = None
 
     def wave(self, fraction: float) -> Wave | None:
-        """Return the wave that grows fastest in a triangular lattice; its rate [1/R] a cycle, None without `forces`.
+        """Return the fastest growing wave in a triangular lattice, its rate per cycle [1/R]; None without ``forces``.
 
-        ``fraction`` of the area is covered. In a cycle the largest T/Q of two balls moves one by R.
+        ``fraction``: covered area fraction. In one cycle, the largest T/Q of a pair moves a ball by R.
         """
         if self.forces is None:
             return None
@@ -104,17 +104,17 @@ class PairLaw:
 
     @property
     def farthest_apart(self) -> float:
-        """Distance over R at which T separates most."""
+        """Distance over R at which the separating T is largest."""
         return float(DISTANCES[np.argmin(self.ratio)])
 
     @property
     def softens(self) -> bool:
-        """Whether T separates less in touch than farther apart, or attracts there."""
+        """Whether, for touching balls, T separates less than at larger distance, or attracts."""
         return self.farthest_apart > DISTANCES[0]
 
 
 def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = False) -> PairLaw:
-    """Return what moves two balls on a layer; T > 0 attracts."""
+    """Return the pair law of two balls on a layer; T > 0 attracts."""
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
     effect = FiniteStrain() if finite else None
     problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (approach,) * 2), finite_strain=effect)
@@ -131,7 +131,7 @@ def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = Fal
 
 
 def random_start(case: Case) -> Array:
-    """Return positions (balls, 2) over R: one ball after the other, anywhere it overlaps none (random sequential)."""
+    """Return positions (balls, 2) over R by random sequential addition: each ball at random where it overlaps none."""
     draw, side = np.random.default_rng(case.seed), case.length
     x = np.zeros((case.count, 2))
     placed = 0
@@ -148,7 +148,7 @@ def random_start(case: Case) -> Array:
 def scene_text(case: Case, law: PairLaw) -> str:
     """Return the scene of a case; a "cycle" is the path in which the largest T/Q of a pair moves a ball by R.
 
-    ``law`` is that of small strain: runs by both models have the same sliding path and the same threshold of rest.
+    ``law`` is the pair law at small strain: the runs of both models have equal sliding paths and rest thresholds.
     """
     longest = RESISTED if case.rolling > 0.0 else GATHERING if law.ratio[0] > 0.0 else PARTING
     resisted = f"[rolling_resistance]\nshare = {case.rolling * law.largest}\n" if case.rolling > 0.0 else ""
@@ -214,7 +214,7 @@ def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]
         "hexatic_start": first["hexatic_local"],
         "hexatic_end": last["hexatic_local"],
         "nearest_distance": last["nearest_distance_mean"],
-        # the name that it had in finished runs of earlier versions
+        # its key in finished runs of earlier versions
         "force_over_load": first.get("largest_force_over_largest_load", first.get("force_over_load")),
         "steps": document["solved"]["iterations"] or None,
         "seconds": document["solved"]["seconds"],

@@ -1,4 +1,4 @@
-"""Figures of the study: the map of outcomes, the layers from above, and the growth of clusters and of order."""
+"""Figures of the study: map of outcomes, layers from above, growth of clusters and of hexatic order."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""The study ``deep``: how deep balls can be pressed in, what ends a load path, and what T does there."""
+"""The study ``deep``: how deep balls can be pressed in, what ends the load path, and T up to there."""

@@ -1,4 +1,4 @@
-"""Load curves, S_Q, energy balance, and the smallest J and surface stretch with their places, on every mesh."""
+"""The study's page: load curves, S_Q, energy balance, smallest J and surface stretch with places, on every mesh."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,15 +18,15 @@ from runs.studies.framework.template import render
 from runs.studies.stability.judging import work
 
 CREASE, NEAR = 0.65, 0.1
-"""Surface stretch below which a free surface creases (`finite_strain.force.distortion`), and what is near to it."""
+"""Surface stretch below which a free surface creases (`finite_strain.force.distortion`), and a margin above it."""
 COLORS = (GREY, GREEN, PURPLE, "#56b4e9", BLUE, ORANGE)
-"""As many as the thin pair has discretisations."""
+"""One colour per discretisation of the thin pair."""
 SHOWN = ("D / R", "Q", "T", "S_Q", "smallest J", "at r, depth", "smallest surface stretch", "at r",
          "smallest area from above", "energy balance [%]", "iterations")  # fmt: skip
 PLACES = (("s", "inside the layer"), ("o", "surface, under a ball"), ("^", "surface, beside it"))
-"""Markers of the places where the smallest values are."""
+"""Markers of the places of the smallest values."""
 UNDER = 0.95
-"""Distance from a ball's axis over R up to which a point of the surface is under it: touching balls are 1 apart."""
+"""Distance from a ball's axis over R up to which a surface point is under the ball: touching balls meet at 1."""
 TALLEST = 5.0
 """Largest S_Q in the figure."""
 
@@ -44,7 +44,7 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the rows of the finest discretisation, the ends of all, and where the surface creases and overhangs."""
+    """Return the rows of the finest discretisation, the last rows of all, where the surface creases and overhangs."""
     ends = list({row["level"]: row for row in path}.values())
     finest = [row for row in path if row["level"] == ends[-1]["level"]]
     least = min(finest, key=lambda row: row["smallest surface stretch"])
@@ -103,7 +103,7 @@ def _strengthening(case: Case, load: float, force: tuple[float, float] | None) -
 
 
 def _balance(steps: Sequence[Mapping[str, Any]]) -> float:
-    """Return strain energy over work less one at the last step, both on the mesh; nan for fewer than three steps."""
+    """Return strain energy over work, minus one, at the last step, both on the mesh; nan for fewer than three steps."""
     if len(steps) < 3:
         return math.nan
     whole = [
@@ -142,7 +142,7 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
         points, forces = [(r["D / R"], *r["S_Q"]) for r in known], [r["T"][0] for r in known]
         error_bars(axes[2], points, forces, color=color, marker="o", ms=3, label=scene)
     axes[2].axhline(1.0, color="0.5", lw=0.8, zorder=0)
-    axes[2].set_ylim(0.0, TALLEST)  # beyond it T at small strain is nearly zero, or of the other sign
+    axes[2].set_ylim(0.0, TALLEST)  # above, T at small strain is nearly zero or has the other sign
     titles = "smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"
     for axis, title in zip(axes, titles, strict=True):
         axis.set(xlabel="$D/R$", title=title)

@@ -1,4 +1,4 @@
-"""Scenes that are pressed in until the layer is a film, each on several meshes and two orders of the elements."""
+"""The scenes: balls pressed in until the layer is a thin film, each on several meshes and two element orders."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from runs.studies.framework.pair import THICK, pair, pressed
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(3, 1.5))
 """Coarse to fine; the states on each are the initial guesses on the next."""
 EVIDENCE = (Level(2, 1.0), Level(2, 1.5), Level(2, 2.0), Level(3, 1.0), Level(3, 1.5), Level(3, 2.0))
-"""Of the thin pair: what ends its path must not depend on mesh or order."""
+"""Discretisations of the thin pair: the end of its load path must not depend on mesh or order."""
 
 
 @dataclass(frozen=True)
 class Deep:
-    """A scene at full load, the approaches over R with an answer, and the discretisations."""
+    """A scene at full load, the approaches over R with output, and the discretisations."""
 
     problem: Problem
     approaches: tuple[float, ...]

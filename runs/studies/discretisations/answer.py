@@ -1,4 +1,4 @@
-"""Error against processor time of every discretisation, with and without the small-strain pair."""
+"""The study's page: error and processor time of every discretisation, with and without the small-strain correction."""
 
 import math
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""The study ``effects``: what each optional effect brings in, and that a scene without it pays nothing."""
+"""The study ``effects``: code and cost of each optional effect, and proof that a scene without it pays nothing."""

@@ -1,4 +1,4 @@
-"""The study's tables: what every effect brings in, and the proof that a scene without it pays nothing."""
+"""The study's tables: code and cost of every effect, and the proof that a scene without it pays nothing."""
 
 import json
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from runs.studies.framework.template import render
 KEPT = "effects.json"
 """File of the study's folder with one row per effect."""
 LISTED = 8
-"""Names of an effect's own code that a cell of the page lists."""
+"""Largest number of names of an effect's own code in a cell of the page."""
 
 
 def compute(folder: Path, options: Options) -> None:
@@ -35,8 +35,8 @@ def page(folder: Path, quick: bool) -> str:
 def measure(chosen: Sequence[Effect]) -> list[dict[str, Any]]:
     """Return one row per effect.
 
-    For the proof a scene is run again while all code is blocked that belongs to any of the effects and that the scene
-    itself does not use.
+    For the proof, a scene is run again with all code blocked that belongs to any effect and that the scene does not
+    use.
     """
     texts = {toml(scene): scene for effect in chosen for scene in (effect.without, effect.with_)}
     bare = dict.fromkeys(toml(effect.without) for effect in chosen)

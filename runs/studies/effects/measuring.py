@@ -15,12 +15,12 @@ from runs.studies.framework.study import timed
 
 PROBE = Path(__file__).with_name("probe.py")
 UNLIKE_BY_NATURE = ("seconds", "versions")
-"""Words in keys of a result that differs from run to run."""
+"""Words in the keys of results that differ from run to run."""
 
 
 @dataclass(frozen=True)
 class Account:
-    """What a run of a scene used and returned.
+    """Code used and result returned by a run of a scene.
 
     ``modules``: the project's modules and other libraries; ``functions``: the project's, as "module:name"; ``forms``:
     signatures of the compiled forms, in their order; ``document``: the result.
@@ -64,9 +64,9 @@ def run(scene: Mapping[str, Mapping[str, object]], blocked: Sequence[str] = ()) 
 
 
 def own_functions(without: Account, with_: Account) -> list[str]:
-    """Return the project's functions that a run with the effect calls and one without it does not.
+    """Return the project's functions that only the run with the effect calls.
 
-    Functions in the effect's own modules are left out.
+    Functions in the effect's own modules are omitted.
     """
     own = with_.modules - without.modules
     return sorted(name for name in with_.functions - without.functions if name.split(":")[0] not in own)

@@ -16,7 +16,7 @@ from typing import Any
 
 OURS = ("linear_bem", "meshes", "finite_strain", "runs")
 COMPILING = ("ply", "pycparser", "setuptools", "libffcx_")
-"""Beginnings of the names of libraries that depend on which forms the compiler's cache has already."""
+"""Prefixes of libraries that are loaded only if a form is not yet in the compiler's cache."""
 
 
 class Absent:
@@ -92,7 +92,7 @@ def main(account: Path, blocked: Sequence[str], command: Sequence[str]) -> int:
 
 
 def _counts(module: str) -> bool:
-    """Return whether a loaded module is one of the project's, the studies left out, or another library as a whole."""
+    """Return whether a loaded module is one of the project's (except studies) or the top level of a library."""
     if module.split(".", maxsplit=1)[0] in OURS:
         return not module.startswith("runs.studies")
     standard = module in sys.stdlib_module_names or module.startswith("_")

@@ -1,1 +1,1 @@
-"""The study ``experiments``: the paper's drifting balls simulated, and compared with what it reports."""
+"""The study ``experiments``: simulation of the paper's drifting balls, compared with its observations."""

@@ -1,4 +1,4 @@
-"""All runs in both models, and the resulting text, tables and figures."""
+"""The study's page: all runs with both models, and the resulting text, tables and figures."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ OF_MEMBERS = (
 
 
 class Judged(NamedTuple):
-    """An observation and what the runs of each model show; None where runs are missing."""
+    """An observation and the finding of each model; None where runs are missing."""
 
     point: Point
     small: Finding | None
@@ -69,7 +69,7 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def findings(point: Point, documents: Documents) -> Finding | None:
-    """Return what the runs of one model show, or None where runs are missing."""
+    """Return the finding of one model's runs, or None where runs are missing."""
     return point.judge(documents) if all(name in documents for name in point.cases) else None
 
 
@@ -79,7 +79,7 @@ def answer(
 ) -> str:  # fmt: skip
     """Return the answer in Markdown; ``missing`` gives the command for each missing finite-strain table.
 
-    ``pairs`` compares the forces on two balls in both models, ``by_share`` holds the runs with resistance to rolling.
+    ``pairs`` compares the forces on two balls in both models, ``by_share`` holds the runs with rolling resistance.
     """
     judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
     by_command: dict[str, list[str]] = {}
@@ -159,7 +159,7 @@ def _errors(found: Mapping[str, Documents]) -> list[str]:
 
 
 def _speeds(documents: Documents) -> list[str]:
-    """Return how many steps nine balls take in a minute of processor time, by the pair table and by the full model."""
+    """Return the steps per minute of processor time for nine balls, by the pair table and by the full model."""
     texts = []
     for name, words in (("nine, 30 mm", "by the pair table"), ("nine, 30 mm, full model", "by the full model")):
         if name in documents:

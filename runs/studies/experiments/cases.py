@@ -1,4 +1,4 @@
-"""The runs of the study: the paper's experiments, and variants of what it leaves open, in either model."""
+"""The runs of the study: the paper's experiments, and variants of data that it does not give, with either model."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ class Case:
     """A run: its scene, the scene of its finite-strain table, and ``positions`` [m] if a variant changes them.
 
     ``poisson`` and ``perturbation`` [m] replace the scene's; ``direct``: one member, the full model at every step;
-    ``essential`` cases run in the quick version too. ``rolling``: share of its load below which T moves no ball.
+    ``essential`` cases also run in the quick version. ``rolling``: rolling resistance over the ball's load.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The paper's observations, one by one, and the criterion by which runs reproduce each."""
+"""The paper's observations, each with the criterion by which runs reproduce it."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ MOST = 0.9
 
 @dataclass(frozen=True)
 class Finding:
-    """What the runs of one model show of an observation."""
+    """Verdict of the runs of one model on an observation, with its numbers."""
 
     verdict: str
     numbers: str
@@ -141,7 +141,7 @@ def _kept(document: Mapping[str, Any]) -> float:
 
 
 TIP = 0.2
-"""Smallest lead of one ball along the group's longer side, over the touching distance, that counts as a tip."""
+"""Smallest lead of one ball along the group's longer axis, over the touching distance, that counts as a tip."""
 
 
 def _direction(documents: Documents) -> Finding:
@@ -174,7 +174,7 @@ def _separate(documents: Documents) -> Finding:
 
 
 ABOUT = 5.0
-"""Largest difference [mm] from 50 mm, after four times the cycles that separate them, of balls that stay there."""
+"""Balls count as staying at 50 mm if they differ by at most this [mm] after four times the cycles of separation."""
 
 
 def _stay_apart(documents: Documents) -> Finding:

@@ -1,8 +1,8 @@
-"""Resistance to rolling: the share of its load below which T moves no ball, and which reports each share leaves true.
+"""Rolling resistance (the share of its load below which T moves no ball), and which of the reports hold for each share.
 
-A ball alone stays where |T|/Q is below the share, so the 16 mm balls on thin rubber stop where |T|/Q has fallen to it:
-their reported end gives the share, by their free run. Whether that one share explains the other runs is found by
-running them with it, and with larger ones, at small strain.
+A ball without contacts stays where |T|/Q is below the share, so the 16 mm balls on thin rubber stop where |T|/Q has
+fallen to it: their reported end and their run without resistance give the share. Runs with this share and with larger
+ones, at small strain, show whether it explains the other reports.
 """
 
 import dataclasses
@@ -19,13 +19,13 @@ from runs.studies.framework.study import timed
 from runs.studies.framework.template import render
 
 SHARES = (7e-5, 1e-2)
-"""Shares that are run: |T|/Q of the 16 mm balls where they stay, which `needed` checks; and a hundred times as much."""
+"""Shares of the runs: |T|/Q of the 16 mm balls where they stay, checked by `needed`; and a hundred times that."""
 FITTED = ("16 mm balls separate to about 50 mm", "they stay there")
-"""Reports that the first share is fitted to: they are no evidence for it."""
+"""Reports that the first share is fitted to, which are no evidence for it."""
 
 
 def resisted(share: float) -> list[Case]:
-    """Return the essential cases but the lines of seven with a share, of the ensemble of the quick version."""
+    """Return the essential cases (except lines of seven) with a share, with the quick version's ensemble."""
     chosen = [case for case in CASES if case.essential and "seven" not in case.name]
     return [dataclasses.replace(case, rolling=share) for case in chosen]
 
@@ -39,7 +39,7 @@ def compute(folder: Path, *, fresh: bool = False) -> None:
 
 
 def found(folder: Path) -> dict[float, dict[str, Any]]:
-    """Return the documents that are there by share and case."""
+    """Return the saved documents by share and case."""
     out: dict[float, dict[str, Any]] = {}
     for share in SHARES:
         runs = {c.name: cases.evolve(c, c.read(True), "linear_bem", folder, compute=False) for c in resisted(share)}
@@ -56,7 +56,7 @@ def needed(free: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def section(free: Documents, by_share: Mapping[float, Documents]) -> str:
-    """Return what the shares do to the reports, in Markdown; nothing without runs."""
+    """Return the verdicts on the reports for every share, in Markdown; empty without runs."""
     shares = [share for share, documents in by_share.items() if documents]
     if not shares or PAIR not in free:
         return ""
@@ -79,7 +79,7 @@ def section(free: Documents, by_share: Mapping[float, Documents]) -> str:
 def _history(
     free: Documents, by_share: Mapping[float, Documents], rows: Sequence[Mapping[str, str]]
 ) -> dict[str, Any] | None:
-    """Return what the share was fitted to, what tests it, and how the pair that it was fitted to ended."""
+    """Return the data of the fit of the share, the reports that test it, and the end of the fitted pair."""
     share = SHARES[0]
     document = by_share.get(share, {}).get(PAIR)
     if document is None:

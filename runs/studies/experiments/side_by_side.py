@@ -22,7 +22,7 @@ PLACES = (1.0, 1.25, 1.6, 2.3, 3.7)
 """Distances over the touching distance; a finite-strain table has a run at each."""
 
 NEAR = 0.1
-"""Relative distance from a change of sign of T within which no ratio of T is given."""
+"""No ratio of T is given within this relative distance from a sign change of T."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
 
 
 def sentence(one: Comparison) -> str:
-    """Return what finite strain changes of a pair's forces."""
+    """Return a sentence on the change of a pair's forces by finite strain."""
     touch = 2.0 * one.radius
     small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
     words = (

@@ -1,1 +1,1 @@
-"""The study ``figures``: the paper's figures 8 to 12 and maps of the sign of T, with the numbers they show."""
+"""The study ``figures``: the paper's figures 8 to 12 and two maps of the sign of T, with their numbers."""

@@ -1,4 +1,4 @@
-"""Every figure with its sentences and numbers: parts are computed once, and drawn from what is saved of them."""
+"""Every figure with its sentences and numbers: each part is computed once and drawn from its saved results."""
 
 import importlib.metadata
 import platform
@@ -22,7 +22,7 @@ PARTS = (
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Compute every part that the same code has not computed before."""
+    """Compute every part without saved results of the same code."""
     write_text(folder / "scene.toml", scene().text)
     for part in PARTS:
         if not options.fresh and saved(folder, part, options.quick) is not None:
@@ -35,7 +35,7 @@ def compute(folder: Path, options: Options) -> None:
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Draw every part that is there; return its sentences as Markdown."""
+    """Draw every saved part; return its sentences as Markdown."""
     there = [(part, found) for part in PARTS if (found := saved(folder, part, quick)) is not None]
     for part, found in there:
         with look():

@@ -1,4 +1,4 @@
-"""Figure 8: where, and how far, the surface bulges out beside a uniformly loaded square."""
+"""Figure 8: place and size of the surface bulge beside a uniformly loaded square."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,7 +12,7 @@ from runs.studies.figures.pair import extremum, halved, scene
 from runs.studies.figures.part import Findings, Part
 
 REFERENCE = 1.0
-"""h/a of an independent computation, whose x*/a and w* E1/(a q) are in the text of the figure."""
+"""h/a of an independent computation; its x*/a and w* E1/(a q) are in the text of the figure."""
 OFF_AXIS = 1e-3
 """y*/a beyond which the deepest bulge has left the axis."""
 
@@ -29,7 +29,7 @@ def on_axis(thickness: float) -> tuple[float, float]:
 
 
 def anywhere(thickness: float) -> tuple[float, float, float]:
-    """Return x*/a, y*/a and w* of the deepest bulge beside the edge x = a, wherever on the surface it is."""
+    """Return x*/a, y*/a and w* of the deepest bulge beside the edge x = a, anywhere on the surface."""
     layer, substrate = _solids(thickness)
 
     def displacement(place: Any) -> float:
@@ -75,7 +75,7 @@ def compute(quick: bool) -> Findings:
 
 
 def _vanishing() -> float:
-    """Return h/a where the deepest point on the axis is level with the unloaded surface."""
+    """Return h/a at which the deepest point on the axis is level with the unloaded surface."""
 
     def lowest(thickness: float) -> float:
         layer, substrate = _solids(thickness)

@@ -1,4 +1,4 @@
-"""Map of the sign of T over thickness and distance, by the point-load law, checked by the full solver."""
+"""Map of the sign of T over thickness and distance by the point-load law, checked with the full solver."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Map of the sign of T over Poisson's ratio and modulus of the layer, by the point-load law, checked."""
+"""Map of the sign of T over Poisson's ratio and modulus of the layer by the point-load law, checked."""
 
 from typing import Any
 
@@ -65,7 +65,7 @@ def _largest_ratio(poisson: float) -> float:
 
 
 def draw(found: Findings) -> Any:
-    """Draw T/T0 for one place, and the least L/h at which balls separate."""
+    """Draw T/T0 at one distance and thickness, and the least L/h at which balls separate."""
     t, n = found.tables["map"], found.numbers
     nu, ratio = np.unique(t["nu1"]), np.unique(t["E1_over_E2"])
 
@@ -102,7 +102,7 @@ def draw(found: Findings) -> Any:
 
 
 def _continued(values: Any) -> Any:
-    """Return values over (E1/E2, nu1), continued beyond the largest E1/E2 that has one: for contours up to it."""
+    """Return values over (E1/E2, nu1), continued beyond the last E1/E2 with a value, so that contours reach it."""
     out = values.copy()
     for column in out.T:
         known = np.flatnonzero(np.isfinite(column))

@@ -1,4 +1,4 @@
-"""Figure 11: T over the layer's modulus under a force that stays the same, on a substrate that stays the same."""
+"""Figure 11: T over the layer's modulus at constant force and constant substrate."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from runs.studies.figures.pair import Curve, Pair, at_features, line_through, sc
 from runs.studies.figures.part import Findings, Part
 
 UNIT = 60e6
-"""The modulus [Pa] that the paper scales the force by: its E1 where E1/E2 = 1e-3, hence E2 = 60 GPa here."""
+"""Modulus [Pa] by which the paper scales the force: E1 at E1/E2 = 1e-3, hence E2 = 60 GPa here."""
 MAIN = 1.16
 THICKNESSES = (0.6, MAIN, 1.5)
 
@@ -48,7 +48,7 @@ def compute(quick: bool) -> Findings:
 
 
 def draw(found: Findings) -> Any:
-    """Draw T'' over E1: where the balls separate, and enlarged where they attract."""
+    """Draw T'' over E1: the range of separation, and enlarged that of attraction."""
     t, n = found.tables["modulus"], found.numbers
     gigapascals = np.array(t["E1_MPa"]) / 1e3
     young, force = line_through(gigapascals, t["T"], [n["sign_change_GPa"]], power=1.0)

@@ -17,26 +17,26 @@ from runs.scene.scene_file import Scene, read_scene
 
 SCENE = Path(__file__).parent / "pair.toml"
 CURVES = 1e-3
-"""Relative accuracy asked of T where a curve is drawn."""
+"""Required relative accuracy of T for drawn curves."""
 
 
 def at_features(quick: bool) -> float:
-    """Return the relative accuracy asked of T at features."""
+    """Return the required relative accuracy of T at features (sign changes, extrema)."""
     return CURVES if quick else 1e-5
 
 
 @cache
 def scene() -> Scene:
-    """Return the paper's pair as the scene file gives it."""
+    """Return the scene of the paper's pair."""
     return read_scene(SCENE)
 
 
 @dataclass(frozen=True)
 class Pair:
-    """The scene's pair with some of its values replaced: None keeps the scene's. Dimensionless, as the scene is.
+    """The scene's pair with some values replaced (None: that of the scene); dimensionless like the scene.
 
-    ``approach`` prescribes the approach of both balls in place of the force ``force``; ``half_space`` True
-    leaves out the substrate and makes the layer infinitely thick.
+    ``approach`` prescribes the approach of both balls in place of ``force``; ``half_space`` True
+    omits the substrate and makes the layer infinitely thick.
     """
 
     thickness: float | None = None
@@ -74,7 +74,7 @@ class Pair:
 
 
 class Curve:
-    """T over one value of the pair: drawn to `CURVES` through samples, its features known to ``accuracy``."""
+    """T over one value of the pair: samples for drawing with accuracy `CURVES`, features with ``accuracy``."""
 
     def __init__(self, vary: Callable[[float], Pair], samples: Sequence[float] | Array, accuracy: float) -> None:
         self.vary, self.accuracy = vary, accuracy
@@ -90,10 +90,10 @@ class Curve:
         return self.vary(x).attraction(CURVES)
 
     def sign_changes(self) -> list[float]:
-        """Return the roots between samples of unlike sign.
+        """Return the roots between samples of opposite sign.
 
-        The drawn curve has each to 1e-6 in log x; a straight line through T 1e-4 to either side of that is left with
-        an error of second order, about 1e-8.
+        A root of the drawn curve is found to 1e-6 in log x; a straight line through T 1e-4 to either side then has an
+        error of second order, about 1e-8.
         """
         step = 1e-4
         roots = []
@@ -105,14 +105,14 @@ class Curve:
         return roots
 
     def extremum(self, sign: float, where: Any = slice(None), *, exact: bool = True) -> tuple[float, float]:
-        """Return where and how large the largest (sign +1) or smallest (-1) value is."""
+        """Return place and size of the largest (sign +1) or smallest (-1) value."""
         return extremum(self if exact else self.drawn, self.at[where], self.values[where], sign)
 
 
 def extremum(function: Callable[[float], float], at: Array, values: Array, sign: float) -> tuple[float, float]:
     """Return place and size of the largest (sign +1) or smallest (-1) value near samples.
 
-    It is that of the polynomial of fifth degree in log x around the best sample.
+    They are those of the polynomial of fifth degree in log x around the best sample.
     """
     best = int(np.argmax(sign * values))
     low, high = np.log(at[max(best - 1, 0)]), np.log(at[min(best + 1, len(at) - 1)])
@@ -129,9 +129,9 @@ def extremum(function: Callable[[float], float], at: Array, values: Array, sign:
 def line_through(
     at: Sequence[float] | Array, values: Sequence[float] | Array, zeros: Sequence[float], power: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return a dense line through samples and zeros: Akima's curve, hardly overshooting, of T x^power over log x.
+    """Return a dense line through samples and zeros: Akima's curve (little overshoot) of T x^power over log x.
 
-    Points crowd geometrically at both sides of each zero, so that |T| on logarithmic axes goes down to it.
+    Points are graded geometrically towards each zero, so that |T| on logarithmic axes goes down to it.
     """
     x = np.concatenate([at, zeros])
     y = np.concatenate([np.asarray(values) * np.asarray(at) ** power, np.zeros(len(zeros))])
@@ -144,7 +144,7 @@ def line_through(
 
 
 def halved(low: float, high: float, times: int, holds: Callable[[float], bool]) -> tuple[float, float]:
-    """Return an interval about the value up to which something holds, halved a number of times."""
+    """Return an interval around the value up to which ``holds`` is true, by ``times`` bisections."""
     for _ in range(times):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)

@@ -1,4 +1,4 @@
-"""One part of the study: numbers found once, kept in the output folder, drawn and put into sentences from there."""
+"""One part of the study: numbers computed once, saved in the output folder, and from there drawn and described."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ Columns = Mapping[str, Sequence[float] | np.ndarray]
 
 @dataclass(frozen=True)
 class Findings:
-    """What a part computed: curves as named tables of equal columns, and the numbers of its features."""
+    """Results of a part: curves as named tables of equal columns, and the numbers of its features."""
 
     tables: Mapping[str, Columns]
     numbers: Mapping[str, Any]
     seconds: float = 0.0
-    """Processor time [s] that it took."""
+    """Processor time [s] of the computation."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A figure: ``compute(quick)`` and ``draw(findings)``; ``stem`` names its files, and its text STEM.md.jinja."""
+    """A figure: ``compute(quick)`` and ``draw(findings)``; ``stem`` names its files and its text, STEM.md.jinja."""
 
     stem: str
     title: str
@@ -36,7 +36,7 @@ class Part:
 
 
 def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
-    """Return what an earlier run of the same code has found."""
+    """Return the saved results of an earlier run of the same code."""
     document = read_json(folder / f"{part.stem}.json")
     if document is None or document.get("identity") != _identity(quick):
         return None
@@ -44,7 +44,7 @@ def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
 
 
 def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float) -> None:
-    """Write STEM_TABLE.csv for every table, and STEM.json last: it says that the part is complete."""
+    """Write STEM_TABLE.csv for every table, and finally STEM.json, which marks the part as complete."""
     for name, columns in found.tables.items():
         rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
         write_csv(folder / f"{part.stem}_{name}.csv", [dict(zip(columns, row, strict=True)) for row in rows])
@@ -53,5 +53,5 @@ def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float)
 
 
 def _identity(quick: bool) -> dict[str, Any]:
-    """Return the version, with a digest of the code and scenes that the numbers come from."""
+    """Return the version, with a digest of the code and scenes that produce the numbers."""
     return {"quick": quick, "code": code_of(Path(linear_bem.__file__).parent, Path(__file__).parent)[:16]}

@@ -1,7 +1,7 @@
 """The sign of T by the point-load law: a function of L/h and the materials alone.
 
 T/T0 = 1 - rho^2 s'(rho) with rho = L/h, s the smooth part of the layered kernel and T0 the attraction on a half-space
-of the layer's material. It takes neither the size nor the shape of the contacts into account.
+of the layer's material. The law neglects size and shape of the contacts.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from linear_bem.layer.response import LayerResponse
 from runs.studies.figures.part import Columns
 
 NEAREST, FARTHEST = 0.25, 400.0
-"""Range of L/h in which sign changes are looked for."""
+"""Range of L/h in which sign changes are sought."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def against_solver(
     law: Callable[[float, float], Any],
     full: Callable[[float, float], float],
 ) -> tuple[dict[str, Any], Columns]:
-    """Return how T/T0 by the law agrees with the full solver's at places of a map, as numbers and as a table."""
+    """Return the agreement of T/T0 by the law with the full solver at points of a map, as numbers and as a table."""
     checks = [
         {**dict(zip(names, place, strict=True)), "law": float(law(*place)), "full": full(*place)} for place in places
     ]

@@ -1,4 +1,4 @@
-"""Figure 9: contact pressure under both balls, and how far each is from symmetric."""
+"""Figure 9: contact pressure under both balls, and its asymmetry."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ def compute(quick: bool) -> Findings:
     radius = float(np.sqrt(left.contact_area / np.pi))
     inner, outer = (_edge(solution, left.position[0], side, radius) for side in (1.0, -1.0))
     reach, count = max(inner, outer), 81 if quick else 321
-    # the pressures end like square roots: points close up towards both edges, and between them
+    # pressures end like square roots: points are denser towards both edges, and between the edges
     side = reach * np.sin(np.linspace(0.0, 0.5 * np.pi, count))
     side = np.unique(np.concatenate([side, np.linspace(min(inner, outer), reach, 12), [1.04 * reach, 1.08 * reach]]))
     xi = np.concatenate([-side[:0:-1], side])
@@ -49,7 +49,7 @@ def compute(quick: bool) -> Findings:
 
 
 def _edge(solution: Solution, centre: float, side: float, radius: float) -> float:
-    """Return how far the contact reaches from the ball's axis to one side."""
+    """Return the extent of the contact from the ball's axis to one side."""
 
     def pressed(distance: float) -> bool:
         return bool(solution.pressure(np.array([centre + side * distance]), np.zeros(1))[0] > 0.0)

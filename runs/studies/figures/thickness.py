@@ -13,7 +13,7 @@ THINNEST = 0.05
 
 
 def compute(quick: bool) -> Findings:
-    """Return T'(h') at the paper's force and at the approach that this force makes on the half-space."""
+    """Return T'(h') at the paper's force and at the approach due to this force on the half-space."""
     asked = at_features(quick)
     whole = Pair(half_space=True).left(asked)
     limit, depth = whole.tangential_force[0], whole.approach
@@ -22,7 +22,7 @@ def compute(quick: bool) -> Findings:
     h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
     force = Curve(lambda t: Pair(thickness=t), h, asked)
-    # a thin layer at this approach would be squeezed to nothing: from `THINNEST` on, 3.7 times the approach
+    # the approach must not reach the thickness of a thin layer: `THINNEST` is 3.7 times the approach
     deep = np.concatenate([np.geomspace(THINNEST, 0.1, 2 if quick else 8)[:-1], h[h >= 0.1]])
     approach = Curve(lambda t: Pair(thickness=t, approach=depth), deep, asked)
     bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
@@ -54,7 +54,7 @@ def compute(quick: bool) -> Findings:
 
 
 def draw(found: Findings) -> Any:
-    """Draw T'(h') with its sign changes, extrema and limits; the thin end apart."""
+    """Draw T'(h') with its sign changes, extrema and limits; thin layers in a separate panel."""
     n = found.numbers
     figure, (main, thin) = panels(7.2, 4.6)
     for name, color, style, label, zeros in (

@@ -1,4 +1,4 @@
-"""One case of a study: a problem, the model that solves it, and the numerical parameters that are varied."""
+"""One case of a study: a problem, the model that solves it, and the varied numerical parameters."""
 
 import hashlib
 import importlib
@@ -25,10 +25,10 @@ class Case:
 
     ``accuracy`` is the relative accuracy requested of T; ``constants`` overrides "module.NAME" of the linear model,
     ``numerics`` fields of `finite_strain.Numerics`; ``labels`` describe the case in the study's tables; ``steps`` are
-    the load fractions to answer (None: those of a whole load path); ``stop_after`` interrupts the run after that many
+    the load fractions with output (None: those of a whole load path); ``stop_after`` interrupts the run after that many
     load steps and resumes it from disk; ``budget`` limits refinement ("unknowns", "seconds"); ``alone`` solves on one
-    rank even if there are more; ``same_as`` (study, case) names an identical case, whose answer is reused if that
-    study's folder lies beside this one's.
+    rank even if there are more; ``same_as`` (study, case) names an identical case, whose answer is reused if the
+    folders of both studies have the same parent.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Case:
 
     @property
     def parallel(self) -> bool:
-        """Whether all ranks solve it together."""
+        """Whether all ranks solve the case together."""
         return MODELS[self.model].parallel
 
     def solve(self, run: Run) -> Result:

@@ -1,7 +1,7 @@
-"""A case on a fixed list of discretisations; the load steps of each are kept as separate answers.
+"""A case on a fixed list of discretisations (levels); the load steps of each are kept as separate answers.
 
-The mesh may be moved with the balls: the energies of two such runs then differ only by the change of distance, because
-the mesh's contribution cancels.
+The mesh may be moved with the balls: then the energies of two runs differ only by the effect of the distance, because
+the mesh error cancels.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Level:
     penalty: float = 1.0
 
     def discretisation(self) -> Discretisation:
-        """Return the solver's record of it."""
+        """Return the discretisation as the solver's record."""
         from finite_strain.planning.records import Discretisation  # noqa: PLC0415
 
         return Discretisation(**dataclasses.asdict(self))
@@ -56,10 +56,10 @@ class Level:
 
 @dataclass(frozen=True)
 class LevelCase(Case):
-    """A case solved on ``levels``; the discretisation error of a step comes from its change since the previous level.
+    """A case solved on ``levels``; the discretisation error of a load step is its change since the previous level.
 
-    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it. If ``incomplete``, a level whose load path
-    ends early keeps its steps, the last of which says why ("stopped"); else the case has then no answer.
+    ``shift`` [m] moves each ball of a pair outwards, and the mesh with it. If the load path of a level ends early, the
+    case has no answer; with ``incomplete`` it keeps the steps so far, the last with the reason ("stopped").
     """
 
     levels: tuple[Level, ...] = (Level(),)
@@ -140,7 +140,7 @@ def _answered(
 
 
 def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[StepRecord]:
-    """Yield each equilibrium with its multipliers, started from the previous level's, and save it for the next."""
+    """Yield each equilibrium with its multipliers, started from the previous level's, and save it for the next one."""
 
     def predicted(fraction: float) -> State | None:
         known = seen.get((model, fraction))

@@ -1,4 +1,4 @@
-"""The paper's pair of balls, and others at finite strain, as the studies vary them; dimensionless: R = E1 = 1."""
+"""The paper's pair of balls and other balls at finite strain, varied by the studies; dimensionless: R = E1 = 1."""
 
 from collections.abc import Sequence
 

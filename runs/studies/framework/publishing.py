@@ -1,4 +1,4 @@
-"""Publish a study's answer: replace the part of its README between two marks, and copy figures beside it."""
+"""Publish a study's answer: replace the part of its README between two marks, and copy the figures next to it."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Run a study of many cases: split into shards, resumed after an interruption, failed cases recorded and skipped.
+"""Runs a study of many cases: splits it into shards, resumes it, records failed cases and goes on.
 
 Every rank runs this. All ranks solve finite-element cases together, rank 0 solves the others. Each record is written
 while its case runs; tables and figures are made from the records that exist.
@@ -34,7 +34,7 @@ def study_of_cases(
 ) -> Study:
     """Return a study of ``cases`` (quick or full); ``present`` makes tables and figures and returns the text.
 
-    ``answers`` are the states that count as an answer to the study's question.
+    ``answers``: states of a case that count as an answer to the study's question.
     """
 
     def compute(path: Path, options: Options) -> None:
@@ -97,7 +97,7 @@ def _alone() -> Any:
 
 
 class _Stopped(Exception):
-    """Interrupts a run on purpose."""
+    """Interrupts a run deliberately."""
 
 
 class _Attempt:
@@ -111,7 +111,7 @@ class _Attempt:
         self.stop_after = case.stop_after
 
     def run(self) -> None:
-        """Solve the case and save the outcome (collective); raises only what stops the whole study."""
+        """Solve the case and save the outcome (collective); raises only errors that end the whole study."""
         state, reason, result = DONE, None, None
         try:
             with varied(self.case.constants):
@@ -123,7 +123,7 @@ class _Attempt:
         except ThirdBodyError as error:
             state, reason = "refused", str(error)
         except Exception as error:
-            # only if all ranks failed can they continue with the next case together
+            # the ranks can continue with the next case only if all of them failed
             if self.comm is not None and self.comm.size > 1 and not ranks.all_arrive(self.comm):
                 raise
             state, reason = "failed", "".join(traceback.format_exception_only(error)).strip()

@@ -1,4 +1,4 @@
-"""Records of a study's cases: one JSON file each, written while the case runs, valid while its key is current."""
+"""Records of a study's cases: one JSON file each, written while the case runs, valid until the case's key changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.study import CASES
 
 DONE, NOT_RUN = "done", "not run yet"
-"""States of a record, beside `RUNNING`; all others say how the case ended without an answer."""
+"""States of a record, in addition to `RUNNING`; all others are reasons for an end without an answer."""
 ENDED = (DONE, "refused", "not converged", "failed")
 """Final states."""
 
@@ -34,7 +34,7 @@ class StudyFolder:
         return self.path / CASES / case.name
 
     def record(self, case: Case) -> dict[str, Any] | None:
-        """Return the case's record if its key is current, from this study or from the one with the same case."""
+        """Return the case's record if its key is current, from this study or from the other one in ``same_as``."""
         saved = _valid(self.path, case.name, case)
         if saved is None and case.same_as is not None:
             study, name = case.same_as
@@ -57,7 +57,7 @@ class StudyFolder:
     def claim(self, case: Case) -> Iterator[bool]:
         """Yield whether this run may compute the case; False if another run has locked it."""
         with open(lock_of(self.path, case.name), "w", encoding="utf-8") as lock:
-            yield take(lock) is not False  # where the file system has no locks, it may
+            yield take(lock) is not False  # permitted if the file system has no locks
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Found:
 
 
 def lock_of(folder: Path, name: str) -> Path:
-    """Return the file that the run has locked which computes a case."""
+    """Return the file that a run locks while it computes a case."""
     return folder / CASES / f".{name}.lock"
 
 

@@ -1,4 +1,4 @@
-"""What every study does: compute answers into a folder, and make a page from those that exist."""
+"""The common part of all studies: compute answers into a folder, and make a page from the saved answers."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ CASES = "cases"
 class Study:
     """A study: ``compute`` saves answers in its folder (on every rank), ``page`` makes tables and figures from them.
 
-    ``page`` takes the folder and whether this is the quick version, and returns Markdown.
+    The arguments of ``page`` are the folder and whether it is of the quick version; it returns Markdown.
     """
 
     name: str
@@ -59,7 +59,7 @@ def run(study: Study, options: Options) -> None:
 
 @contextmanager
 def timed(title: str) -> Iterator[None]:
-    """Say that a case begins, and how long it took; no case begins where a signal has asked the run to stop."""
+    """Print the beginning of a case and its duration; no case begins after a signal has asked the run to stop."""
     signals.check()
     print_status(title)
     begun = time.monotonic()
@@ -74,7 +74,7 @@ def command(name: str, quick: bool) -> str:
 
 @contextmanager
 def _marked(folder: Path, identity: dict[str, Any]) -> Iterator[None]:
-    """Mark the folder as running, and at the end by how this run ended, unless another one still shares it."""
+    """Mark the folder as running, and at the end with the outcome, unless another run still shares the folder."""
     state = FINISHED
     try:
         lock = open(folder / LOCK, "w", encoding="utf-8")  # noqa: SIM115  (held as long as the run)

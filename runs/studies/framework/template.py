@@ -1,4 +1,4 @@
-"""The text of a study's page: a Jinja template beside the study's code."""
+"""The text of a study's page, from a Jinja template next to the study's code."""
 
 import re
 from typing import Any

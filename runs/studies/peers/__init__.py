@@ -1,1 +1,1 @@
-"""The study ``peers``: work against precision for two balls at finite strain, this project beside other codes."""
+"""The study ``peers``: work and precision for two balls at finite strain, this project compared with other codes."""

@@ -1,4 +1,4 @@
-"""Run every code at every size, keep each answer as JSON, and tabulate the errors."""
+"""Runs every code at every size, saves each answer as JSON, and tabulates the errors."""
 
 import math
 import os
@@ -23,13 +23,13 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "getfem": ("getfem", SIZES[:2]),
     "calculix": ("numpy", ("C3D20Rx1", "C3D20x1")),
 }
-"""By code: the Python package that it needs, and the sizes it runs."""
+"""By code: its Python package, and the sizes that are run."""
 REFERENCE = {0.1: (0.0771335, 9.6459e-5), 0.32: (0.600895, 5.1238e-3)}
 """Q and T by approach, from NGSolve with elements of orders 4 and 5; relative error of T: 2e-4 to 5e-4."""
 
 
 LAW_DEPTH, LAW_CASES = 0.32, (("thirdbody", "0.005"), ("felupe", SIZES[1]), ("felupe", SIZES[2]))
-"""Approach over R at which laws are compared; codes and sizes that solve every law."""
+"""Approach over R at which laws are compared; codes and sizes that solve every law (FElupe: two orders)."""
 
 
 def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, list[str]]]:
@@ -44,7 +44,7 @@ def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, list[str]]]:
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Run the cases without a saved answer, in this Python or those of PEERS_PYTHON (a:b:c)."""
+    """Run the cases without a saved answer, in this Python or those of the variable PEERS_PYTHON (a:b:c)."""
     for file, arguments in cases(folder, options.quick):
         if options.fresh or not file.exists():
             with timed(file.stem):
@@ -74,10 +74,10 @@ def _law_file(folder: Path, law: str, code: str, size: str) -> Path:
 
 
 def _laws(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield what two codes say of every law that both have solved.
+    """Yield the answers of two codes for every law that both have solved.
 
-    FElupe's error is taken as the change from order 3 to order 4; the deviation is the difference of T over the root
-    of the sum of both errors' squares.
+    The error of FElupe is the change from order 3 to order 4; the deviation is the difference of T over the root
+    of the sum of squares of both errors.
     """
     for law in LAW_BY_NAME:
         ours, third, fourth = (read_json(_law_file(folder, law, *case)) for case in LAW_CASES)
@@ -102,7 +102,7 @@ def _row(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _solve(arguments: list[str], file: Path) -> str:
-    """Run one case on one thread in the first Python that has the package; return a line on the outcome."""
+    """Run one case on one thread in the first Python with the package; return a line about the outcome."""
     root, package = Path(__file__).parents[3], CASES[arguments[0]][0]
     env = os.environ | {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     for python in [sys.executable, *filter(None, os.environ.get("PEERS_PYTHON", "").split(":"))]:

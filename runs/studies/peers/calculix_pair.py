@@ -18,7 +18,7 @@ PLACES = np.array([(*flat, level) for flats, level in LEVELS for flat in flats])
 FACETS, ANGLE = 16, 0.95
 """Half the number of elements of the sphere along x, and the largest meshed angle [rad] from its axis."""
 BULK = LAME + 2 / 3 * SHEAR
-"""Bulk modulus of CalculiX's law mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, which equals the study's to first order."""
+"""Bulk modulus of CalculiX's law mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, equal to the study's law at small strain."""
 
 
 def mesh(axes: Iterable[Array], first: int) -> tuple[dict[int, tuple[float, ...]], list[list[int]]]:

@@ -1,4 +1,4 @@
-"""The laws of `linear_bem.law` written a second time, as energies of C for automatic differentiation."""
+"""Independent implementation of the laws of `linear_bem.law`, as energies of C for automatic differentiation."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,9 +7,9 @@ from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden
 
 
 def energy(law: Law, shear: float, lame: float, math: Any) -> Callable[[Any], Any]:
-    """Return the strain energy density psi(C), C = F^T F; the formulas are those of the docstrings there.
+    """Return the strain energy density psi(C), C = F^T F, by the formulas in the docstrings of `linear_bem.law`.
 
-    ``math`` is numpy, or a module with its functions that differentiates them. Raises `TypeError` for a law not here.
+    ``math``: numpy, or a module with its functions that differentiates them. Raises `TypeError` for other laws.
     """
 
     def psi(C: Any) -> Any:
@@ -31,7 +31,7 @@ def energy(law: Law, shear: float, lame: float, math: Any) -> Callable[[Any], An
                 total = total + 2 * shear * w / a**2 * (math.sum(squares ** (a / 2)) - 3 + volume)
             return total
         if not isinstance(law, Gent):
-            raise TypeError(f"{law.name} is not written a second time: add its energy here")
+            raise TypeError(f"{law.name} is not implemented for peers: add its energy here")
         return -shear / 2 * law.limit * math.log(1 - A / law.limit) + U
 
     return psi

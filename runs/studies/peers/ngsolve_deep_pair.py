@@ -1,7 +1,7 @@
-"""A deep pair in NGSolve: contact energy per deformed area, which `ngsolve_pair` lacks; the load path at every order.
+"""A deep pair in NGSolve: unlike `ngsolve_pair`, with contact energy per deformed area and a load path at every order.
 
-The contact's potential is per area of the deformed top that faces the ball: per undeformed area, pressures above 2 mu
-make the surface unstable.
+The contact potential is per area of the deformed surface that faces the ball: per undeformed area, the surface would
+become unstable at pressures above 2 mu.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from runs.studies.peers.ngsolve_pair import FIXED, mesh_of
 from runs.studies.peers.scene import EXTENT, POISSON, SOFT, THICKNESS, Array, moduli, report
 
 RAMP = 0.05
-"""Length over which the weight q falls from 1 to 0 at the plane of symmetry; the contact's edge must stay out of it."""
+"""Length over which the weight q falls from 1 to 0 at the plane of symmetry; the contact must not extend into it."""
 START, STEP, SHORTEST = 0.3, 0.05, 2e-3
-"""Approach from which the load path goes on at the order requested; its largest and shortest step."""
+"""Approach from which the load path continues at the requested order; its largest and its shortest step."""
 GROWTH, DAMPINGS = 5.0, 5
-"""Largest growth of the residual in a Newton step, and how often a step is halved for it."""
+"""Largest growth of the residual in a Newton step, and largest number of halvings of a step that exceeds it."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Pair:
 
 
 class Equilibrium:
-    """Newton's method for one penalty and multiplier, by condensed Cholesky factors with a check of the residual."""
+    """Newton's method for one penalty and multiplier, with condensed Cholesky factors and a check of the residual."""
 
     def __init__(self, pair: Pair, u: Any, depth: Any, stiffness: float, multiplier: Any = 0) -> None:
         self.u, self.space, self.depth = u, u.space, depth

@@ -1,4 +1,4 @@
-"""The problem that every code solves: a quarter of the pair on a grid of hexahedra that all can read.
+"""The problem that every code solves: a quarter of the pair on a common grid of hexahedra.
 
 Lengths in radii R, forces in E R². The ball is at x = 1, y = 0, z = 1 - D; x = 0 and y = 0 are symmetry planes.
 """

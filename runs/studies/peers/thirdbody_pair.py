@@ -1,4 +1,4 @@
-"""The pair by `thirdbody solve`, with a requested relative accuracy of T."""
+"""The pair by `thirdbody solve`, with a required relative accuracy of T."""
 
 import json
 import subprocess

@@ -1,1 +1,1 @@
-"""The study ``scaling``: time and memory of Newton's linear systems by size, solver and number of ranks."""
+"""The study ``scaling``: time and memory of the linear systems of Newton's method by size, solver, number of ranks."""

@@ -1,4 +1,4 @@
-"""One table per number of ranks, saved as CSV, and the page that shows all of them."""
+"""Measurements, saved as one CSV table per number of ranks, and the page that shows all of them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,19 +20,19 @@ from runs.studies.scaling import whole_runs
 from runs.studies.scaling.measuring import BYTES, FORMS, measure, pressed
 
 SIZES = (12_000, 50_000, 100_000)
-"""Numbers of unknowns; the nearest mesh is taken."""
+"""Numbers of unknowns; the mesh nearest to each is used."""
 LARGE = (500_000, 1_050_000)
-"""The same on more than one rank, by multigrid alone, and of whole runs, which keep two models."""
+"""Further numbers of unknowns on more than one rank, for multigrid and for whole runs, which hold two models."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
 FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
 AHEAD = (1e7, 1e8)
 """Unknowns to which the fits are extrapolated."""
 FITTED_FROM = 40_000
-"""Unknowns below which set-up once per mesh dominates the time of a first solve: smaller systems are not fitted."""
+"""Smaller systems are not fitted: the set-up once per mesh dominates the time of their first solve."""
 
 
 def compute(folder: Path, options: Options) -> None:
-    """Measure what the table for the current number of ranks lacks."""
+    """Make the measurements that the table for the current number of ranks lacks."""
     comm = ranks.world()
     file = folder / f"ranks_{comm.size}.csv"
     rows = ranks.share([] if options.fresh or not ranks.is_root() else read([file]))
@@ -63,9 +63,9 @@ def compute(folder: Path, options: Options) -> None:
 
 
 def fits(needed: float, what: str, comm: Any) -> bool:
-    """Return whether so many bytes fit into the memory that is free on rank 0; print the fault otherwise (collective).
+    """Return whether ``needed`` bytes are free on rank 0; if not, print a line about it (collective).
 
-    ``what`` needs them.
+    ``what``: description of the system or run that needs them.
     """
     fault = ""
     give_back()
@@ -91,7 +91,7 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Return the table for all numbers of ranks, and the powers of the size by which multigrid's cost grows."""
+    """Return the table for all numbers of ranks, and the exponents of the growth of multigrid's cost with the size."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
     whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file, float)]
     whole = [{**row, "unknowns": int(row["unknowns"])} for row in whole]
@@ -100,7 +100,7 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a sentence for each form: fitted powers of the unknowns, and what they give for larger systems."""
+    """Return a sentence for each form: fitted powers of the unknowns, and their extrapolation to larger systems."""
     lines = []
     for form in dict.fromkeys(row["form"] for row in rows):
         ranks_ = max(row["ranks"] for row in rows if row["form"] == form)

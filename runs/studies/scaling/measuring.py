@@ -1,6 +1,6 @@
-"""One measurement: the tangent of a pressed pair of balls assembled and its linear system solved, twice if it is small.
+"""One measurement: assembly of the tangent of a pressed pair and solution of its linear system, twice if it is small.
 
-All meshes carry one state: the equilibrium on the coarsest one, interpolated.
+The state is the same on all meshes: the equilibrium on the coarsest one, interpolated.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 FORMS = {"displacement": 0.3, "mixed": 0.4999}
 """Poisson's ratio used with each element form."""
 SOLVERS = {"MUMPS": {"direct_up_to": "1e12"}, "multigrid": {"direct_up_to": "0", "ksp_rtol": "1e-8"}}
-"""Options of the prefix by solver."""
+"""PETSc options by solver, without their prefix."""
 MOST_BY_FACTORS, TWICE_UP_TO = 100_000, 250_000
-"""Largest systems that factors solve here, and that are solved twice."""
+"""Largest number of unknowns of systems solved by factors, and of systems solved twice."""
 BYTES = {"displacement": 1.05e4, "mixed": 1.9e4}
-"""Memory per unknown on all ranks that a measurement by multigrid needs to begin."""
+"""Memory [bytes per unknown], summed over the ranks, without which a measurement by multigrid is not started."""
 DEPTH = 0.1
 FINENESSES = np.arange(1.0, 16.1, 0.25).tolist()
 PATH = (0.2, 0.6, 1.0)

@@ -1,7 +1,7 @@
-"""Measures what `finite_strain.planning.cost` plans: ``python -m runs.studies.scaling.plan_calibration [CASE ...]``.
+"""Checks `finite_strain.planning.cost`: ``python -m runs.studies.scaling.plan_calibration [CASE ...]``.
 
-Every case runs twice, each time in a process of its own: the first compiles the forms. Printed are unknowns, processor
-time and largest memory of the second, and the plan over them and over the error of the first answer.
+Every case runs twice, each time in a separate process: the first run compiles the forms. Printed are unknowns,
+processor time and peak memory of the second run, and the ratios of planned to measured values and errors.
 """
 
 import json
@@ -19,7 +19,7 @@ from linear_bem.problem import Ball, FiniteStrain, Problem
 from runs.studies.framework.pair import THICK, pair, pressed
 
 ROUGH = 0.3
-"""Accuracy that the first answer meets."""
+"""Required accuracy, so low that the first answer meets it."""
 
 
 _SHALLOW = pair(0.1, substrate=None)
@@ -64,7 +64,7 @@ def measure(name: str) -> dict[str, float]:
 
 
 def planned(name: str) -> dict[str, float]:
-    """Return what the plan of a case says of one process."""
+    """Return the planned values of a case in one process."""
     from finite_strain.planning.forecast import first_error, forecast  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
@@ -76,7 +76,7 @@ def planned(name: str) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure the cases that are named, or all."""
+    """Measure the cases named on the command line, or all."""
     if sys.argv[1:2] == ["--measure"]:
         print(json.dumps(measure(sys.argv[2])))
         return

@@ -1,16 +1,16 @@
 """Measures `first_error` on random scenes: ``python -m runs.studies.scaling.plan_errors FIRST LAST [small]``.
 
-Scene number n is the same each time. Each is solved on two meshes (half a minute), at small strain with a last word;
-those of more than `MOST` unknowns are left out. Printed are the error expected and reached, and at the end the scatter,
-and the share of accuracies between `ASKED` for which the expected error names another number of meshes. Of scenes 1 to
-35, 29 have few enough unknowns: median 1.07, scatter 0.58, 76 % within a factor 2, another number for 9 %.
+Scene number n is the same each time. Each is solved on two meshes (half a minute), with ``small`` at small strain;
+scenes of more than `MOST` unknowns are left out. Printed are the expected and the reached errors, and at the end their
+scatter and the share of accuracies in the range `ASKED` for which the expected error gives another number of meshes. Of
+scenes 1 to 35, 29 have few enough unknowns: median 1.07, scatter 0.58, 76 % within a factor 2, another number for 9 %.
 
-What is left does not follow from the scene: the reached error is the change, from order 2 to 3, of what finite
-strain adds to T / Q^2: 0.03 to 0.65 of the change at small strain, whose sign and size (0.0005 to 0.02 of the
-half-space's T) vary from mesh to mesh. On soft bases the transfer of the correction reached 1.4 times what was asked.
-A fit of powers (room beside the contacts, the half-space's T over T, thickness, height of the elements, 1 - 2 nu) to 85
-runs of two and three balls left a scatter of 0.54, where `first_error` has 0.61. Over 16 scenes that came after the fit
-it left 0.73, and `first_error` 0.59, which was kept.
+The remaining scatter cannot be predicted from the scene: the reached error is the change, from order 2 to 3, of the
+contribution of finite strain to T / Q^2: 0.03 to 0.65 of the change at small strain, whose sign and size (0.0005 to
+0.02 of the half-space's T) vary from mesh to mesh. On soft bases the transfer of the correction reached 1.4 times the
+required error. A power-law fit (room beside the contacts, half-space's T over T, thickness, element height, 1 - 2 nu)
+to 85 runs of two and three balls has a scatter of 0.54, `first_error` of 0.61. In 16 scenes after the fit, the scatter
+was 0.73 with the fit and 0.59 with `first_error`, which was kept.
 """
 
 import math
@@ -25,9 +25,9 @@ import numpy as np
 from linear_bem.problem import Ball, Elastic, FiniteStrain, Layer, Load, Problem
 
 MOST = 40e3
-"""Unknowns of the first answering mesh up to which a scene is solved."""
+"""Largest number of unknowns of the first answering mesh of a scene that is solved."""
 ASKED = 0.003, 0.05
-"""Accuracies between which scenes ask, evenly in their logarithm."""
+"""Range of required accuracies, distributed evenly in their logarithm."""
 RATIOS = (0.3, 0.35, 0.4, 0.45, 0.47, 0.48, 0.49, 0.495, 0.499, 0.4999)
 """Poisson's ratios of the layer."""
 
@@ -61,7 +61,7 @@ def scene(number: int) -> tuple[Problem, float]:
 
 
 def measure(number: int, small: bool) -> tuple[float, float] | None:
-    """Return the error expected of a scene's first answer and the one reached; None if it has too many unknowns."""
+    """Return expected and reached error of a scene's first answer; None if it has too many unknowns."""
     import finite_strain  # noqa: PLC0415  (not at the import)
     from finite_strain.planning.forecast import first_error  # noqa: PLC0415
     from finite_strain.planning.refinement import FIRST  # noqa: PLC0415
@@ -81,7 +81,7 @@ def measure(number: int, small: bool) -> tuple[float, float] | None:
 
 
 def judged(pairs: Sequence[tuple[float, float]]) -> str:
-    """Return the scatter of errors expected and reached in one line."""
+    """Return one line on the scatter of reached over expected errors."""
     expected, reached = np.log(np.array(pairs).T)
     off, low, high = reached - expected, *np.log(ASKED)
     wrong = np.abs(np.clip(reached, low, high) - np.clip(expected, low, high)).mean() / (high - low)

@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 STEPS = (0.5, 1.0)
 FINENESSES = np.arange(1.0, 8.05, 0.1).round(1).tolist()
 BYTES = 1.9e4
-"""Memory on all ranks per unknown asked for: both models keep their matrix and levels."""
+"""Memory [bytes per requested unknown], summed over the ranks: both models keep matrix and multigrid levels."""
 ACCURACY = 0.02
-"""Of the domain and of linear_bem; the mesh is given."""
+"""Accuracy of the domain size and of linear_bem; the mesh is given."""
 KEPT = ("unknowns", "fraction", "iterations", "tangents", "linear_iterations", "linear_fallbacks", "seconds")
-"""What the rows have of a load step's record."""
+"""Entries of a load step's record that are in the rows."""
 
 
 def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
     """Return a row per load step on a mesh of about ``target`` unknowns, order 3 (collective).
 
-    Two coarse meshes come before: the path finder, whose states the next ones start from, and one for the error.
+    Two coarse meshes come first: the path finder, which gives initial guesses to the next, and one for the error.
     """
     form = next(iter(FORMS))
     problem = dataclasses.replace(

@@ -1,1 +1,1 @@
-"""The study ``stability``: hard cases times models, each with a checked answer or a refusal that gives its reason."""
+"""The study ``stability``: hard cases with several models, each with a checked answer or a refusal with its reason."""

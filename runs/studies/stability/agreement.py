@@ -16,7 +16,7 @@ FAR_ENOUGH = 4.0
 def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, float] | None:
     """Return the relative difference of T between a case and its reference, and the tolerance.
 
-    None if either did not reach the load compared at, or has no error estimate there.
+    None if either case did not reach the load of the comparison, or has no error estimate there.
     """
     other = check["other"]
     path, against = found.steps(name), found.steps(other)
@@ -47,8 +47,8 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
     """Return the relative difference of T between two theories in the limit of zero load, and its tolerance.
 
     The ratio of the two, as a function of the square root of the approach, is extrapolated by the parabola through the
-    first common step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is the error bars
-    carried through the extrapolation, plus the difference from the straight line through the first and the last step.
+    first common step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is the extrapolated
+    error bar plus the difference from the straight line through the first and the last step.
     """
     pairs = [
         (one, two)
@@ -73,7 +73,7 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
 
 
 def _at_zero(x: np.ndarray, y: np.ndarray, errors: np.ndarray, points: int) -> tuple[float, float]:
-    """Return the value at x = 0 of the polynomial through ``points`` data, both ends included, and its error."""
+    """Return value and error at x = 0 of the polynomial through ``points`` of the data, both ends included."""
     chosen = np.unique(np.linspace(0, len(x) - 1, points).astype(int))
     weights = np.linalg.solve(np.vander(x[chosen], increasing=True).T, np.eye(len(chosen))[0])
     return float(weights @ y[chosen]), float(np.abs(weights) @ errors[chosen])
@@ -93,7 +93,7 @@ def _ratio(one: Mapping[str, Any], two: Mapping[str, Any]) -> float:
 def at_force(steps: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return T and its error on a load path at the normal forces of ``balls``, interpolated by power laws.
 
-    Beyond the end of the path the last two steps are extrapolated; relative errors are those of the upper step.
+    Beyond the end of the path the last two steps are extrapolated; relative errors are those of the step above.
     """
     found = []
     for number, ball in enumerate(balls):

@@ -9,13 +9,13 @@ from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.agreement import share_of_error
 
 WELL_KNOWN = 0.1
-"""Largest error of the linear answer over the error bar that it may judge."""
+"""Largest error of the linear answer over the error bar that it checks."""
 
 
 def path_bars(found: Found) -> list[dict[str, Any]]:
     """Return one row per small-strain case: its errors along the load compared with its error bars.
 
-    Cases whose linear reference is not accurate enough are left out.
+    Cases whose linear reference is not accurate enough are omitted.
     """
     rows = []
     for case in found.cases:
@@ -39,7 +39,7 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
 
 
 def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a sentence on how many bars hold at full load and before; empty if none can be judged."""
+    """Return a sentence on how many error bars hold at full load and before; empty if none can be checked."""
     ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
     if not ends:
         return ""

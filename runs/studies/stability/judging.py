@@ -21,9 +21,9 @@ FORCES = 1e-6
 RESIDUAL = 1e-3
 """Largest recomputed residual of a linear answer, over the approach, the peak pressure or the load."""
 SLOPE_ON_GRIDS = 1e-3
-"""Relative error of the slope integral on a grid of 256 cells per ball: noise of the check, not of the answer."""
+"""Relative error of the slope integral on a grid of 256 cells per ball: an error of the check, not of the answer."""
 MEANINGFUL = 0.1
-"""Largest relative error of T, and largest relative tolerance of a check on T, that claims anything."""
+"""Largest relative error of T of a resolved answer; largest relative tolerance of a meaningful check on T."""
 NOT_CONVERGED, NOT_RESOLVED = "not converged", "T not resolved"
 NAMED_LIMIT, FORCE_REFUSED = "named limit", "T refused by name"
 ROUNDOFF = 1e-14
@@ -33,8 +33,8 @@ ROUNDOFF = 1e-14
 def work(steps: Sequence[Mapping[str, Any]], meshed: Sequence[float] | None = None) -> float:
     """Return the work [J] that the balls did up to the last step: int Q dD, by power laws between steps.
 
-    ``meshed`` is, per ball, the mesh's own Q over the answer's at the last step: the answer is corrected for mesh and
-    domain truncation, but the mesh's energy is not, so the path is scaled back to first order in Q / D.
+    ``meshed``: per ball, Q on the mesh over Q of the answer at the last step. The answer is corrected for mesh and
+    domain truncation, but the energy is not, so the path is scaled back to first order in Q / D.
     """
     total = 0.0
     for ball in range(len(steps[0]["balls"])):
@@ -72,7 +72,7 @@ def meshed_forces(record: Mapping[str, Any]) -> list[float] | None:
     forces, balls = meshes[-1]["normal_forces"], record["steps"][-1]["balls"]
     forces = forces * len(balls) if len(forces) == 1 else forces
     if len(forces) != len(balls):
-        return None  # some balls are mirror images, and the record does not say which
+        return None  # some balls are mirror images; the record does not contain which ones
     return [force / ball["normal_force"] for force, ball in zip(forces, balls, strict=True)]
 
 
@@ -95,7 +95,7 @@ def _recorded(steps: Sequence[Mapping[str, Any]], key: str) -> list[float]:
 
 @dataclass
 class Checks:
-    """Outcome of a case's checks; ``unresolved`` says why its T is not resolved."""
+    """Outcome of a case's checks; ``unresolved``: reasons why its T is not resolved."""
 
     faults: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
@@ -104,11 +104,11 @@ class Checks:
     unresolved: list[str] = field(default_factory=list)
 
     def judge(self, holds: bool, text: str, owed: bool = True) -> None:
-        """Record one check; one not ``owed`` need not hold for a state that its result calls unresolved."""
+        """Record one check; unless ``owed``, it need not hold for a state that the result calls unresolved."""
         (self.passed if holds else self.faults if owed else self.doubts).append(text)
 
     def judge_force(self, apart: float, allowed: float, words: str, owed: bool = True) -> None:
-        """Record a check on T: difference and tolerance, relative to T; one that allows too much may only fail."""
+        """Record a check on T: difference and tolerance, relative to T; with too large a tolerance it can only fail."""
         text = f"{words} {100 * apart:.2g} %, tolerance {100 * allowed:.2g} %"
         if apart <= allowed and allowed > MEANINGFUL:
             self.notes.append(f"{text}, which is no check")
@@ -117,11 +117,11 @@ class Checks:
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
-    """Return how a case ended and why: right, T not resolved, named refusal, not checked, WRONG, or its state.
+    """Return verdict and reason of a case: right, T not resolved, named refusal, not checked, WRONG, or its state.
 
-    If equilibrium holds and the result itself says that its state is not resolved, the case is a named limit; if it
-    says that T is too small, only its T is refused, with a bound. T is not resolved if all checks pass and its error is
-    above `MEANINGFUL` of T.
+    If equilibrium holds and the result itself states that it is not resolved, the case is a named limit; if it states
+    that T is too small, only T is refused, with a bound. T is not resolved if all checks pass and its error is above
+    `MEANINGFUL` of T.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # a case's working files are deleted when it ends
@@ -165,7 +165,7 @@ def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
     if not math.isnan(energy):
         checks.judge(energy <= BALANCE, f"energy against work: {100 * energy:.2g} %", owed=False)
     if not math.isnan(forces):
-        held = checks.notes if forces <= FORCES else checks.faults  # owed by any state, and no claim about T
+        held = checks.notes if forces <= FORCES else checks.faults  # required of any state, and no statement about T
         held.append(f"forces against base: {100 * forces:.2g} %")
     folded = min(_recorded(steps, "smallest_volume_ratio"), default=math.nan)
     if folded <= 0.0:
@@ -199,7 +199,7 @@ def _judge_routes(checks: Checks, balls: Sequence[Mapping[str, Any]], unknowns: 
 def _judge_third_law(checks: Checks, balls: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> None:
     """Check that T of all balls sums to zero; skipped for equal loads, where symmetry makes it trivial.
 
-    Elements make use of it, so their step's ``record`` holds sum and error as they were before.
+    The finite elements use it to correct T, so the ``record`` of their step holds sum and error before that.
     """
     loads = [ball["normal_force"] for ball in balls]
     if len(balls) < 2 or min(loads) > (1.0 - 1e-6) * max(loads):
@@ -222,7 +222,7 @@ def _error(ball: Mapping[str, Any]) -> float:
 
 
 def last_good(steps: Sequence[Mapping[str, Any]], state: str, reason: str) -> float:
-    """Return the load fraction reached; after a stop on the first mesh only the message contains it."""
+    """Return the load fraction reached; after a failure on the first mesh, only the message contains it."""
     if steps:
         return float(steps[-1].get("record", {}).get("fraction", 1.0))
     named = re.search(r"last good state is at (\S+) of the full load", reason)

@@ -1,7 +1,7 @@
-"""The hard cases: why each is hard, the models that solve it, and the reference for its check.
+"""The hard cases: the difficulty of each, the models that solve it, and the reference for its check.
 
 Dimensionless, R = 1 and E1 = 1, except for the scaled case. A check names another case of the study that must give the
-same force by other means: another model, another load path, a limit, the same problem in other units. The requested
+same force in another way: another model, another load path, a limit, the same problem in other units. The requested
 accuracy is low: the question is whether an answer lies within its own error bar.
 """
 
@@ -21,20 +21,20 @@ ACCURACY = 0.1
 """Relative accuracy of T requested of finite elements."""
 QUICK_ACCURACY, LINEAR_ACCURACY = 0.2, 1e-4
 FINER = {"unlike-incompressible": 0.02}
-"""Accuracy of cases of `combined` whose T is much smaller than the force that the accuracy is relative to."""
+"""Accuracy of the cases of `combined` whose T is much smaller than the reference force of the accuracy."""
 ONE_STEP = {"largest_step": 10.0, "more_loads": ()}
 GRADED = {"growth": 2.0}
 """Twice the default growth of element sizes."""
 QUADRATIC = (Level(2, 1.0), Level(2, 1.5))
 END, NO_LOAD, SAME_FORCE = "end", "no load", "same force"
-"""Where two cases are compared: at full load, in the limit of zero load, or where the other reaches the same Q."""
+"""Load of a comparison of two cases: full load, the limit of zero load, or the load where the other has the same Q."""
 
 
 @dataclass(frozen=True)
 class Check:
     """The reference of a case: ``other`` is its name, ``factor`` multiplies its T.
 
-    ``within`` is the relative tolerance (0: the sum of both error bars), ``at`` the load compared at.
+    ``within``: relative tolerance (0: the sum of both error bars); ``at``: load of the comparison.
     """
 
     words: str
@@ -46,9 +46,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Hard:
-    """A hard case: ``checks`` by model; a model without one is judged by energy, force balance and its own routes.
+    """A hard case: ``checks`` by model; without one, a model is judged by energy, force balance and its routes to T.
 
-    ``unknowns`` are budgets by model.
+    ``unknowns``: largest numbers of unknowns by model.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Hard:
 
 
 def scaled(problem: Problem, scale: float) -> Problem:
-    """Return a problem of balls pressed in on a substrate with lengths times ``scale`` and moduli times its cube."""
+    """Return a problem with prescribed approaches and a substrate, lengths times ``scale``, moduli times its cube."""
     layer, below, modulus = problem.layer, problem.substrate, scale**3
     assert below is not None
     return dataclasses.replace(

@@ -1,1 +1,1 @@
-"""The study ``strengthening``: T of finite over small strain, at equal force and approach, and what causes it."""
+"""The study ``strengthening``: T at finite over T at small strain, at equal force or approach, and its causes."""

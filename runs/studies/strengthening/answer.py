@@ -1,4 +1,4 @@
-"""The study's tables, from whatever cases are there; the text is in the template beside."""
+"""The study's tables, from the cases finished so far; the text is in the template next to this file."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -18,11 +18,11 @@ from runs.studies.strengthening.ratios import load_paths
 
 STRONGER, OPPOSITE = "stronger", "of the other sign than at small strain"
 COMMON = 0.1
-"""Largest misfit of one curve through several that is worth a formula."""
+"""Largest misfit at which one curve through several is given as a formula."""
 LAWS = ("laws", "foam")
 """Groups of the part on laws."""
 DEPTHS = (0.05, 0.15, 0.32, 0.5, 0.6)
-"""Approaches over R that curves are read at."""
+"""Approaches over R at which curves are tabulated."""
 
 
 def present(found: Found, folder: Path) -> str:
@@ -48,7 +48,7 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _verdicts(paths: Paths) -> dict[str, list[str]]:
-    """Return where the effect is stronger at finite strain, where weaker, and where the error bar leaves it open."""
+    """Return the cases where T is stronger at finite strain, weaker, or equal within its error bar."""
     verdicts: dict[str, list[str]] = {STRONGER: [], "weaker": [], "within its error bar of 1": [], OPPOSITE: []}
     for case, path in paths:
         known = [row for row in path if row["S_Q"] is not None]
@@ -57,14 +57,14 @@ def _verdicts(paths: Paths) -> dict[str, list[str]]:
         row = known[-1]
         lowest, highest = row["S_Q"] - row["S_Q_error"], row["S_Q"] + row["S_Q_error"]
         kind = STRONGER if lowest > 1.0 else "within its error bar of 1" if highest >= 1.0 else "weaker"
-        if highest < 0.0:  # where T changes its sign with the load, at another load than at small strain
+        if highest < 0.0:  # T changes sign with the load, but at another load than at small strain
             kind = OPPOSITE
         verdicts[kind].append(f"{_words(case)}: {with_error(row['S_Q'], row['S_Q_error'])} at D = {number(row['D'])} R")
     return verdicts
 
 
 def _stronger_from(main: Mapping[str, Rows]) -> list[str]:
-    """Return the load from which on the effect is resolved as stronger, for each layer."""
+    """Return, for each layer, the load from which T is stronger beyond its error bar."""
     words = []
     for h, side in SIDES.items():
         path = [row for row in main[side] if row["S_Q"] is not None]
@@ -90,7 +90,7 @@ def _words(case: Case) -> str:
 
 
 def _ladder(rows: Mapping[str, Rows]) -> list[dict[str, Any]]:
-    """Return what the indenter's exact shape adds and what the bulk adds, at equal force."""
+    """Return the contributions of the indenter's exact shape and of finite strain in the bulk, at equal force."""
     shown = []
     for side in SIDES.values():
         path, plain = headline(rows, side), headline(rows, side, "paraboloid")
@@ -106,10 +106,10 @@ def _ladder(rows: Mapping[str, Rows]) -> list[dict[str, Any]]:
 
 
 def _slopes(paths: Paths) -> list[dict[str, Any]]:
-    """Return the slope with which every curve leaves 1, fitted."""
+    """Return the fitted slope of every curve at zero load, where it is 1."""
     shown = []
     for case, path in paths:
-        # the deeper curves are the headline's, and paraboloids and the change of sign have tables of their own
+        # the deeper curves are those of the headline; paraboloids and the sign change have separate tables
         if case.labels["group"] in ("sign", "deeper", "paraboloid"):
             continue
         slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}

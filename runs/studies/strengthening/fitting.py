@@ -1,4 +1,4 @@
-"""Fits of the strengthening factor: S = 1 + c1 x + c2 x^2 with the error bars as weights, and what collapses curves."""
+"""Fits of the strengthening factor, S = 1 + c1 x + c2 x^2, weighted by error bars, and the x that collapses curves."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ Known = tuple[float, float, float]
 """Measure of the load, factor and its error."""
 DEGREES = (2, 3, 4, 5)
 SMALL_LOAD = 0.07
-"""Approach over R up to which the slope at zero load is drawn from."""
+"""Largest approach over R of the points that give the slope at zero load."""
 VARIABLES: dict[str, Callable[[Row, float], float]] = {
     "sqrt(D/R)": lambda row, h: math.sqrt(row["D"]),
     "D/R": lambda row, h: row["D"],
@@ -24,7 +24,7 @@ VARIABLES: dict[str, Callable[[Row, float], float]] = {
     "a/h": lambda row, h: row["a"] / h,
     "(Q/E1 R^2)^(1/3)": lambda row, h: row["Q"] ** (1.0 / 3.0),
 }
-"""Measures of the load that could make curves one, of a row and the thickness over R; but for D/R all are ~ sqrt(D)."""
+"""Measures x of the load that might collapse the curves, from a row and h/R; all except D/R are ~ sqrt(D)."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Fit:
 def fit(points: Sequence[Known], variable: str, degree: int) -> Fit | None:
     """Return the weighted fit through (x, S, error); None where there are fewer points than coefficients.
 
-    Errors of the points are bounds of one sign along a curve rather than independent, so the errors of the
-    coefficients are those of shifting all points together or each alone, whichever is larger.
+    The errors of the points are bounds, probably of equal sign along a curve rather than independent. So the errors of
+    the coefficients come from shifting all points together or each alone, whichever gives more.
     """
     if len(points) < degree:
         return None
@@ -91,7 +91,7 @@ def points(rows: Sequence[Row], variable: str, thickness: float) -> list[Known]:
 
 
 def initial_slope(rows: Sequence[Row], variable: str, thickness: float) -> Fit | None:
-    """Return the fit of second degree to the small loads alone: its first coefficient is the slope at zero load."""
+    """Return the fit of second degree to small loads only: its first coefficient is the slope at zero load."""
     small = [row for row in rows if row["D"] <= SMALL_LOAD]
     return fit(points(small, variable, thickness), variable, 2) if len(small) >= 3 else None
 
@@ -103,7 +103,7 @@ def collapse(curves: Mapping[str, tuple[Sequence[Row], float]]) -> list[Fit]:
 
 
 def best(measures: Mapping[str, Sequence[Known]]) -> Fit | None:
-    """Return the simplest fit among several measures of the load, given (x, S, error) in each; then the closest."""
+    """Return the fit of lowest degree, and of these the closest, among measures of the load with (x, S, error) each."""
     return min(_fits(measures), key=lambda fit: (len(fit.coefficients), fit.misfit), default=None)
 
 
@@ -114,7 +114,7 @@ def _fits(measures: Mapping[str, Sequence[Known]]) -> list[Fit]:
 def at_depth(rows: Sequence[Row], depth: float, factor: str = "S_Q", measure: str = "D") -> tuple[float, float] | None:
     """Return factor and error at an approach (or at a force Q), interpolated; None outside the rows.
 
-    A factor without an error of its own (``geometry``) has that of the interpolation.
+    A factor without its own error (``geometry``) gets that of the interpolation.
     """
     known = [row for row in rows if row[factor] is not None]
     if len(known) < 2 or not known[0][measure] * (1 - 1e-9) <= depth <= known[-1][measure] * (1 + 1e-9):

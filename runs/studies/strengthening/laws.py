@@ -1,4 +1,4 @@
-"""The study's tables and figure, from whatever cases are there; the text is in the template beside."""
+"""The part of the study on hyperelastic laws: tables and figure from the cases finished so far."""
 
 import math
 from pathlib import Path
@@ -44,18 +44,18 @@ def _by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
 
 
 def _vanishes(paths: Paths) -> bool:
-    """Return whether T at small strain changes its sign along a load path: ratios then say little."""
+    """Return whether T at small strain changes sign along a load path, where ratios are not meaningful."""
     linear = [row["T_linear"] for _, path in paths for row in path]
     return min(linear) < 0.0 < max(linear)
 
 
 def _depths(paths: Paths) -> list[float]:
-    """Return the approaches over R that the cases are answered at, rising."""
+    """Return the approaches over R with output, in rising order."""
     return sorted({round(step * case.problem.load.values[0], 9) for case, _ in paths for step in case.steps or ()})
 
 
 def _laws(paths: Paths) -> list[dict[str, Any]]:
-    """Return how far the factors depend on the hyperelastic law, at equal moduli at small strain."""
+    """Return the factors of each hyperelastic law, at equal moduli at small strain."""
     return [
         {"h / R": case.labels["h"], "law": case.labels["law"], "nu": case.labels["nu"]}
         | {f"{s} at {depth:g} R": at_depth(path, depth, s) for depth in _depths(paths) for s in ("S_Q", "S_D")}
@@ -78,7 +78,7 @@ def _spreads(paths: Paths) -> list[dict[str, Any]]:
 
 
 def _foams(paths: Paths) -> list[dict[str, Any]]:
-    """Return T of the paper's balls on foam at the last load, by law, over that of the neo-Hookean solid."""
+    """Return T of the paper's balls on foam at the last load, by law, over T on the neo-Hookean solid."""
     solids = {case.labels["nu"]: path for case, path in paths if case.labels["law"] == "neo_hookean"}
     rows = []
     for case, path in paths:

@@ -1,4 +1,4 @@
-"""The laws that studies compare, of equal moduli at small strain. Their other numbers belong to no real material."""
+"""The laws that studies compare, with equal moduli at small strain. Their parameters are not of real materials."""
 
 from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
@@ -14,12 +14,12 @@ LAWS: tuple[tuple[Law, float], ...] = (
     (Hyperfoam((8.0,), (1.0,)), FOAM),
 )
 """Laws with Poisson's ratio: a limit of stretch below that of most rubbers, a large part of I2, softening before
-stiffening, three terms that stiffen late, and a foam that yields in compression beside a neo-Hookean solid of its own
+stiffening, three terms that stiffen late, and a foam that yields in compression, with a neo-Hookean solid of the same
 Poisson's ratio."""
 LAW_BY_NAME = {f"{law.name}-{poisson:g}": (law, poisson) for law, poisson in LAWS}
 """The same by name and Poisson's ratio."""
 FOAMS: tuple[tuple[Law, float], ...] = tuple(
     (law, nu) for nu in (FOAM, 0.0) for law in (NeoHookean(), Hyperfoam((8.0,), (1.0,)), Hyperfoam((20.0,), (1.0,)))
 )
-"""A solid and two foams: at nu = 0 they bear 1.5, 0.5 and 0.2 times what linear elasticity says when compressed to half
-their height, and 0.9, 1.7 and 7.8 times when stretched by a fifth. The last one yields on a plateau."""
+"""A solid and two foams: at nu = 0 they bear 1.5, 0.5 and 0.2 times the force of linear elasticity when compressed to
+half their height, and 0.9, 1.7 and 7.8 times when stretched by a fifth. The last foam has a yield plateau."""

@@ -1,4 +1,4 @@
-"""Which cases the study solves: the paper's pair, thin and thick, and what is varied about it."""
+"""The cases of the study: the paper's pair on its thin and its thick layer, and variations of it."""
 
 from runs.studies.framework.case import Case
 from runs.studies.framework.pair import POISSON, THICK, THIN, pair
@@ -8,18 +8,18 @@ POISSONS = (0.3, 0.4, 0.4999)
 NEAR_SIGN_CHANGE = (1.7, 1.9)
 """Thicknesses about the linear model's sign change, h' = 1.6977 at the paper's load."""
 APPROACHES = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.32, 0.4, 0.5)
-"""Approaches over R that the headline's curves are answered at; the first is near the paper's load."""
+"""Approaches over R with output for the headline's curves; the first is near the paper's load."""
 VARIED = (0.03, 0.05, 0.07, 0.15, 0.32, 0.5)
-"""Those of every other curve: three give its slope. The smallest contact sets the size of the mesh."""
+"""The same for every other curve: three of them give its slope. The smallest contact determines the mesh size."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
-"""The same of the deepest curves."""
+"""The same for the deepest curves."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
-"""Budgets of a curve's finest mesh: order 3 for all, order 4 for the headline, with fineness 1.5 where T is largest."""
+"""Largest numbers of unknowns: for order 3 of all curves, order 4 of the headline, fineness 1.5 where T is largest."""
 SIDES = {THIN: "thin", THICK: "thick"}
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return all cases, the ones that the answer leans on first."""
+    """Return all cases, the most important ones for the answer first."""
     if quick:
         light, rough = (0.01, 0.02, 0.03), 0.2
         paraboloid = along("paraboloid", THIN, light, rough, shape="paraboloid")
@@ -46,7 +46,7 @@ def along(
     shape: str = "sphere",
     unknowns: float = UNKNOWNS,
 ) -> Case:
-    """Return the pair on a layer, answered at approaches over R."""
+    """Return the case of the pair on a layer, with output at ``approaches`` over R."""
     deepest = approaches[-1]
     problem = pair(deepest, thickness, distance=distance, poisson=poisson, shape=shape)
     words = [group, SIDES.get(thickness, f"h{thickness:g}"), f"L{distance:g}", f"nu{poisson:g}"]

@@ -1,4 +1,4 @@
-"""The study's two figures: the headline curves with their ladder, and what thickness, distance and material change."""
+"""The study's two figures: the headline curves of all models, and the influence of thickness, distance and material."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ from runs.studies.strengthening.matrix import SIDES
 
 Rows = Sequence[Mapping[str, Any]]
 Paths = Sequence[tuple[Case, Rows]]
-"""Every case that has answers, with its rows."""
+"""Every case with answers, and its rows."""
 MARKS = ("o", "s", "^", "D", "v", "P")
 COLORS = (ORANGE, BLUE, GREEN, PURPLE, GREY)
 MEANINGLESS = 3.0

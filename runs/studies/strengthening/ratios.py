@@ -1,7 +1,7 @@
-"""From load paths to factors: finite over linear at equal force and approach, step by step along the ladder of models.
+"""Strengthening factors from load paths: T at finite over T at small strain, at equal force and at equal approach.
 
-The ladder adds one thing at a time: paraboloid at small strain, exact sphere at small strain, finite strain. At equal
-force ``geometry`` is T of the second over T of the first, S_Q of the third over the second.
+Three models add one effect at a time: paraboloid at small strain, exact sphere at small strain, finite strain. At equal
+force, ``geometry`` is T of the second model over T of the first, S_Q T of the third over T of the second.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ def load_paths(found: Found, folder: Path) -> list[tuple[Case, list[dict[str, An
         steps = found.steps(case.name)
         if case.model != "finite_strain" or not steps:
             continue
-        # a finer mesh may have answered the same load steps since
+        # a finer mesh may have given new answers at the same load steps
         forces = [[ball["tangential_force"], ball["tangential_force_error"]] for s in steps for ball in s["balls"]]
         key = [case.key(), forces]
         old = kept.get(case.name, {})

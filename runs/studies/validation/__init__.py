@@ -1,1 +1,1 @@
-"""The study ``validation``: results that others published, beside this project's answers."""
+"""The study ``validation``: published results of others, compared with this project's answers."""

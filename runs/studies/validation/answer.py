@@ -1,4 +1,4 @@
-"""The study's page: one verdict per published result, then its numbers beside ours."""
+"""The study's page: one verdict per published result, then its numbers and ours."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -19,7 +19,7 @@ COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every scene; the quick version has those of the linear model."""
+    """Return every case; the quick version has only those of the linear model."""
     linear = [*small_strain.cases(quick), *flat_punch.cases(quick), *signs.cases()]
     return linear if quick else [*linear, *large_strain.cases()]
 
@@ -38,7 +38,7 @@ def present(found: Found, folder: Path) -> str:
 
 
 def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
-    """Return how many sources are met everywhere, how many somewhere."""
+    """Return a sentence on the number of sources that agree at all points, and at some."""
     words = [_word(_points(every[c.key])) for c in done]
     met = sum(word in (AGREES, CLOSE) for word in words)
     partly = sum(word.startswith("in ") for word in words)
@@ -49,7 +49,7 @@ def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
 
 
 def _points(groups: Groups) -> list[Point]:
-    """Return the points that are the source's."""
+    """Return the points of the source, without those of `SECOND` routes."""
     return [point for name, points in groups.items() if not name.startswith(SECOND) for point in points]
 
 
@@ -80,7 +80,7 @@ def _rows(comparison: Comparison, groups: Groups) -> list[dict[str, Any]]:
 
 
 def _beside(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of the file as the page shows it."""
+    """Return a row of the CSV file in the form of the page."""
     return {
         "scene": row["scene"], "at": row["at"],
         "ours": row["ours"], "our bar [%]": 100.0 * row["bar"] / abs(row["ours"]),

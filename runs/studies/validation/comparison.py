@@ -1,4 +1,4 @@
-"""A comparison: our numbers beside a source's, both with errors."""
+"""A comparison of our numbers with those of a source, both with errors."""
 
 import math
 from collections.abc import Callable
@@ -9,14 +9,14 @@ from runs.studies.validation.sources import SOURCES, Source
 
 AGREES, CLOSE, DIFFERS = "agrees", "close", "differs"
 SECOND = "second route"
-"""Begins the name of a group that is not the source's: another way to our number, left out of the source's verdict."""
+"""Prefix of a group that is not the source's: another route to our number, not part of the verdict on the source."""
 CLOSE_BAND = 0.01
-"""Relative difference up to which a source that states no error counts as close."""
+"""Relative difference up to which a source without a stated error counts as close."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One number of ours and of the source, with their absolute errors; ``error`` nan: the source states none."""
+    """Our number and that of the source, with absolute errors ``bar`` and ``error`` (nan: the source states none)."""
 
     at: str
     x: float
@@ -27,7 +27,7 @@ class Point:
 
     @property
     def off(self) -> float:
-        """Return our number over theirs, less one."""
+        """Return our number over theirs, minus one."""
         return self.ours / self.theirs - 1.0
 
     @property
@@ -45,7 +45,7 @@ Groups = dict[str, list[Point]]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a source, named by ``key``, is compared with; ``points`` reads its groups from the cases that are there."""
+    """Comparison with the source named by ``key``; ``points`` computes its groups from the finished cases."""
 
     key: str
     quantity: str

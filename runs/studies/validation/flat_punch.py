@@ -1,4 +1,4 @@
-"""Flat punches on layers and coatings, measured by the slope of a smooth body's force; E1 = 1, h = 1."""
+"""Flat punches on layers and coatings, computed from the slope dQ/dD of a smooth body; E1 = 1, h = 1."""
 
 import dataclasses
 import math
@@ -26,15 +26,15 @@ from runs.studies.validation.small_strain import (
 )
 
 STEP = 1e-3
-"""Relative step in depth of the stiffness."""
+"""Relative step in depth of the secant that gives the stiffness."""
 SLENDER = (0.0003, 0.003, 0.01)
-"""Depths over the thickness at which flat punches are measured."""
+"""Depths over the thickness at which the stiffness is computed."""
 CONTRASTS = (0.1, 0.5, 2.0, 10.0)
 """Modulus of substrate over coating."""
 
 
 def punch_case(part: str, name: str, layer: Layer, depth: float, **more: Any) -> Case:
-    """Return a case answered a little above and below a depth [m]; ``more`` are its labels, shape and substrate."""
+    """Return a case with output at, just above and just below a depth [m]; ``more``: labels, shape and substrate."""
     ball = Ball((0.0, 0.0), CURVATURE, more.pop("shape", "paraboloid"))
     return pressed(part, name, ball, layer, depth, steps=(1.0 - STEP, 1.0, 1.0 + STEP), **more)
 
@@ -42,7 +42,7 @@ def punch_case(part: str, name: str, layer: Layer, depth: float, **more: Any) ->
 def stiffness(steps: Sequence[dict[str, Any]]) -> tuple[float, float]:
     """Return the contact radius [m] and dQ/dD [N/m] of three steps around a depth.
 
-    As the depth grows, so does the contact; at its edge the pressure is 0, so the growth does no work at first order:
+    The contact grows with the depth, but the pressure at its edge is 0, so its growth has no effect at first order:
     dQ/dD is the force over depth of a flat punch as large as the contact.
     """
     low, here, high = (step["balls"][0] for step in steps)
@@ -75,7 +75,7 @@ def _coated(part: str, name: str, young: float, depth: float, ratio: float) -> C
 
 
 def _gao(found: Found) -> Groups:
-    """Return the slope of the effective modulus by the coating's, at the mean radius of both contacts."""
+    """Return the derivative of the effective modulus by the coating's, at the mean radius of both contacts."""
     by_depth: dict[float, list[tuple[float, float]]] = {}
     for case in found.done("gao"):
         radius, slope = stiffness(found.steps(case.name))
@@ -112,7 +112,7 @@ def _perriot(found: Found) -> Groups:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every scene once; a coating by elements too where the fit is farthest off."""
+    """Return every case once; a coating also with finite elements, where the fit deviates most."""
     bodies = {"r2": "paraboloid"} if quick else {"r2": "paraboloid", "r4": Power(4)}
     punches = [
         punch_case("punch", f"{body}-nu{nu:g}-D{d:g}", Layer(1.0, nu, 1.0), d, shape=shape, nu=nu, body=body)

@@ -1,7 +1,7 @@
-"""Published formulas, each as its source prints it, where `linear_bem.closed_forms` does not have it.
+"""Published formulas as printed in their sources, except those in `linear_bem.closed_forms`.
 
-chi = sqrt(R D) / h measures the contact over the layer; E* = E / (1 - nu^2); a factor is what a force on a half-space
-is multiplied with. Where a formula was read is said in `runs.studies.validation.sources`.
+chi = sqrt(R D) / h is the contact size over the thickness; E* = E / (1 - nu^2); a factor multiplies the force on a
+half-space. Where each formula was read is stated in `runs.studies.validation.sources`.
 """
 
 import math
@@ -101,7 +101,7 @@ PUNCH_FITS: dict[float, tuple[float, tuple[float, ...], tuple[float, ...]]] = {
         (-0.32200988000179354, 1.9372155069019295, 0.8542206369854419, 0.1474038965378127),
     ),
 }  # fmt: skip
-"""nu: the a / h up to which the first polynomial holds, its coefficients from a / h on, the second's from 1 on."""
+"""By nu: a / h up to which the first polynomial holds, its coefficients (from a / h on), the second's (from 1 on)."""
 
 
 def punch_factor(slender: float, poisson: float) -> float:
@@ -120,10 +120,10 @@ def carbone_force(normal_force: float, contact: float, distance: float, layer: L
     """Return the attraction [N] of two contacts of radius ``contact`` [m] under Hertz's or a uniform pressure.
 
     The interaction energy of p1 and p2 is the integral of the compliance times p1(k) p2(k) over the plane of k; its
-    slope by the distance gives T = Q^2 (1 - nu^2) / (pi E) times the integral of G(k h) k J1(k L) P(k)^2, with the
-    response G above and the pressure's transform P over Q.
+    derivative by the distance gives T = Q^2 (1 - nu^2) / (pi E) times the integral of G(k h) k J1(k L) P(k)^2, with the
+    response G of `carbone_response` and P, the transform of the pressure over Q.
     """
-    # P^2 falls like k^-4 (uniform: k^-3), and J1 changes its sign: little is left beyond the end
+    # P^2 falls like k^-4 (uniform: k^-3), and J1 oscillates: the integral beyond the end is small
     end, least = 1e3 / contact, 1e-6 / contact
     edges = np.concatenate(([least], np.arange(4.0, end * distance, 4.0) / distance))
     points, weights = np.polynomial.legendre.leggauss(12)
@@ -143,7 +143,7 @@ def gao_weight(x: float, poisson: float) -> float:
 
 
 def perriot_modulus(x: float, layer: float, substrate: float, power: float) -> float:
-    """Return the effective contact modulus at x = a / h, of those of layer and substrate [Perriot and Barthel 2004]."""
+    """Return the effective contact modulus at x = a / h from layer's and substrate's [Perriot and Barthel 2004]."""
     log = math.log10(substrate / layer)
     k0 = 10.0 ** (-0.093 + 0.792 * log + 0.05 * log**2)
     return layer + (substrate - layer) / (1.0 + (k0 / x) ** power)

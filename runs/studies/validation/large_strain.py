@@ -16,20 +16,20 @@ from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
 
 BALL = Ball((0.0, 0.0), 1.0)
 COARSE = 0.2
-"""Accuracy asked of T; one ball has none, so this takes the coarsest pair of discretisations."""
+"""Required accuracy of T; a single ball has no T, so this selects the coarsest pair of discretisations."""
 DEEP, THICKEST, HALF_SPACE_DEPTH = 10.0, 10.0 / 3.0, 0.1
-"""Thickness of the layer that stands for a half-space, the thickest of Long et al., and the end of Hertz's regime."""
+"""h/R of the layer that represents a half-space, and of the thickest of Long et al.; D/R up to which Hertz holds."""
 SEAM = 0.5
 """Thickness over R at which the fit of Long et al. changes its coefficients."""
 DEPTHS: Mapping[float, tuple[float, ...]] = {
     1.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 2.0: (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), SEAM: (0.05, 0.1, 0.15, 0.2),
     DEEP: (0.02, 0.05, 0.1, 0.2, 0.3, 0.5),
 }  # fmt: skip
-"""Thickness over R, and depths over R of the answers."""
+"""Thickness over R, and depths over R with output."""
 
 
 def case_of(thickness: float) -> Case:
-    """Return a sphere pressed into a layer, nu = 0.5, with answers at all its depths."""
+    """Return the case of a sphere pressed into a layer, nu = 0.5, with output at all its depths."""
     depths = DEPTHS[thickness]
     steps = tuple(d / depths[-1] for d in depths)
     labels = {"part": "half-space" if thickness == DEEP else "long", "h": thickness}
@@ -38,7 +38,7 @@ def case_of(thickness: float) -> Case:
 
 
 def forces(found: Found, case: Case) -> list[tuple[float, float, float, float]]:
-    """Return depth, force over Hertz's, its bar, and Hertz's force of every answer."""
+    """Return depth, force over Hertz's, its error bar, and Hertz's force of every answer."""
     rows = []
     for step in found.steps(case.name):
         ball, bar = step["balls"][0], step["record"]["normal_force_error"][0]
@@ -48,7 +48,7 @@ def forces(found: Found, case: Case) -> list[tuple[float, float, float, float]]:
 
 
 def cases() -> list[Case]:
-    """Return every layer, and the one that stands for a half-space."""
+    """Return the cases of every layer, and of the one that represents a half-space."""
     return [case_of(h) for h in DEPTHS]
 
 
@@ -71,26 +71,26 @@ def _long(found: Found) -> Groups:
 
 
 def of_half_space(problem: Problem, depth: float) -> float:
-    """Return what the layer's finite thickness multiplies a sphere's force with at small strain."""
+    """Return the factor of a sphere's force due to the layer's finite thickness at small strain."""
     small = as_seen_by("small_strain", problem).with_load("approach", (depth,))
     force = solve(small, 1e-4).balls[0].normal_force
     return force / formulas.sneddon_force(depth, 1.0, problem.layer.contact_modulus)
 
 
 def _softening(found: Found) -> list[tuple[float, float, float]]:
-    """Return depth, force on the half-space over small strain's, and its error."""
+    """Return depth, force on the half-space over that at small strain, and its error."""
     rows = []
     for case in found.done("half-space"):
         for depth, ours, bar, _ in forces(found, case):
             factor = of_half_space(case.problem, depth)
             value = ours / factor / formulas.sneddon_factor(depth)
-            # the thickness is taken off as at small strain: half of that counts as its error
+            # the effect of the thickness is removed as at small strain; half of it counts as the error
             rows.append((depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))))
     return rows
 
 
 def _beside(found: Found, reference: Callable[[float], float], deepest: float) -> Groups:
-    """Return the half-space's force over Hertz's beside a reference's."""
+    """Return the comparison of the half-space's force over Hertz's with a reference."""
     points = []
     for depth, value, bar in _softening(found):
         sneddon = formulas.sneddon_factor(depth)
@@ -105,7 +105,7 @@ def _shojaeifard(found: Found) -> Groups:
 
 
 def _lin(found: Found) -> Groups:
-    """Return the half-space's force, and what finite strain changes beside Long et al.'s thickest layer."""
+    """Return the half-space's force, and finite over small strain compared with Long et al.'s thickest layer."""
     groups = _beside(
         found, lambda depth: formulas.lin_force(depth, 1.0, 1.0, 2.0) / hertz_force(depth, 1.0, 1.0), math.inf
     )

@@ -1,4 +1,4 @@
-"""The sign of the mutual force beside that of drops on gels: `linear_bem`, nu = 0.5, R = 1, E1 = 1, D = 0.05."""
+"""The sign of the mutual force compared with drops on gels: `linear_bem`, nu = 0.5, R = 1, E1 = 1, D = 0.05."""
 
 import math
 
@@ -10,7 +10,7 @@ from runs.studies.validation.comparison import Comparison, Groups, Point
 THICK, THIN = math.inf, 0.5
 """Half-space, and a layer thinner than the balls."""
 DISTANCES = {THICK: (2.0, 3.0, 4.0, 8.0), THIN: (2.0, 3.0)}
-"""On thick gels the drops attract at all distances; on thin ones the repulsion is of short range."""
+"""Distances over R. On thick gels the drops attract at all distances; on thin gels the repulsion is of short range."""
 EXPECTED = {THICK: 1.0, THIN: -1.0}
 
 
@@ -27,7 +27,7 @@ def cases() -> list[Case]:
 
 
 def _points(found: Found) -> Groups:
-    """Return the sign of T (1 attracts), with T's relative error as its bar, beside the drops'."""
+    """Return the sign of T (1 attracts), with the relative error of T as its error bar, and that of the drops."""
     groups: Groups = {}
     for case in found.done("karpitschka"):
         h, distance = case.labels["h"], case.labels["L"]

@@ -1,4 +1,4 @@
-"""Forces of `linear_bem` beside closed forms and fits, R = 1 and E1 = 1 unless a scene is given in units."""
+"""Forces of `linear_bem` compared with closed forms and fits, R = 1 and E1 = 1 unless a scene has units."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,16 +18,16 @@ from runs.studies.validation.comparison import Comparison, Groups, Point
 
 ACCURACY = 1e-6
 FORCE_BAR = 1e-4
-"""Relative error of a force: what `linear_bem.solver` requires of it between two discretisations."""
+"""Relative error of a force: the change between two discretisations that `linear_bem.solver` permits."""
 RADIUS_BAR = 1e-3
-"""Relative error of a peak pressure, a contact radius and a stiffness over it: that of two unlike bodies' factors."""
+"""Relative error of peak pressure, contact radius, and stiffness over radius: difference between two unlike bodies."""
 CURVATURE = 100.0
-"""Radius over thickness of the body that measures flat punches: strains stay small."""
+"""Radius over thickness of the body that replaces flat punches: strains remain small."""
 NAN = math.nan
 HALF_SPACE = Layer(1.0, 0.3, math.inf)
 SLOPE, TIP = math.radians(20.0), 0.2
 CHI, FAR = (0.1, 0.2, 0.4, 0.7, 1.0), (2.0, 5.0)
-"""Contacts over the layer; series in chi are not compared at the far ones."""
+"""Values of chi; series in chi are not compared at those of `FAR`."""
 Reference = Callable[[float], float]
 
 
@@ -47,7 +47,7 @@ def _ball(case: Case, found: Found) -> dict[str, Any]:
 def _forces(
     cases: Sequence[Case], found: Found, reference: Callable[[Case], tuple[float, float]], at: str
 ) -> list[Point]:
-    """Return the cases' forces over Hertz's beside a reference's factor and its error."""
+    """Return the cases' forces over Hertz's with a reference's factor and its error."""
     points = []
     for case in cases:
         layer, depth = case.problem.layer, case.labels["x"]
@@ -101,7 +101,7 @@ def _powers() -> list[Case]:
 
 
 def _force(part: str, group: str, at: str, label: str, theirs: Reference) -> Callable[[Found], Groups]:
-    """Return the comparison of a part's forces [N] with those by one of its labels."""
+    """Return the comparison of a part's forces [N] with a formula of one of its labels."""
 
     def points(found: Found) -> Groups:
         known = [(case.labels[label], _ball(case, found)["normal_force"]) for case in found.done(part)]
@@ -155,7 +155,7 @@ def _carbone(found: Found) -> Groups:
     points: Groups = {}
     for nu in (0.0, 0.48, 0.5):
         ours, known = LayerResponse(Elastic(1.0, nu), None)(t), formulas.carbone_response(t, nu)
-        # the formula's numerator is a difference of terms of size 2 t
+        # roundoff: the formula's numerator is a difference of terms of size 2 t
         roundoff = 8.0 * np.finfo(float).eps * (1.0 + t / known / np.cosh(t) ** 2)
         points[f"response, nu = {nu:g}"] = [
             Point(f"k h = {x:g}", float(x), float(a), 0.0, float(b), float(b * e))
@@ -173,7 +173,7 @@ def _carbone(found: Found) -> Groups:
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return every scene once; several sources may be compared on one."""
+    """Return every case once; several sources may use the same one."""
     cone = Ball((0.0, 0.0), shape=Cone(SLOPE, TIP))
     hyperboloids = [pressed("hyperboloid", f"D{d:g}", cone, HALF_SPACE, d) for d in (0.01, 0.1, 0.5, 2.0)]
     of_hertz = pressed("hertz", "ball", Ball((0.0, 0.0), 0.05, "paraboloid"), Layer(2e10, 0.3, math.inf), 2e-3)

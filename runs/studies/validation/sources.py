@@ -7,7 +7,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Source:
-    """A published result: ``read`` is the address where ``states`` was read; ``remark`` says what is wrong or open."""
+    """A published result: ``states`` was read at the address ``read``; ``remark``: its errors or open questions."""
 
     citation: str
     states: str
@@ -19,4 +19,4 @@ class Source:
 _read = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 SOURCES = {key: Source(**source) for key, source in _read["sources"].items()}
 NOT_OPENED: dict[str, str] = _read["not_opened"]
-"""What was looked for and could not be read, and why."""
+"""Publications that were sought but could not be read, with the reason."""

@@ -1,4 +1,4 @@
-"""The study's page: verdicts counted per part, then the tables."""
+"""The study's page: number of verdicts per part, then the tables."""
 
 from collections.abc import Sequence
 from pathlib import Path

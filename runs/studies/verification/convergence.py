@@ -1,4 +1,4 @@
-"""Convergence of Q and T / Q^2 of the elements at small strain to the linear model, with resolution."""
+"""Convergence of Q and T / Q^2 of the finite elements at small strain to the linear model."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ NAME = "convergence"
 LEVELS = ((2, 1.0), (3, 1.0), (4, 1.0), (4, 1.5))
 """Order of the elements and fineness of the mesh; their product is the resolution. The quick version takes two."""
 ACCURACY, WIDE = 0.02, 2.0
-"""Accuracy that sizes the domain, and a factor on its extent: truncation must not hide the discretisation error."""
+"""Accuracy that determines the domain size, and a factor on it: truncation must not hide the discretisation error."""
 BAND = (2.0, 7.0)
 """Accepted convergence orders in the resolution: the theoretical 3 to 6, widened by one on either side.
 
@@ -24,7 +24,7 @@ Pressure falls like a square root at the contact's edge: u lies in H^s for s < 5
 2 (s - 1) = 3, or twice that in the polynomial degree where mesh lines follow the edge.
 """
 FLOOR = 2e-3
-"""Relative error of the finest mesh that passes if the errors show no order: T is a small difference."""
+"""Relative error of the finest mesh up to which a row passes if the errors show no order: T is a small difference."""
 
 
 def cases(quick: bool) -> list[Case]:

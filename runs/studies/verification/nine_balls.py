@@ -1,4 +1,4 @@
-"""Nine balls without symmetry, solved together and by the law of pairs that drift takes."""
+"""Nine balls without symmetry, solved together and by the law of pairs that `runs.evolution` uses."""
 
 import hashlib
 import time
@@ -33,7 +33,7 @@ ACCURACY, BUDGET = 0.03, {"unknowns": 250e3}
 
 @dataclass(frozen=True)
 class TableCase(Case):
-    """A case answered by the law of pairs, whose table the model makes."""
+    """A case answered by the law of pairs; the model computes its table."""
 
     def key(self) -> str:
         """Return the key of `Case`, extended by the code of the law."""
@@ -62,7 +62,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per ball: its forces by both ways, the difference of T and the sum of their errors in per cent."""
+    """Return one row per ball: forces by both methods, difference of T and sum of both errors [%]."""
     both = [found.steps(name)[-1]["balls"] for name in (TOGETHER, BY_PAIRS) if found.state(name) == DONE]
     if len(both) < 2:
         return []

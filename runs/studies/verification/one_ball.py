@@ -1,6 +1,6 @@
-"""One ball: force against approach, beside the linear model, Hertz's limit, and another code at finite strain.
+"""One ball: force over approach compared with the linear model, Hertz's limit, and another code at finite strain.
 
-What others published about one ball is in the study ``validation``; its finite-strain cases are taken from there.
+Published results for one ball are in the study ``validation``; the finite-strain cases are taken from there.
 """
 
 import dataclasses
@@ -20,9 +20,9 @@ from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "one-ball"
 LIGHT = 0.25
-"""Part of the approach at which Hertz's limit is extrapolated from, besides the whole."""
+"""Share of the approach that, with the full approach, gives the extrapolation to Hertz's limit."""
 LINEAR_BAND, AXISYMMETRIC_BAND = 1e-3, 0.005
-"""Relative tolerance of Q of `linear_bem`; what the other code's mesh leaves open."""
+"""Relative tolerance of Q of `linear_bem`; relative mesh error of the other code."""
 AXISYMMETRIC = {
     1.0: {0.05: 1.31192, 0.1: 1.49866, 0.2: 1.81359, 0.3: 2.07726, 0.4: 2.29680, 0.5: 2.48424},
     2.0: {0.05: 1.11838, 0.1: 1.17867, 0.2: 1.25985, 0.3: 1.32289, 0.4: 1.37158, 0.5: 1.40815},
@@ -72,7 +72,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _reference(case: Case, depth: float) -> Reference | None:
-    """Return what the force at an approach [m] is compared with; None where the other code has no answer."""
+    """Return the reference for the force at an approach [m]; None where the other code has no answer."""
     layer: Layer = case.problem.layer
     if case.model != FINITE:
         return "linear_bem", linear_force(case.problem, depth), LINEAR_BAND

@@ -12,7 +12,7 @@ COARSE = 0.2
 RIGHT, WRONG = "right", "WRONG"
 """Verdicts of a row; None where nothing is claimed."""
 WIDEST = 0.1
-"""Relative error bar beyond which an answer claims nothing."""
+"""Relative error bar above which an answer gets no verdict."""
 Row = Mapping[str, Any]
 
 

@@ -15,7 +15,7 @@ from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "routes"
 DISTANCE, SHIFT = 2.1, 0.02
-"""Distance of the balls over R, and by how much each is moved either way."""
+"""Distance of the balls over R, and the shift of each ball in either direction."""
 LEVELS, QUICK_LEVELS = (Level(3, 1.0), Level(4, 1.0)), (Level(2, 1.0), Level(3, 1.0))
 """The last level's answer is checked; its change since the previous level gives its error bar."""
 FRACTIONS = (0.1, 0.2, 0.4, 0.7, 1.0)
@@ -36,7 +36,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
-    """Return one row per load step: T by every route, the error bar, and the deviation of the energy route over it."""
+    """Return one row per load step: T by every route, its error bar, and the deviation of the energy route over it."""
     if any(found.state(name) != DONE for name in (ANSWER, APART, TOGETHER)):
         return []
     slopes = energy_slopes(found.steps(APART), found.steps(TOGETHER))
@@ -58,7 +58,7 @@ def energy_slopes(apart: Sequence[Mapping[str, Any]], together: Sequence[Mapping
 
 
 def _energy(step: Mapping[str, Any]) -> float:
-    """Return the energy [J] whose slope is T despite the small penetration.
+    """Return the energy [J] whose derivative is T despite the small penetration.
 
     With penetration g under pressure p, the slope of the strain energy is too small by int p dg and that of the
     augmented potential too large by int g dp; p and g grow in proportion, so both errors cancel in the mean.

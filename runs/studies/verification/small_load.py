@@ -1,4 +1,4 @@
-"""T of the elements against the linear model: small strain at the paper's load, finite strain as the load goes to 0."""
+"""T of the finite elements over T of the linear model: small strain at the paper's load, finite strain at zero load."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -18,12 +18,12 @@ THICKNESSES, DISTANCES = (0.5, THIN, 2.0, 6.0), (2.0, 3.0)
 ACCURACY = 0.02
 """Accuracy requested at finite strain, where the pair's small-strain answer removes most of the error."""
 UNKNOWNS = 400_000
-"""Budget of small strain, which must be fine enough for `WANTED` by itself."""
+"""Largest number of unknowns at small strain, whose mesh alone must give the accuracy `WANTED`."""
 LIGHT = 0.004
 """Approach over R of the larger of two loads; the smaller is a third of it."""
 TWO_LOADS: tuple[float, ...] = (1.0 / 3.0, 1.0)
 WANTED = 0.01
-"""Departure that is wanted, over |T| or, where T is near its zero, over a tenth of the half-space's mutual force."""
+"""Permitted deviation, over |T| or, where T is near its zero, over a tenth of the half-space's mutual force."""
 
 
 def cases(quick: bool) -> list[Case]:
@@ -59,7 +59,7 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     depths = np.array([step["balls"][0]["approach"] for step in steps])
     value, bar = float(ratios[-1]), float(bars[-1])
     if len(steps) > 1:
-        # one mesh's error is the same at both loads, so the larger bar stands and what both differ by is weighted
+        # the mesh error is the same at both loads: only the ratios are extrapolated, the larger error bar remains
         weights = extrapolation_weights(depths[[0, -1]] ** 0.5)
         value, bar = float(weights @ ratios[[0, -1]]), float(max(bars[0], bars[-1]))
     ball = linear[-1]["balls"][0]
@@ -76,7 +76,7 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _ratio(step: Mapping[str, Any], linear: Mapping[str, Any]) -> tuple[float, float]:
-    """Return T over the linear T at the same force, and its bar."""
+    """Return T over the linear T at the same force, and its error bar."""
     size, other = pull(linear["balls"])
     error = step["record"]["tangential_force_error_at_force"][0] + other
     return pull(step["balls"])[0] / size, error / abs(size)
