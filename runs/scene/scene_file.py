@@ -75,7 +75,7 @@ class AccuracyTable(Table):
     """
 
     tangential_force: Number | None = None
-    """Requested relative error of T."""
+    """Requested relative error of T; finite elements take 1e-4 or more."""
     seconds: Number | None = None
     """Limit of the whole run's wall time: no finer mesh is begun beyond it."""
     unknowns: Number | None = None
