@@ -307,7 +307,18 @@ class Problem:
                 if unit > 0.0 and (0.0 < value < least or value > most):
                     rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
                     faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
-        return faults
+        return faults or self._too_deep()
+
+    def _too_deep(self) -> list[str]:
+        """Return the fault of an approach that a layer on a rigid base cannot give: it ends at the base."""
+        thickness, values = self.layer.thickness, self.load.values
+        rigid = self.substrate is None and not isinstance(self.layer, SurfaceResponse)
+        if self.load.kind != "approach" or not (rigid and max(values, default=0.0) >= thickness > 0.0):
+            return []
+        return [
+            f"load.approach[{values.index(max(values))}]: must be less than the thickness of a layer on a rigid base, "
+            f"{thickness:g} m, got {max(values):g} m; press less deep, or add the substrate that gives way"
+        ]
 
 
 def _are_numbers(values: object) -> bool:
