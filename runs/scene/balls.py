@@ -35,7 +35,12 @@ class BallsTable(Table):
     """
 
     positions: Positions
-    """Where the balls' axes stand, [x, y] of each."""
+    """Where the balls' axes stand, [x, y] of each.
+
+    Bodies must not overlap. Spheres and paraboloids touch as balls on one plane, at a distance of 2 sqrt(R1 R2);
+    beside or between ellipsoids and punches the widths on the line between the axes add up. A cone has no width: any
+    body may stand next to it, only at finite strain not where both cross at the surface before it is deformed.
+    """
     shape: Shapes = "sphere"
     """The body of all balls, or of each; it decides which of the keys below are needed."""
     radius: Lengths | None = None
@@ -45,7 +50,7 @@ class BallsTable(Table):
     slope: Angles | None = None
     """Angle between a cone's flank and the surface."""
     tip_radius: Lengths | None = None
-    """Of a cone's rounded tip."""
+    """Of a cone's rounded tip, greater than 0."""
     edge_radius: Lengths | None = None
     """Of a punch's rounded edge."""
 
