@@ -1,7 +1,7 @@
 """What is pressed into: elastic solids, the layer, and media known by the response of their surface."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from linear_bem.arrays import Array
@@ -98,6 +98,18 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
     if substrate is not None:
         faults.append("substrate: is part of the response in place of the layer, got another; leave it out")
     return faults
+
+
+def depth_faults(layer: Layer, substrate: Elastic | None, approaches: Sequence[float]) -> list[str]:
+    """Return the fault of approaches [m] that a layer on a rigid base cannot give: it ends at the base."""
+    deepest, thickness = max(approaches, default=0.0), layer.thickness
+    if isinstance(layer, SurfaceResponse) or substrate is not None or not deepest >= thickness > 0.0:
+        return []
+    ball = list(approaches).index(deepest)
+    return [
+        f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, "
+        f"{thickness:g} m, got {deepest:g} m; press less deep, or add the substrate that gives way"
+    ]
 
 
 def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:

@@ -18,7 +18,7 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
 from linear_bem.magnitudes import is_number, range_faults
-from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
+from linear_bem.media import Elastic, Layer, SurfaceResponse, depth_faults, material_faults, without_empty_layer
 from linear_bem.touching import overlap_faults, wrapped
 
 LoadKind = Literal["approach", "force", "total_force"]
@@ -307,18 +307,7 @@ class Problem:
                 if unit > 0.0 and (0.0 < value < least or value > most):
                     rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
                     faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
-        return faults or self._too_deep()
-
-    def _too_deep(self) -> list[str]:
-        """Return the fault of an approach that a layer on a rigid base cannot give: it ends at the base."""
-        thickness, values = self.layer.thickness, self.load.values
-        rigid = self.substrate is None and not isinstance(self.layer, SurfaceResponse)
-        if self.load.kind != "approach" or not (rigid and max(values, default=0.0) >= thickness > 0.0):
-            return []
-        return [
-            f"load.approach[{values.index(max(values))}]: must be less than the thickness of a layer on a rigid base, "
-            f"{thickness:g} m, got {max(values):g} m; press less deep, or add the substrate that gives way"
-        ]
+        return faults or (depth_faults(self.layer, self.substrate, values) if kind == "approach" else [])
 
 
 def _are_numbers(values: object) -> bool:
