@@ -11,6 +11,8 @@ LINEAR_UP_TO = 0.5
 
 At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
 """
+UNSURE = 0.25
+"""Share of an approach that `dent` may miss: where it leaves the layer less, nothing is said."""
 LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
 """How the note begins that says so, and what it says of a depth that no small strain could explain."""
 
@@ -126,8 +128,9 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
     """Return a note where small strain does not hold, given the largest approach and what the base gives of it [m]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
         return ()
-    share = (deepest - base) / layer.thickness
-    if not share > LINEAR_UP_TO:
+    own = deepest - base
+    share = own / layer.thickness
+    if not share > LINEAR_UP_TO or own < UNSURE * deepest:
         return ()
     said = f"{LARGE_STRAIN} {deepest / layer.thickness:.2g} of the layer's thickness"
     if share >= 1.0:
