@@ -212,7 +212,12 @@ class Cone(Indenter):
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
         if key != "slope":
-            return super()._faults_of(key, value)
+            sharp = "a sharp tip has no finite pressure: take a small one, such as a tenth of the contact's radius"
+            return (
+                super()._faults_of(key, value)
+                if value != 0.0
+                else [f"balls.{key}: must be greater than 0, got 0 m; {sharp}"]
+            )
         if _positive_and_finite(value) and value < 0.5 * math.pi:
             return range_faults({f"balls.{key}": value}, "rad")
         return [

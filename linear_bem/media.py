@@ -1,7 +1,7 @@
 """Materials: elastic solids, the layer, and media given by the response of their surface."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from linear_bem.arrays import Array
@@ -11,8 +11,10 @@ LINEAR_UP_TO = 0.5
 
 At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
 """
-STIFF, THICK = 10.0, 0.5
-"""Substrate over layer modulus, and layer thickness over contact radius, above which only the layer is deformed."""
+UNSURE = 0.25
+"""Share of an approach that `dent` may miss: where it leaves the layer less, nothing is said."""
+LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
+"""How the note begins that says so, and what it says of a depth that no small strain could explain."""
 
 
 @dataclass(frozen=True)
@@ -100,15 +102,37 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
     return faults
 
 
-def large_strain_note(layer: Layer, substrate: Elastic | None, deepest: float, contact_area: float) -> tuple[str, ...]:
-    """Return a note if ``deepest`` [m] is too deep for small strain under a contact of ``contact_area`` [m^2]."""
+def depth_faults(layer: Layer, substrate: Elastic | None, approaches: Sequence[float]) -> list[str]:
+    """Return the fault of approaches [m] that a layer on a rigid base cannot give: it ends at the base."""
+    deepest, thickness = max(approaches, default=0.0), layer.thickness
+    if isinstance(layer, SurfaceResponse) or substrate is not None or not deepest >= thickness > 0.0:
+        return []
+    ball = list(approaches).index(deepest)
+    return [
+        f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, "
+        f"{thickness:g} m, got {deepest:g} m; press less deep, or add the substrate that gives way"
+    ]
+
+
+def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:
+    """Return about how deep [m] a substrate gives way under a layer: Hertz's dent of a force [N], spread by the layer.
+
+    The contact [m^2] is taken to be at least as wide as the layer is thick [m].
+    """
+    if substrate is None or not math.isfinite(thickness):
+        return 0.0
+    return 0.75 * force / (substrate.contact_modulus * max(math.sqrt(contact_area / math.pi), thickness))
+
+
+def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
+    """Return a note where small strain does not hold, given the largest approach and what the base gives of it [m]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
         return ()
-    share, radius = deepest / layer.thickness, math.sqrt(contact_area / math.pi)
-    yields = substrate is not None and (substrate.young < STIFF * layer.young or layer.thickness < THICK * radius)
-    if not share > LINEAR_UP_TO or yields:
+    own = deepest - base
+    share = own / layer.thickness
+    if not share > LINEAR_UP_TO or own < UNSURE * deepest:
         return ()
-    return (
-        f"the largest approach is {share:.2g} of the layer's thickness: strains are of that size, and a small-strain "
-        f"model is valid up to about {LINEAR_UP_TO:g} of it",
-    )
+    said = f"{LARGE_STRAIN} {deepest / layer.thickness:.2g} of the layer's thickness"
+    if share >= 1.0:
+        return (f"{said}, {MEANINGLESS}: check the load's unit, bare numbers are in metres and newtons",)
+    return (f"{said}: strains are of that size, and a small-strain model is valid up to about {LINEAR_UP_TO:g} of it",)

@@ -1,8 +1,8 @@
 """Small-strain solution of a contact problem: the discretisation is refined until T has the requested accuracy."""
 
+import math
 import time
 from dataclasses import dataclass
-from math import tan
 from numbers import Integral, Real
 
 import numpy as np
@@ -26,7 +26,7 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
-from linear_bem.media import large_strain_note
+from linear_bem.media import dent, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
@@ -117,13 +117,23 @@ def solve_contact(
     require_memory(problem)
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
-    deepest, largest = (float(np.max(values)) for values in (contacts.approaches, contacts.contact_areas))
-    strained = large_strain_note(problem.layer, problem.substrate, deepest, largest)
+    strained = large_strain_note(problem.layer, float(np.max(contacts.approaches)), _given_by_base(contacts))
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in strained)
-    notes = (*(answer.notes or small_force_note(contacts, answer.error, accuracy)), *deep)
+    notes = (*deep, *(answer.notes or small_force_note(contacts, answer.error, accuracy)))
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
+
+
+def _given_by_base(contacts: Contacts) -> float:
+    """Return about how deep [m] the substrate gives way under the deepest ball, by its own force and by the others'."""
+    problem, ball = contacts.problem, int(np.argmax(contacts.approaches))
+    substrate, forces = problem.substrate, contacts.normal_forces
+    own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(contacts.contact_areas[ball]))
+    if substrate is None or problem.size == 1:
+        return own
+    away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
+    return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
 
 
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:
@@ -270,7 +280,7 @@ def _steep(problem: Problem, guess: Start) -> bool:
         ball = problem.balls[i]
         if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
             return True
-        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * tan(ball.indenter.slope) * ball.radius:
+        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * math.tan(ball.indenter.slope) * ball.radius:
             return True
     return False
 

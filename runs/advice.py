@@ -14,7 +14,7 @@ from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
-from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
+from runs.comparison.strengthening_fit import FITTED_LAW, fit_error, outside, strengthening_at_force
 from runs.display.numbers import number, percent
 from runs.models import MODELS, Run
 
@@ -47,15 +47,17 @@ class Advice:
 class Adviser:
     """Judges the effects of one scene; ``ahead`` is its linear solution, ``accuracy`` the relative accuracy of T.
 
+    ``law`` is the name of its law at finite strain, which the problem itself does not have.
+
     ``patience``: total time limit [s] of its solutions; ``left_out``: effects whose solutions would exceed it;
     ``spent``: estimated time [s] of the solutions so far.
     """
 
     def __init__(
         self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...],
-        patience: float = PATIENCE,
+        patience: float = PATIENCE, law: str = FITTED_LAW,
     ) -> None:  # fmt: skip
-        self.problem = problem
+        self.problem, self.law = problem, law
         self.ahead = ahead
         self.effects, self.patience = effects, patience
         self.accuracy = accuracy or USUAL
@@ -123,18 +125,23 @@ class Adviser:
             for i, other in enumerate(self.problem.balls)
             if i != self.ball
         )
-        change = strengthening_at_force(approach, thickness) - 1.0
-        beyond = outside(approach, thickness, distance / radius, self.problem.layer.poisson)
+        layer, substrate = self.problem.layer, self.problem.substrate
+        stiffness = math.inf if substrate is None else substrate.young / layer.young
+        change = strengthening_at_force(approach, thickness, layer.poisson) - 1.0
+        beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
             beyond = [*beyond, "not all bodies are balls"]
-        error = fit_error(approach)
+        if self.law != FITTED_LAW:
+            beyond = [*beyond, f"the law is {self.law}, not {FITTED_LAW}"]
+        error = fit_error(approach, thickness, layer.poisson)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:
             matters = True
         elif not beyond and abs(change) + error <= self.accuracy:
             matters = False
         verb = "changes" if present else "would change"
-        said = f"finite strain {verb} T by {_rounded(change, 2):+g} \u00b1 {_rounded(error, 1):g} % at equal force"
+        by = f"{_rounded(change, 2):+g} \u00b1 {_rounded(error, 2):g} %"
+        said = f"finite strain {verb} T by {by} at equal force, by a fit"
         if beyond:
             said = (
                 f"finite strain {verb} T by an unknown amount of either sign: {'; '.join(beyond)}, outside the range "

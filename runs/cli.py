@@ -97,11 +97,18 @@ def evolve(
 
 
 @app.command()
-def plan(scene: SceneArgument, model: ModelOption = None, as_json: JsonOption = False) -> None:
+def plan(
+    scene: SceneArgument,
+    model: ModelOption = None,
+    as_json: JsonOption = False,
+    no_advice: Annotated[
+        bool, typer.Option("--no-advice", help="Leave out which effects and inputs change T.")
+    ] = False,
+) -> None:
     """Show which effects a scene simulates, its size, time and memory, and which changes of the scene matter."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
 
-    plan_scene(read(scene), model.value if model else None, as_json=as_json)
+    plan_scene(read(scene), model.value if model else None, as_json=as_json, advises=not no_advice)
 
 
 @app.command()

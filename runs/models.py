@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -52,6 +53,8 @@ class Run:
     sample: int | None = None
 
 
+TWO, ONE = "two idle cores (mpirun -n 2)", "one (without mpirun)"
+"""What the times of a plan are for."""
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
 """Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
 with the linear model; memory [bytes]."""
@@ -228,6 +231,11 @@ def planned_runs(
     plans = [model.plan(problem, accuracy, budget, (1.0,)) for problem in problems]
     times = {key: sum(plan[key] for plan in plans) for key in ("seconds", "processor_seconds")}
     return times | {key: max(plan[key] for plan in plans) for key in ("memory_bytes", "processor_memory_bytes")}
+
+
+def time_on(ranks: int, plan: Mapping[str, Any]) -> float:
+    """Return the time [s] of a planned run on so many ranks, every doubling gaining as the first."""
+    return float(plan["processor_seconds"] * (plan["seconds"] / plan["processor_seconds"]) ** math.log2(ranks))
 
 
 def as_command(plan: Mapping[str, Any], seconds: float = COMMAND_SECONDS) -> dict[str, Any]:

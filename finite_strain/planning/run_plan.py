@@ -22,6 +22,8 @@ from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
+LEAST_ACCURACY = 1e-4
+"""Least relative error of T that may be asked for: study `accuracy` reaches 2.7e-4."""
 MOST_AT_FIRST = 5e5
 """Largest number of unknowns of the first discretisation with results, unless a budget is given."""
 MOST_COUNTED = 2e6
@@ -169,8 +171,11 @@ def plan_run(
     ``model`` is the one that the caller expects; ``fit`` returns the part and dimensions of a user's mesh. Raises
     `InvalidProblem`, and `UnsupportedProblem`, naming the key, also if the problem needs the other model.
     """
-    if not 0.0 < tangential_force < 1.0:
-        raise InvalidProblem(f"accuracy.tangential_force: must lie between 0 and 1, got {tangential_force:g}")
+    if not LEAST_ACCURACY <= tangential_force < 1.0:
+        raise InvalidProblem(
+            f"accuracy.tangential_force: must lie between {LEAST_ACCURACY:g}, about the best that finite "
+            f"elements reach, and 1, got {tangential_force:g}; raise it, or use linear_bem"
+        )
     problem = with_expressions(problem)
     _check_supported(problem, model)
     load = prescribed(problem)

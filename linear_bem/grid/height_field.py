@@ -17,7 +17,7 @@ from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, large_strain_note, without_empty_layer
+from linear_bem.media import Elastic, Layer, dent, large_strain_note, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -134,10 +134,11 @@ def solve_height_field(
     if periodic and substrate is not None:  # displacements exclude their mean: use the layer's mean compression
         mean_pressure = found.normal_force / (heights.size * cell**2)
         deepest = mean_pressure / (layer.lame_first + 2.0 * layer.shear_modulus) * layer.thickness
-        notes = large_strain_note(layer, None, deepest, 0.0)
+        notes = large_strain_note(layer, deepest)
     else:
         deepest = float(np.max(found.displacement[found.pressure > 0.0]))
-        notes = large_strain_note(layer, substrate, deepest, found.contact_area)
+        base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
+        notes = large_strain_note(layer, deepest, base)
     return replace(found, approach=found.approach + lowest, notes=notes)
 
 

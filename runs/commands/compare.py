@@ -76,6 +76,8 @@ def _show(session: Session, document: Document) -> None:
     balls = document["finite"]["balls"]
     tables.say(out, session.scene.title)
     rows, leading = document["comparison"], leading_ball(balls)
+    finite, linear = document["finite"]["solved"], document["linear"]["solved"]
+    tables.say(out, *tables.warnings(finite, linear))
     tables.show_comparison(out, rows, balls, leading, session.scale)
     if len(balls) > 1:
         mark = "digits in parentheses" if tables.is_narrow(out) else "\u00b1"
@@ -86,7 +88,6 @@ def _show(session: Session, document: Document) -> None:
             "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )
-    finite, linear = document["finite"]["solved"], document["linear"]["solved"]
     tables.say(out, *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")
     tables.say(out, document["answer"], style="bold")
     found = document.get("sensitivity")

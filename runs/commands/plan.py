@@ -7,49 +7,31 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from linear_bem.counts import grouped
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
-from linear_bem.problem import Periodic, Problem
+from linear_bem.media import MEANINGLESS
+from linear_bem.problem import FiniteStrain, Periodic, Problem
 from linear_bem.result import Result
 from linear_bem.smooth.contacts import CHECKED
-from runs.advice import PATIENCE, USUAL, Adviser
+from runs.advice import PATIENCE, USUAL, Advice, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
-from runs.display.numbers import Scale, bodies, duration, leading_ball, number
+from runs.display.numbers import Scale, attraction, bodies, leading_ball, number
+from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory, unknowns_of
 from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
-from runs.process.machine import memory_bytes
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
-from runs.scene.units import Unit
 from runs.session.terminal import waiting
 
-NAMES = {
-    "forms": "form of the elements",
-    "linear_solver": "linear solver of the finest mesh planned",
-    "memory_bytes": "memory",
-    "processor_memory_bytes": "memory on one core",
-    "memory_bytes_at_most": "memory of the finest mesh that the budget allows",
-    "seconds": "time on two idle cores",
-    "processor_seconds": "time on one core",
-    "symmetries": "symmetries used",
-    "meshes": "meshes",
-    "accuracy": "refined until",
-    "compare": "in compare",
-    "perhaps": "or perhaps",
-    "refused": "refused:",
-    "load_steps": "load steps",
-    "states": "states solved",
-}
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
 """For the advice of a plan: largest share of the run's time, least (up to `CHECKED` balls) and largest time [s]."""
 
 
-def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
-    """Print the plan of ``solve``, and of ``compare`` if the scene supports it."""
+def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool = True) -> None:
+    """Print the plan of ``solve``, and of ``compare`` if the scene supports it; without advice it takes less time."""
     model, problem, notes = choose(standing(scene), asked)
     _require_drift(scene, model, problem)
     if not ranks.is_root():
@@ -73,26 +55,14 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
     else:
         plans = _model_plans(scene, model, problem, ahead, seconds, alone=asked is not None)
     scale = Scale.of(problem, scene.data)
-    close, near = closest(part, ahead)
-    adviser = Adviser(close, near, scene.tangential_force, scene.effects, _patience(problem, seconds, begun))
-    inputs = None
-    with waiting("the linear model with and without each effect, for this plan's advice"):
-        advice = adviser.advise()
-        if problem.size > 1 and adviser.affords(sensitivity.SOLUTIONS):
-            inputs = sensitivity.record(close)
-        elif problem.size > 1:
-            adviser.left_out.append(sensitivity.TITLE)
-    if adviser.left_out:
-        names = ", ".join(adviser.left_out)
-        few = "the balls in question alone" if problem.periodic is None else "fewer balls"
-        notes = (*notes, f"left out, as slow compared with the run: {names}; to compute it, plan a scene of {few}")
     if part.size < problem.size:
         notes = (*notes, f"the expected values are those of the {part.size} balls about the middle alone")
-    if close is not part:
+    advice: list[Advice] = []
+    inputs = None
+    if advises:
         leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
-        which = f"ball {leading}, which has the largest T of those solved, and its {ABOUT - 1} nearest neighbours"
-        notes = (*notes, f"the advice considers only {which}")
-        inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
+        advice, inputs, more = _advice(scene, problem, part, ahead, leading, _patience(problem, seconds, begun))
+        notes = (*notes, *more)
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
@@ -103,6 +73,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
+        "warnings": _warnings(problem, ahead),
         "notes": [*notes, *_doubts(problem)],
         "evolution": evolution,
     }
@@ -110,6 +81,35 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool) -> None:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene)
+
+
+def _advice(
+    scene: Scene, problem: Problem, part: Problem, ahead: Result, leading: int, patience: float
+) -> tuple[list[Advice], dict[str, Any] | None, list[str]]:
+    """Return the advice, the sensitivity of T to the inputs, and notes on both, from the linear solution of a part.
+
+    ``leading``: number of its ball with the largest T; ``patience``: time limit [s].
+    """
+    close, near = closest(part, ahead)
+    chosen = (problem.finite_strain or FiniteStrain()).chosen
+    law = chosen.name if isinstance(chosen, Law) else "an own one"
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law)
+    inputs, notes = None, []
+    with waiting("the linear model with and without each effect, for this plan's advice; --no-advice leaves it out"):
+        advice = adviser.advise()
+        if problem.size > 1 and adviser.affords(sensitivity.SOLUTIONS):
+            inputs = sensitivity.record(close)
+        elif problem.size > 1:
+            adviser.left_out.append(sensitivity.TITLE)
+    if adviser.left_out:
+        names = ", ".join(adviser.left_out)
+        few = "the balls in question alone" if problem.periodic is None else "fewer balls"
+        notes.append(f"left out, as slow compared with the run: {names}; to compute it, plan a scene of {few}")
+    if close is not part:
+        which = f"ball {leading}, which has the largest T of those solved, and its {ABOUT - 1} nearest neighbours"
+        notes.append(f"the advice considers only {which}")
+        inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
+    return advice, inputs, notes
 
 
 def _require_drift(scene: Scene, model: Model, problem: Problem) -> None:
@@ -170,7 +170,13 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
     except UnsupportedProblem as error:
         return {"refused": str(error)}
-    return plain({key: path[key] for key in ("load_steps", "seconds")})
+    return plain({key: path[key] for key in ("load_steps", "seconds", "processor_seconds")})
+
+
+def _warnings(problem: Problem, ahead: Result) -> list[str]:
+    """Return where small strain does not hold, of a problem at finite strain only where no layer gives way so far."""
+    found = tables.warnings(ahead.solved.to_dict())
+    return found if problem.finite_strain is None else [text for text in found if MEANINGLESS in text]
 
 
 def _doubts(problem: Problem) -> list[str]:
@@ -186,6 +192,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
         out.print(text, style=style, highlight=False, markup=False)
 
     say(document["title"], "bold")
+    for warning in document["warnings"]:
+        say(warning)
     load = scene.problem.load
     unit = scale.units.length if load.kind == "approach" else scale.units.force
     known = list(dict.fromkeys(load.values))
@@ -194,27 +202,27 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say(f"shape: {document['bodies']}")
     say(scale.legend())
     say("simulated:")
-    for name in document["effects_present"]:
-        say(f"  [{name}] {EFFECTS[name].words}")
+    for effect in document["effects_present"]:
+        say(f"  [{effect}] {EFFECTS[effect].words}")
     if not document["effects_present"]:
         say("  optional effects: none")
     say("not simulated:")
-    for name in document["effects_absent"]:
-        say(f"  [{name}] {EFFECTS[name].words}: {EFFECTS[name].without}")
+    for effect in document["effects_absent"]:
+        say(f"  [{effect}] {EFFECTS[effect].words}: {EFFECTS[effect].without}")
     for note in document["notes"]:
         say(f"  note: {note}")
     for model in document["models"]:
         say(f"{model['model']}: {model['summary']}", "bold")
         for key, value in model.items():
             if key == "domain":
-                say(f"  {_domain(value, scale.units.length)}")
+                say(f"  {domain(value, scale.units.length)}")
             elif key not in ("model", "summary", "seconds_of_meshes"):
-                say(f"  {NAMES.get(key, key.replace('_', ' '))}: {_word(key, value)}")
+                say(f"  {name(key, model)}: {word(key, value)}")
     evolution = document["evolution"]
     if evolution is not None:
         from runs.evolution.expectation import sentence  # noqa: PLC0415
 
-        memories = {key: _memory(value) for key, value in evolution.items() if "memory_bytes" in key}
+        memories = {key: memory_words(value) for key, value in evolution.items() if "memory_bytes" in key}
         say(sentence(evolution, document["models"][0]["model"], memories))
     _look_ahead(say, document["linear_estimate"], scale)
     _advise(say, document["advice"], scene.tangential_force)
@@ -231,62 +239,29 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     say("expected by the linear model:", "bold")
     say(
         f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
-        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}"
+        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}{_sense(balls, ball)}"
     )
+
+
+def _sense(balls: Sequence[Mapping[str, Any]], ball: Mapping[str, Any]) -> str:
+    """Return whether T pulls the ball towards the others or pushes it away, where it is more than its error."""
+    if math.hypot(*ball["tangential_force"]) <= ball["tangential_force_error"]:
+        return ""
+    pull = attraction(balls, balls.index(ball), ball["tangential_force"])
+    return ": attraction" if pull > 0.0 else ": separation"
 
 
 def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:
     limit = f"{100.0 * (accuracy or USUAL):.2g} %"
     headings = {True: f"above {limit}", False: f"below {limit}", None: "perhaps"}
     if advice:
-        asked = "(the required accuracy)" if accuracy else "(no accuracy is required)"
-        say(f"which changes of the scene would change T by more than {limit} {asked}, by the linear model:", "bold")
+        asked = "required accuracy of" if accuracy else "usual accuracy of"
+        say(
+            f"which changes of the scene would change T by more than the {asked} {limit} (finite strain by a fit, all "
+            "else by the linear model):",
+            "bold",
+        )
     for matters, heading in headings.items():
         for item in advice:
             if item["matters"] is matters:
                 say(f"  {heading}: {item['text']}")
-
-
-def _domain(sides: Mapping[str, Any], unit: Unit) -> str:
-    shown = {k: [x / unit.size for x in v] if isinstance(v, list) else v / unit.size for k, v in sides.items()}
-    return f"{unit.heading('domain')}: {_word('', shown)}"
-
-
-def _goal(accuracy: Mapping[str, Any]) -> str:
-    seconds = accuracy["seconds_at_most"]
-    limit = "no time limit" if seconds is None else f"at most {duration(float(seconds))}"
-    known = f"T is known to {100 * accuracy['asked']:.3g} %"
-    return f"{known}; at most {grouped(accuracy['unknowns_at_most'])} unknowns; {limit}"
-
-
-def _about(seconds: float) -> str:
-    return f"about {duration(float(seconds))}"
-
-
-def _memory(value: float) -> str:
-    if value <= 5e7:
-        return f"about {max(value / 1e6, 1.0):.0f} MB"
-    here = memory_bytes()
-    said = f"about {value / 1e9:.2g} GB" if value < 1e11 else f"about {value / 1e9:.0f} GB"
-    return said if value < here else f"{said}, more than the {here / 1e9:.0f} GB of this machine"
-
-
-def _word(key: str, value: Any) -> str:
-    if key in WORDS:
-        return WORDS[key](value)
-    if "memory_bytes" in key:
-        return _memory(float(value))
-    if isinstance(value, Mapping):
-        return ", ".join(f"{NAMES.get(k, k)} {_word(k, v)}" for k, v in value.items())
-    if isinstance(value, list):
-        pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
-        return " to ".join(map(number, value)) if pair else ", ".join(_word("", v) for v in value) or "none"
-    return grouped(value) if isinstance(value, int) else number(value) if isinstance(value, float) else str(value)
-
-
-WORDS: dict[str, Callable[[Any], str]] = {
-    "seconds": _about,
-    "processor_seconds": _about,
-    "chance": lambda share: f"{100.0 * share:.0f} %",
-    "accuracy": _goal,
-}

@@ -53,6 +53,7 @@ def _show(session: Session, document: Document) -> None:
     balls, steps = document["balls"], document["steps"]
     out = tables.console()
     periodic = session.problem.periodic is not None
+    tables.say(out, *tables.warnings(document["solved"]))
     tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}", periodic=periodic)
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:

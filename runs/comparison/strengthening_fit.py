@@ -1,37 +1,62 @@
 """A fit of the change of the tangential force by finite strain, for plans before a run, not for results.
 
-S_Q, T at finite strain over T at small strain and equal normal force, of two exact spheres (nu = 0.48, substrate 1000
-times as stiff) next to each other. Source: the study ``strengthening``, cases headline-thin and headline-thick.
+S_Q, T at finite strain over T at small strain and equal normal force, of two exact spheres next to each other. Source:
+the study ``strengthening``, cases headline-thin and headline-thick for `CURVES` (nu = 0.48, substrate 1000 times as
+stiff), cases range-* for what changes with thickness and nu (corners of the range, rigid base).
 """
 
-CURVES = {1.16: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
+import math
+
+THIN = 1.16
+CURVES = {THIN: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
 """Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
 ERROR, ERROR_GROWTH = 0.005, 0.06
-"""Largest deviation of S_Q from the fit: at zero load, and its growth per (D/R)^2."""
+"""Largest deviation of S_Q from the fit where it was made: at zero load, and its growth per (D/R)^2."""
+FITTED_POISSON, FITTED_LAW = 0.48, "neo_hookean"
+BY_THICKNESS, BY_POISSON = 3.7, -10.0
+"""Slopes of ln(S_Q - 1) of the thin layer over h/R and over nu; at 0.16 R and 0.5 R: 2.9 to 4.5, -4 to -15."""
+UNSURE_THICKNESS, UNSURE_POISSON = 1.0, 3.0
+"""Growth of the relative error of S_Q - 1 per distance in h/R and in nu from where the thin curve was fitted."""
+STIFF = 1e3
+"""Least modulus of a substrate over the layer's: that of the fits; the range was measured on a rigid base."""
 LARGEST_APPROACH = 0.5
 """Largest approach over R that the fits cover."""
-THICKNESSES = {1.16: (1.0, 1.3), 6.0: (5.0, 8.0)}
-"""Range of thickness over R in which each curve is used; between the ranges, T changes sign."""
+THICKNESSES = {THIN: (1.0, 1.2), 6.0: (5.0, 8.0)}
+"""Range of thickness over R in which each curve is used; between the ranges, T changes sign.
+
+At 1.3 R, nu = 0.47 and 0.5 R T of small strain is near its zero already, and S_Q = 3.6.
+"""
 DISTANCES = (2.0, 2.1)
 """Distances of neighbours over R: at 3 R the same layers have S_Q = 0.97 and 0.98 at the largest approach."""
 POISSONS = (0.47, 0.49)
 """At nu = 0.4999 S_Q is smaller by 0.17 at the largest approach; at 0.4 and below T of the thin layer changes sign."""
 
 
-def strengthening_at_force(approach: float, thickness: float) -> float:
-    """Return S_Q for an approach and a thickness, both over R, by the nearer curve."""
-    x = min(max(approach, 0.0), LARGEST_APPROACH)
-    coefficients = CURVES[_nearest(thickness)]
-    return 1.0 + sum(c * x**power for power, c in enumerate(coefficients, start=1))
+def strengthening_at_force(approach: float, thickness: float, poisson: float = FITTED_POISSON) -> float:
+    """Return S_Q for an approach and a thickness, both over R, and Poisson's ratio, by the nearer curve."""
+    x, known = min(max(approach, 0.0), LARGEST_APPROACH), _nearest(thickness)
+    change = sum(c * x**power for power, c in enumerate(CURVES[known], start=1))
+    if known != THIN:
+        return 1.0 + change
+    return 1.0 + change * math.exp(BY_THICKNESS * (thickness - THIN) + BY_POISSON * (poisson - FITTED_POISSON))
 
 
-def fit_error(approach: float) -> float:
-    """Return the largest deviation of S_Q from the fit at an approach over R, inside its range."""
-    return ERROR + ERROR_GROWTH * min(approach, LARGEST_APPROACH) ** 2
+def fit_error(approach: float, thickness: float = THIN, poisson: float = FITTED_POISSON) -> float:
+    """Return the largest deviation of S_Q from the fit inside its range; it grows away from where the fit was made."""
+    error = ERROR + ERROR_GROWTH * min(approach, LARGEST_APPROACH) ** 2
+    if _nearest(thickness) != THIN:
+        return error
+    away = UNSURE_THICKNESS * abs(thickness - THIN) + UNSURE_POISSON * abs(poisson - FITTED_POISSON)
+    return error + away * abs(strengthening_at_force(approach, thickness, poisson) - 1.0)
 
 
-def outside(approach: float, thickness: float, distance: float, poisson: float) -> list[str]:
-    """Return which parameters of a scene are outside the range of the fits, in words; lengths are over R."""
+def outside(
+    approach: float, thickness: float, distance: float, poisson: float, stiffness: float = math.inf
+) -> list[str]:
+    """Return which parameters of a scene are outside the range of the fits, in words.
+
+    Lengths are over R, ``stiffness`` is the substrate's modulus over the layer's.
+    """
     faults = []
     if approach > LARGEST_APPROACH * (1.0 + 1e-9):
         faults.append(f"D = {approach:.2g} R is more than {LARGEST_APPROACH:g} R")
@@ -42,6 +67,8 @@ def outside(approach: float, thickness: float, distance: float, poisson: float) 
         faults.append(f"L = {distance:.3g} R is not {DISTANCES[0]:g} to {DISTANCES[1]:g} R")
     if not POISSONS[0] <= poisson <= POISSONS[1]:
         faults.append(f"nu = {poisson:g} is not {POISSONS[0]:g} to {POISSONS[1]:g}")
+    if stiffness < STIFF:
+        faults.append(f"the substrate is {stiffness:.3g} times as stiff as the layer, not {STIFF:g} or more")
     return faults
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from linear_bem.counts import grouped
+from linear_bem.media import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
@@ -50,8 +51,17 @@ def say(out: Console, *lines: str, style: str = "") -> None:
 
 
 def notes(*accounts: Mapping[str, Any]) -> list[str]:
-    """Return the notes of some results (their "solved" entries), each once."""
-    return [f"note: {note}" for note in dict.fromkeys(note for solved in accounts for note in solved["notes"])]
+    """Return the notes of some results ("solved"), each once, without `warnings`."""
+    return [f"note: {note}" for note in _notes(*accounts) if not note.startswith(LARGE_STRAIN)]
+
+
+def warnings(*accounts: Mapping[str, Any]) -> list[str]:
+    """Return the notes that small strain does not hold, which belong before the numbers."""
+    return [f"warning: {note}" for note in _notes(*accounts) if note.startswith(LARGE_STRAIN)]
+
+
+def _notes(*accounts: Mapping[str, Any]) -> list[str]:
+    return list(dict.fromkeys(note for solved in accounts for note in solved["notes"]))
 
 
 def is_narrow(out: Console) -> bool:

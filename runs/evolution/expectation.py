@@ -18,7 +18,7 @@ from runs.evolution.outcome import COARSER
 from runs.evolution.pair_table import DEPTHS
 from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, PAIR_ACCURACY, kinds, point_loads, table_of
 from runs.look_ahead import MEMORY, measured
-from runs.models import MODELS, Model, as_command, planned_runs
+from runs.models import MODELS, ONE, TWO, Model, as_command, planned_runs
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
@@ -102,10 +102,10 @@ def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) ->
     }
     parts = ", ".join(f"{duration(seconds)} for {words[key]}" for key, seconds in found["parts"].items() if seconds)
     alone = "processor_seconds" not in found
-    said = f"about {duration(found['seconds'])} on {'one idle core' if alone else 'two idle cores'}"
+    said = f"about {duration(found['seconds'])} on {'one idle core' if alone else TWO}"
     said += f", {memory['memory_bytes']}"
     if not alone:
-        said += f"; on one {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
+        said += f"; on {ONE} {duration(found['processor_seconds'])}, {memory['processor_memory_bytes']}"
     still = "" if found["steps"] else "; as point loads, the balls do not move at all"
     return f"evolve: {said}: {parts}{still}"
 

@@ -9,12 +9,12 @@ from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
-from runs.display.numbers import duration
+from runs.display.numbers import count, duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.evolution.pair_table import DEPTHS, PairTable, common_ball, runs_left
-from runs.models import MODELS, Model, Run, planned_runs
+from runs.models import MODELS, Model, Run, planned_runs, time_on
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
@@ -83,7 +83,8 @@ def provider(
     # also reports what the model cannot solve, before the first run
     planned = planned_runs(model, table.missing_problems(), accuracy, budget or {})
     if ranks.is_root() and table.missing:
-        time = "" if planned is None else f", about {duration(planned['seconds'])} on two idle cores"
+        cores = ranks.rank_and_size()[1]
+        time = "" if planned is None else f", about {duration(time_on(cores, planned))} on {count(cores, 'idle core')}"
         print_status(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}{time}")
     table.complete(print_status)
     worst, measured = table.worst(), model.name != "finite_strain" and problem.size <= MEASURED

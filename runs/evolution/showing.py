@@ -47,6 +47,7 @@ def show(session: Session, document: Document) -> None:
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
     periodic = "periodic" in session.scene.drift
+    tables.say(out, *tables.warnings(document["solved"]))
     if len(document["balls"]) <= LISTED:
         tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
         signs = [] if periodic else legend_of_balls(document["balls"], session.scale)

@@ -35,7 +35,12 @@ class BallsTable(Table):
     """
 
     positions: Positions
-    """Position [x, y] of each ball's vertical axis."""
+    """Position [x, y] of each ball's vertical axis.
+
+    Bodies must not overlap. Spheres and paraboloids touch as balls on one plane do, at a distance of 2 sqrt(R1 R2).
+    Beside ellipsoids and punches the widths on the line between the axes add up. A cone has no width: any body may
+    stand next to it, but at finite strain not if their profiles cross at the undeformed surface.
+    """
     shape: Shapes = "sphere"
     """Shape of all balls, or a list with one per ball."""
     radius: Lengths | None = None
@@ -45,7 +50,7 @@ class BallsTable(Table):
     slope: Angles | None = None
     """Angle between a cone's flank and the undeformed surface."""
     tip_radius: Lengths | None = None
-    """Radius of a cone's rounded tip."""
+    """Radius of a cone's rounded tip, greater than 0."""
     edge_radius: Lengths | None = None
     """Radius of a punch's rounded edge."""
 

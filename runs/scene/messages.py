@@ -82,6 +82,10 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
         elif "across the cell's edge" in rule:
             remedy = f"{remedy}, or the cell larger"
     remedy = remedy or _example(table, key)
+    if "rigid base" in rule and Units.written(data) is not None:
+        number = written if index is None else written[int(index[1:-1])]
+        if isinstance(number, int | float):
+            remedy = f'a bare number is in metres; write "{number:g} mm" if it is in millimetres'
     return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}"
 
 
@@ -96,6 +100,8 @@ def concerns(text: str, doubtful: set[str]) -> bool:
         return True  # the shape decides which of them a ball needs
     if key == "steps" and any(name.startswith("load.") for name in doubtful):
         return True
+    if key == "approach" and "layer.thickness" in doubtful:
+        return True  # it may exceed the thickness of the stand-in
     return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful
 
 

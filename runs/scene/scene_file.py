@@ -75,7 +75,7 @@ class AccuracyTable(Table):
     """
 
     tangential_force: Number | None = None
-    """Largest permitted relative error of T."""
+    """Largest permitted relative error of T; for finite elements at least 1e-4."""
     seconds: Number | None = None
     """Limit of the run's wall time [s]: a finer mesh that would exceed it is not started."""
     unknowns: Number | None = None

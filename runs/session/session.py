@@ -18,8 +18,8 @@ from linear_bem.errors import MissingDependency, UnsupportedProblem
 from linear_bem.result import Result, Solved, Step
 from linear_bem.solution import Solution
 from runs.display import surface
-from runs.display.numbers import Scale, duration
-from runs.models import Model, Run, choose, standing
+from runs.display.numbers import Scale, count, duration
+from runs.models import Model, Run, choose, standing, time_on
 from runs.process import ranks, signals
 from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
@@ -146,18 +146,20 @@ class Session:
 
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
+        ranks_here = ranks.rank_and_size()[1]
+        seconds = time_on(ranks_here, self.plan) if self.plan else 0.0
+        of_meshes = [seconds / self.plan["seconds"] * each for each in self.plan.get("seconds_of_meshes", ())]
         progress = Progress(
             self.scale, goal, root=self.root, take=take, log=log,
             draw=lambda top: surface.keep(self.out, top),  # the picture survives a killed run
-            expected=self.plan.get("seconds_of_meshes", ()),
+            expected=of_meshes,
         )  # fmt: skip
         if self.root and self.plan:
-            size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(self.plan["seconds"])
-            where = f"{self.model.name} on {ranks.rank_and_size()[1]} rank(s)"
-            print_status(
-                f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on two idle cores; into {self.out}"
-            )
-            least, most = sum(self.plan["seconds_of_meshes"][:2]), self.scene.budget.get("seconds", math.inf)
+            size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(seconds)
+            where = f"{self.model.name} on {ranks_here} rank(s)"
+            cores = count(ranks_here, "idle core")
+            print_status(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on {cores}; into {self.out}")
+            least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:
                 print_status(
                     f"[accuracy] seconds = {most:g} is less than the two coarsest meshes take, which an error estimate "

@@ -101,7 +101,7 @@ def test_load_steps_that_do_not_rise_are_refused(steps: tuple[float, ...]) -> No
         plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
 
 
-@pytest.mark.parametrize("accuracy", [0.0, 1.0, -0.1])
+@pytest.mark.parametrize("accuracy", [0.0, 1e-20, 9e-5, 1.0, -0.1])
 def test_an_accuracy_outside_its_range_is_refused(accuracy: float) -> None:
     with pytest.raises(InvalidProblem, match=r"accuracy\.tangential_force"):
         plan_run(pair(0.1), accuracy, "finite_strain")

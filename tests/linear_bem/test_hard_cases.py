@@ -49,7 +49,10 @@ def pull(problem, accuracy=1e-4):
 def test_a_vanishing_layer_leaves_the_substrates_force(ratio):
     substrate = Elastic(1.0 / ratio, 0.3)
     force = 2.66666e-3 / ratio * 1e-3
-    film = pull(pair(Layer(1.0, 0.48, 1e-5), substrate, force=force))
+    solution = solve(pair(Layer(1.0, 0.48, 1e-5), substrate, force=force), 1e-4)
+    # the softest film alone is pressed in by many times its thickness, which is said
+    assert bool(solution.solved.notes) == (ratio == 1e-6)
+    film = solution.balls[0].tangential_force[0]
     bare = pull(pair(Layer(substrate.young, 0.3, np.inf), force=force))
     assert film == pytest.approx(bare, rel=2e-3)
 
@@ -76,9 +79,9 @@ def test_a_thousand_radii_of_layer_are_a_half_space(ratio):
 @pytest.mark.parametrize(("poisson", "limit"), [(0.3, bonded_compressible_force), (0.5, bonded_incompressible_force)])
 def test_a_thin_layer_on_a_rigid_base_has_the_asymptotic_stiffness(poisson, limit):
     layer = Layer(1.0, poisson, 1e-3)
-    ball = solve(Problem(layer, (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (1e-3,)))).balls[0]
+    ball = solve(Problem(layer, (Ball((0.0, 0.0), 1.0, "paraboloid"),), Load("approach", (9e-4,)))).balls[0]
     # the edge's correction is of order h/a = 0.02
-    assert ball.normal_force == pytest.approx(limit(1e-3, 1.0, layer), rel=0.06)
+    assert ball.normal_force == pytest.approx(limit(9e-4, 1.0, layer), rel=0.06)
 
 
 def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):

@@ -218,7 +218,7 @@ def test_a_ball_takes_its_radius_from_its_shape():
     [
         (lambda: Sphere(0.0), "balls.radius: must be greater than 0 and finite, got 0.0 m"),
         (lambda: Cone(1.6, 0.1), "balls.slope: must lie between 0 and 90 deg"),
-        (lambda: Cone(0.3, 0.0), "balls.tip_radius: must be greater than 0"),
+        (lambda: Cone(0.3, 0.0), "balls.tip_radius: must be greater than 0, got 0 m; a sharp tip has no finite"),
         (lambda: Ellipsoid((1.0, 1.0)), "balls.semi_axes: must be three lengths"),
         (lambda: Punch(1.0, 0.0), "balls.edge_radius: must be greater than 0.*take a small one"),
         (lambda: Punch(1.0, 1.1), "balls.edge_radius: must not be larger than the punch"),

@@ -74,13 +74,13 @@ def test_flat_profiles_meet_the_power_law(power, load):
     assert found.contact_area == pytest.approx(np.pi * radius**2, rel=0.01)
 
 
-@pytest.mark.parametrize(("shape", "depth"), [(Cone(0.3, 0.4), 0.9), ("sphere", 2.8)])
-def test_a_pair_that_merges_deep_under_given_approaches_meets_the_same_pair_under_its_forces(shape, depth):
+@pytest.mark.parametrize(("shape", "depth", "base"), [(Cone(0.3, 0.4), 0.9, None), ("sphere", 2.8, Elastic(1e3, 0.3))])
+def test_a_pair_that_merges_deep_under_given_approaches_meets_the_same_pair_under_its_forces(shape, depth, base):
     """Coupled point loads have no solution there, so that the first guess needs another one."""
     balls = tuple(Ball((x, 0.0), 1.0 if shape == "sphere" else math.nan, shape) for x in (-1.0, 1.0))
-    deep = solve(Problem(Layer(1.0, 0.48, 1.2), balls, Load("approach", (depth, depth))), 1e-2).balls[0]
+    deep = solve(Problem(Layer(1.0, 0.48, 1.2), balls, Load("approach", (depth, depth)), base), 1e-2).balls[0]
     load = Load("force", (deep.normal_force,) * 2)
-    forced = solve(Problem(Layer(1.0, 0.48, 1.2), balls, load), 1e-2).balls[0]
+    forced = solve(Problem(Layer(1.0, 0.48, 1.2), balls, load, base), 1e-2).balls[0]
     assert forced.approach == pytest.approx(depth, rel=5e-3)
     bars = deep.tangential_force_error + forced.tangential_force_error
     assert abs(forced.tangential_force[0] - deep.tangential_force[0]) < bars

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import linear_bem.touching
-from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve, solve_height_field
+from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve, solve_height_field
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -53,10 +53,30 @@ def test_an_accuracy_that_is_none_is_refused(accuracy):
 
 def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
     layer = Layer(1.0, 0.3, 10.0)
-    for approach, noted in ((2.0, False), (15.0, True)):
+    for approach, noted in ((2.0, False), (6.0, True)):
         notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes
         assert any("of the layer's thickness" in note for note in notes) == noted
         assert any("up to about 0.9 ball radii" in note for note in notes) == noted
+
+
+def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
+    balls, layer = (Ball((0.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0)), Layer(1.0, 0.3, 10.0)
+    said = r"^load\.approach\[1\]: must be less than the thickness of a layer on a rigid base, 10 m, got 12 m; press"
+    with pytest.raises(InvalidProblem, match=said) as caught:
+        Problem(layer, balls, Load("approach", (10.0, 12.0)))
+    assert len(caught.value.faults) == 1
+    Problem(layer, balls, Load("approach", (12.0, 12.0)), Elastic(1e3, 0.3))  # which may give way
+    Problem(Layer(1.0, 0.3, math.inf), balls, Load("approach", (12.0, 12.0)))
+
+
+def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():
+    ball, layer = (Ball((0.0, 0.0), 20.0),), Layer(1.0, 0.3, 10.0)
+    for base in (None, Elastic(1e3, 0.3)):
+        deep = solve(Problem(layer, ball, Load("force", (5e4,)), base), 1e-2)
+        assert deep.balls[0].approach > 10.0
+        assert "deeper than layer and base can give: check the load's unit" in deep.solved.notes[0]
+    soft = solve(Problem(Layer(1e3, 0.3, 10.0), ball, Load("approach", (15.0,)), Elastic(1.0, 0.3)), 1e-2)
+    assert not any("of the layer's thickness" in note for note in soft.solved.notes)  # the base gives way
 
 
 def test_asperities_may_stand_closer_than_their_radii_and_whole_balls_may_not():

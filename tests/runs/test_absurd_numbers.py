@@ -69,6 +69,16 @@ friction = 0.1
         (DRIFT, "friction = ", "tolerance = 0.1\nfriction = ", ["must lie between 1e-09 radii", "got 0.1"]),
         (SCENE, '"60 mm"', "1e300", ["[periodic] lengths[1]: must be at most 8e+09 mm", "leave periodic out"]),
         (SCENE, '"1.5 mm"', "1e300", ["[load] approach: must be at most 8e+06"]),
+        (
+            DRIFT,
+            'approach = "1.5 mm"',
+            "approach = 0.5",
+            [
+                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; a",
+                'bare number is in metres; write "0.5 mm" if it is in millimetres',
+            ],
+        ),
+        (DRIFT, '"1.5 mm"', '["1 mm", "12 mm"]', ["[load] approach of ball 1: must be less", "got 12 mm; press less"]),
         (DRIFT, '"60 mm"', "1e300", ["[periodic] lengths: must be at most 8e+09 mm"]),
         (DRIFT, '"80 mm"', '"1e300 m"', ["[reciprocation] amplitude: must be at most 1e+30 m, got 1e+300 m"]),
         (DRIFT, "0.1", "1e-300", ["[reciprocation] friction: must be at least 1e-30, got 1e-300; check"]),

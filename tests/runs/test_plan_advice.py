@@ -41,6 +41,17 @@ KNOWN = (
 )  # fmt: skip
 """Thickness and approach over R, S_Q and its error, as the study ``strengthening`` has them."""
 
+CORNERS = (
+    (1.0, 0.47, 0.08, 1.0180, 0.0043), (1.0, 0.47, 0.16, 1.0519, 0.0044), (1.0, 0.47, 0.32, 1.1807, 0.0052),
+    (1.0, 0.47, 0.5, 1.5154, 0.0076), (1.0, 0.49, 0.16, 1.0478, 0.0063), (1.0, 0.49, 0.5, 1.4713, 0.0074),
+    (1.2, 0.47, 0.16, 1.1251, 0.0053), (1.2, 0.47, 0.5, 2.0686, 0.0154), (1.2, 0.49, 0.16, 1.1102, 0.0081),
+    (1.2, 0.49, 0.16, 1.1034, 0.0009), (1.2, 0.49, 0.5, 1.7891, 0.0121),
+    (1.16, 0.48, 0.16, 1.1020, 0.0050), (1.16, 0.48, 0.5, 1.7641, 0.0126),
+    (5.0, 0.47, 0.16, 0.9899, 0.0046), (5.0, 0.47, 0.5, 0.9938, 0.0052),
+    (8.0, 0.49, 0.16, 0.9926, 0.0060), (8.0, 0.49, 0.5, 1.0021, 0.0079),
+)  # fmt: skip
+"""Thickness over R, Poisson's ratio, approach over R, S_Q and its error on a rigid base, by the cases range-* of it."""
+
 
 def pair(
     approach: float, *, thickness: float = 1.16, shape: str = "sphere", substrate: Elastic | None = SUBSTRATE
@@ -71,6 +82,23 @@ def test_the_fit_meets_what_is_known_within_its_error() -> None:
         assert not outside(approach, thickness, 2.0, 0.48)
     assert strengthening_at_force(0.0, 1.0) == 1.0
     assert len(outside(0.6, 2.0, 4.0, 0.3)) == 4
+
+
+def test_the_fit_is_of_one_law() -> None:
+    scene = pair(0.2)
+    found = Adviser(scene, solve(scene, 1e-2), None, ("finite_strain",), law="gent").advise()[0]
+    assert (found.change, found.matters) == (None, None)
+    assert "the law is gent, not neo_hookean" in found.text
+
+
+def test_the_fit_holds_its_error_over_its_range_on_a_rigid_base() -> None:
+    for thickness, poisson, approach, ratio, error in CORNERS:
+        missed = abs(strengthening_at_force(approach, thickness, poisson) - ratio)
+        assert missed <= fit_error(approach, thickness, poisson) + error
+        assert not outside(approach, thickness, 2.0, poisson)
+    assert fit_error(0.16, 1.2, 0.49) > 2.0 * fit_error(0.16)
+    assert outside(0.5, 1.3, 2.0, 0.47)  # S_Q = 3.65 +- 0.05
+    assert "100 times as stiff" in outside(0.16, 1.2, 2.0, 0.48, 100.0)[0]
 
 
 def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> None:
@@ -163,7 +191,10 @@ def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> 
 def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
     said = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml")
     assert said.returncode == 0, said.stderr
-    assert "would change T by more than 2 % (no accuracy is required)" in said.stdout
+    assert "would change T by more than the usual accuracy of 2 % (finite strain by a fit" in said.stdout
+    assert "% at equal force, by a fit" in said.stdout
+    assert "time on one idle core: about" in said.stdout
+    assert "|T| / Q = 4.35e-05: separation" in said.stdout
     assert "below 2 %: the substrate's compliance" in said.stdout
     done = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
     items: list[dict[str, Any]] = json.loads(done.stdout)["advice"]
@@ -172,10 +203,23 @@ def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
         assert item["text"] in said.stdout
 
 
+def test_a_plan_without_advice_warns_first_where_small_strain_does_not_hold(tmp_path: Path) -> None:
+    scene = tmp_path / "deep.toml"
+    scene.write_text(
+        TRIANGLE.split("[finite_strain]", maxsplit=1)[0].replace('force = "0.5 N"', 'approach = "2 mm"'), "utf-8"
+    )
+    said = thirdbody("plan", scene, "--no-advice").stdout
+    assert said.splitlines()[1].startswith("warning: the largest approach is 0.67 of the layer's thickness")
+    assert "would change T" not in said
+    assert "what the inputs do to T" not in said
+
+
 def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has() -> None:
     said = thirdbody("plan", "runs/scenes/paper_thin_pair.toml").stdout
     assert "finite strain changes T by" in said
     assert "add [finite_strain]" not in said
+    assert "time on two idle cores (mpirun -n 2): about" in said
+    assert "time on one (without mpirun): about" in said
     assert "states solved: 8" in said  # compare: two in each of four load steps
 
 
@@ -200,4 +244,4 @@ def test_outside_the_fits_range_no_number_is_given() -> None:
 
 def test_advice_writes_per_cents_without_an_exponent() -> None:
     said = advice(dataclasses.replace(pair(0.2), layer=Layer(1.0, 0.48, 1.16)))["finite_strain"].text
-    assert re.search(r"by \+1\d ± \d(\.\d)? % at equal force", said), said
+    assert re.search(r"by \+1\d ± \d(\.\d+)? % at equal force", said), said

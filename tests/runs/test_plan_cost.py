@@ -14,8 +14,9 @@ from linear_bem.errors import UnsupportedProblem
 from runs import models
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
+from runs.display.plan_words import memory_words
 from runs.evolution import expectation
-from runs.models import MODELS, as_command, planned_runs
+from runs.models import MODELS, as_command, planned_runs, time_on
 from runs.process import machine
 from runs.scene.scene_file import Scene, read_scene
 from runs.session import session
@@ -70,6 +71,11 @@ def test_direct_forces_are_planned_with_the_search_for_an_equilibrium(monkeypatc
     assert many["paths"] == pytest.approx(46 * 3.5)
 
 
+def test_a_run_takes_the_time_of_its_own_ranks() -> None:
+    plan = {"seconds": 10.0, "processor_seconds": 16.0}
+    assert [time_on(ranks, plan) for ranks in (1, 2, 4)] == pytest.approx([16.0, 10.0, 6.25])
+
+
 def test_an_evolution_is_planned_with_the_runs_of_its_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -77,8 +83,10 @@ def test_an_evolution_is_planned_with_the_runs_of_its_table(
     monkeypatch.setattr(planning, "PATIENCE", 0.0)  # the advice is another test's
     plan_scene(read_scene(DRIFTING), None, as_json=False)
     printed = " ".join(capsys.readouterr().out.split())
-    said = r"evolve: about [^,]* on two idle cores, about [^;]* GB; on one [^,]*, about [^:]* GB: [^,]* for 13 runs by"
-    assert re.search(rf"{said} finite_strain for the table of pairs, .* [^,]* for pictures", printed)
+    said = r"evolve: about [^,]* on two idle cores \(mpirun -n 2\), .* GB; on one \(without mpirun\) [^,]*, about"
+    assert re.search(
+        rf"{said} [^:]* GB: [^,]* for 13 runs by finite_strain for the table of pairs, .* [^,]* for pictures", printed
+    )
     # nothing of a mesh that evolve does not make
     assert "finite_strain: hyperelastic finite elements evolve" in printed
 
@@ -202,4 +210,4 @@ def test_memory_is_the_containers_where_that_is_less(tmp_path: Path, monkeypatch
     assert machine.memory_bytes() >= whole
     limit.write_text("1000000\n", encoding="ascii")
     assert machine.memory_bytes() == 1e6
-    assert planning._memory(7.5e12).startswith("about 7500 GB, more than the")
+    assert memory_words(7.5e12).startswith("about 7500 GB, more than the")

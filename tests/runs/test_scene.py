@@ -235,6 +235,11 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
             '[finite_strain]\nlaw = "yeoh"\nratios = [1, "2"]\n[load]',
             ["[finite_strain] ratios", "number 1: must be a plain number"],
         ),
+        (
+            'approach = "1.5 mm"',
+            'force = "1 N"\n[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1',
+            ["[reciprocation]: the plate is held", "not force", "prints the one D of all balls under total_force"],
+        ),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
     ],
 )

@@ -90,7 +90,7 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
     if load != "approach":
         texts.append(
             f"[reciprocation]: the plate's height is fixed, so [load] needs approach, not {load}; `thirdbody solve` "
-            "without [reciprocation] prints D at that load: give it as approach"
+            "without [reciprocation] prints the one D of all balls under total_force: give it as approach"
         )
     if scene.load.steps is not None:
         texts.append("load.steps: balls that drift are held at full load; drop steps, or drop [reciprocation]")
