@@ -231,7 +231,7 @@ def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tm
     assert re.search(
         r"in compare: refused: accuracy.unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", done.stdout
     )
-    assert "by more than 10 % (the required accuracy)" in done.stdout
+    assert "by more than the required accuracy of 10 %" in done.stdout
 
 
 def test_outside_the_fits_range_no_number_is_given() -> None:
