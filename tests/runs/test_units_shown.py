@@ -10,8 +10,7 @@ import pytest
 from rich.console import Console
 
 from linear_bem.result import BallResult, Result, Solved
-from runs.commands import plan
-from runs.display import tables
+from runs.display import plan_words, tables
 from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows, legend_of_balls
 from runs.models import choose
@@ -112,8 +111,8 @@ def test_a_table_of_many_balls_shows_the_largest_forces(tmp_path: Path) -> None:
 
 def test_a_plan_gives_the_domain_in_the_scenes_unit() -> None:
     sides = {"x": [0.0, 0.012], "layer": 0.003, "substrate": 0.0}
-    assert plan._domain(sides, Unit("mm", 1e-3)) == "domain [mm]: x 0 to 12, layer 3, substrate 0"
-    assert plan._domain({"layer": 1.16}, Units.length) == "domain [m]: layer 1.16"
+    assert plan_words.domain(sides, Unit("mm", 1e-3)) == "domain [mm]: x 0 to 12, layer 3, substrate 0"
+    assert plan_words.domain({"layer": 1.16}, Units.length) == "domain [m]: layer 1.16"
 
 
 def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
