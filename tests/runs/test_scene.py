@@ -238,7 +238,7 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         (
             'approach = "1.5 mm"',
             'force = "1 N"\n[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1',
-            ["[reciprocation]: the plate's height is fixed", "not force", "prints the one D of all balls under total_force"],
+            ["the plate's height is fixed", "not force", "prints the one D of all balls under total_force"],
         ),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
     ],
