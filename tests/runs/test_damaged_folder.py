@@ -44,7 +44,7 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
 
 def test_a_damaged_surface_is_named_with_what_it_is_for(tmp_path: Path) -> None:
     (tmp_path / surface.NAME).write_bytes(b"PK\x03\x04 and no more")
-    with pytest.raises(OutputUnusable, match=r"surface\.npz: cannot be read.*only a picture"):
+    with pytest.raises(OutputUnusable, match=r"surface\.npz: cannot be read.*only for a picture"):
         surface.load(tmp_path)
 
 

@@ -94,7 +94,7 @@ def test_a_scene_without_a_cell_never_loads_its_code(tmp_path: Path) -> None:
 
 def test_a_comparison_in_a_cell_is_refused_before_any_work(tmp_path: Path) -> None:
     scene = read_scene(written(tmp_path))
-    with pytest.raises(UnsupportedProblem, match=r"compare needs both models.*no cell that repeats; drop \[periodic\]"):
+    with pytest.raises(UnsupportedProblem, match=r"compare needs both models.*does not support \[periodic\]; drop it"):
         compare_scene(scene, Options(False, tmp_path / "out", False))
     assert not (tmp_path / "out").exists()
 
