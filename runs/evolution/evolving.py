@@ -221,7 +221,7 @@ class Evolution:
     def _follow(
         self, record: Record, given: Provider, number: int, keep: Callable[[], None], members: Mapping[int, Document]
     ) -> None:
-        """Compute the path of a member (0: the first) from where it is, and ``keep`` what there is now and then."""
+        """Compute the rest of the path of a member (0: the first), and call ``keep`` at intervals to save it."""
         if record.ended(self.end):
             return
         before = sum(m.get("steps", 0) for m in members.values())

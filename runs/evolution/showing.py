@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from runs.display import tables
-from runs.display.numbers import duration, number
+from runs.display.numbers import count, duration, number
 from runs.display.rows import legend_of_balls
 from runs.evolution import drawing, layer_pictures, outcome
 from runs.evolution.drift import Moment
@@ -134,5 +134,7 @@ def _balance(found: Mapping[str, Any], smallest: float, length: Unit) -> str:
     rates = ""
     if found["growth"]:
         rates = f", fastest growth rate {found['growth'][0]:.3g} per metre of path over friction"
-    free = f"{found['free_motions']} relative motions are free{rates}" if found["free_motions"] else "no motion is free"
+    free = (
+        f"{count(found['free_motions'], 'free relative motion')}{rates}" if found["free_motions"] else "no free motion"
+    )
     return f"the path ends {away} R from an equilibrium: {found['verdict']} ({free})"

@@ -20,6 +20,7 @@ from runs.process import signals
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import Options
 from tests.launch import ROOT, python
+from tests.runs.killing import killed_after
 from tests.runs.lattices import lattice
 from tests.test_architecture import LOADED
 
@@ -90,18 +91,10 @@ def test_a_killed_run_of_many_balls_goes_on_to_the_same_end(tmp_path: Path, monk
     whole = evolved(file, tmp_path / "whole")
     assert "positions" not in whole["path"][0]
     assert whole["path"][-1]["contacts"] > 5  # more than nnls is left with
-    left = 12
-
-    def dies() -> None:
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise KeyboardInterrupt
-
     with monkeypatch.context() as patch:
         patch.setattr(evolving, "SAVED_EVERY", -1.0)
         patch.setattr(showing, "draw", lambda *given: None)
-        patch.setattr(signals, "check", dies)
+        patch.setattr(signals, "check", killed_after(12))
         with pytest.raises(KeyboardInterrupt):
             evolved(file, tmp_path / "killed")
     half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))

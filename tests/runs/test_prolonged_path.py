@@ -14,6 +14,7 @@ from runs.process import signals
 from runs.scene.scene_file import read_scene
 from runs.session.output_folder import OutputFolder
 from runs.session.session import Options
+from tests.runs.killing import killed_after
 
 TEXT = """
 [layer]
@@ -89,19 +90,13 @@ def test_only_what_is_missing_is_computed(
 def test_a_longer_run_that_is_killed_goes_on_too(
     after: int, places: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    members, left = 2 if places is THREE else 1, after
+    members = 2 if places is THREE else 1
     evolved(tmp_path / "changed", 30.0, places, members)
-
-    def dies() -> None:
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         for interval in ("SAVED_EVERY", "SAVING"):
             patch.setattr(evolving, interval, -1.0)
-        patch.setattr(signals, "check", dies)
+        patch.setattr(signals, "check", killed_after(after))
         with pytest.raises(KeyboardInterrupt):
             evolved(tmp_path / "changed", 70.0, places, members)
     for cycles in (35.0, 70.0):
