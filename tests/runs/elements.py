@@ -86,8 +86,8 @@ def solve(
     if len(done) < len(path):
         observer.started({
             "model": model, "mesh": "main", "forms": {"layer": "mixed"}, "unknowns": 1234, "ranks": comm.size,
-            "load_steps": len(path), "states": (1 + (model == "finite_strain")) * len(path), "symmetry_planes": 1, "resumed_steps": len(done),
-            "versions": {"numpy": np.__version__},
+            "load_steps": len(path), "states": (1 + (model == "finite_strain")) * len(path), "symmetry_planes": 1,
+            "resumed_steps": len(done), "versions": {"numpy": np.__version__},
         })  # fmt: skip
     for number, fraction in enumerate(path):
         if number < len(done):
