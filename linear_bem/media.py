@@ -11,10 +11,13 @@ LINEAR_UP_TO = 0.5
 
 At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
 """
+COMPARED_UP_TO = 1.2
+"""Approach over a sphere's radius up to which T is compared with finite strain (study `strengthening`, foam)."""
 UNSURE = 0.25
 """Share of an approach that `dent` may miss: where it leaves the layer less, nothing is said."""
 LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
 """How the note begins that says so, and what it says of a depth that no small strain could explain."""
+CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
 
 
 @dataclass(frozen=True)
@@ -134,5 +137,15 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
         return ()
     said = f"{LARGE_STRAIN} {deepest / layer.thickness:.2g} of the layer's thickness"
     if share >= 1.0:
-        return (f"{said}, {MEANINGLESS}: check the load's unit, bare numbers are in metres and newtons",)
+        return (f"{said}, {MEANINGLESS}: {CHECK_UNITS}",)
     return (f"{said}: strains are of that size, and a small-strain model is valid up to about {LINEAR_UP_TO:g} of it",)
+
+
+def ball_depth_note(share: float) -> tuple[str, ...]:
+    """Return a note where the largest approach of a round ball over its radius exceeds 1.25 times `COMPARED_UP_TO`."""
+    if not share > 1.25 * COMPARED_UP_TO:
+        return ()
+    return (
+        f"{LARGE_STRAIN} {share:.2g} of its ball's radius: small strain is compared with finite strain up to "
+        f"{COMPARED_UP_TO:g} of it; {CHECK_UNITS}",
+    )

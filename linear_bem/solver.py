@@ -23,10 +23,10 @@ from linear_bem.error_estimate import (
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
-from linear_bem.indenter import Cone, Sphere
+from linear_bem.indenter import Cone, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
-from linear_bem.media import dent, large_strain_note
+from linear_bem.media import MEANINGLESS, ball_depth_note, dent, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
@@ -117,12 +117,22 @@ def solve_contact(
     require_memory(problem)
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
-    strained = large_strain_note(problem.layer, float(np.max(contacts.approaches)), _given_by_base(contacts))
-    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in strained)
-    notes = (*deep, *(answer.notes or small_force_note(contacts, answer.error, accuracy)))
+    notes = (*_large_strain_notes(contacts), *(answer.notes or small_force_note(contacts, answer.error, accuracy)))
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
+
+
+def _large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
+    """Return notes where small strain does not hold: too deep for the layer, or for a round ball."""
+    problem, approaches = contacts.problem, contacts.approaches
+    notes = large_strain_note(problem.layer, float(np.max(approaches)), _given_by_base(contacts))
+    if any(MEANINGLESS in note for note in notes):
+        return notes
+    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in notes)
+    round_balls = [k for k, ball in enumerate(problem.balls) if isinstance(ball.indenter, Sphere | Paraboloid)]
+    deepest = max((approaches[k] / problem.balls[k].radius for k in round_balls), default=0.0)
+    return deep + ball_depth_note(deepest)
 
 
 def _given_by_base(contacts: Contacts) -> float:

@@ -150,7 +150,9 @@ def _model_plan(
 ) -> dict[str, Any]:
     """Return the plan of a model; a linear one takes the time ``expected`` [s] per state, beside others or alone."""
     if model.plan is not None:
-        details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
+        with scene.naming_faults():
+            found = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
+        details = as_command(found)
     else:
         details = {
             "symmetries": [],

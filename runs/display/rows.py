@@ -9,6 +9,7 @@ from runs.display.numbers import Scale, attraction
 Row = dict[str, Any]
 """Cells by the headings of their columns."""
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
+COMPONENTS = "; Tx, Ty: along x and y"
 OF_SEVERAL = "T / Q of more than two balls: the part of T along the line to the centre of the other balls"
 LARGEST = 3
 """Number of balls with the largest |T| that are named."""
@@ -28,7 +29,7 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
     for index, ball in enumerate(balls):
         force, load = ball["tangential_force"], ball["normal_force"]
         tx, ty = (component if abs(component) > ROUNDOFF * math.hypot(*force) else 0.0 for component in force)
-        lengths = {"R": ball["radius"]} if scale.unlike else {}
+        lengths = {"radius": ball["radius"]} if scale.unlike else {}
         lengths |= {"x": ball["position"][0], "y": ball["position"][1]}
         row: Row = {"ball": index}
         row |= {units.length.heading(symbol): value / units.length.size for symbol, value in lengths.items()}
@@ -51,11 +52,11 @@ def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[st
     if len(balls) < 2:
         return []
     if len(balls) == 2:
-        return [f"{LEGEND}; Tx, Ty: along x and y"]
+        return [LEGEND + COMPONENTS]
     sizes = [math.hypot(*ball["tangential_force"]) for ball in balls]
     first = sorted(range(len(balls)), key=lambda i: -sizes[i])[:LARGEST]
     named = ", ".join(f"ball {i} ({scale.units.force(sizes[i])})" for i in first)
-    return [LEGEND, OF_SEVERAL, f"largest |T|: {named}"]
+    return [LEGEND + COMPONENTS, OF_SEVERAL, f"largest |T|: {named}"]
 
 
 def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> list[Row]:

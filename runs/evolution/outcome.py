@@ -52,13 +52,13 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
 
 
 def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | None, length: Unit) -> str:
-    """Return the sentence that says how the balls are grouped at the ``end``, a `runs.evolution.record.summary`.
+    """Return the sentence that says which clusters the balls form at the ``end``, a `runs.evolution.record.summary`.
 
     ``begin`` (balls, 2) [m] are the positions as given, ``cell`` the lengths [m] of a cell, ``length`` a unit.
     """
     contacts = count(end["contacts"], "contact") if end["contacts"] else "no contacts"
     if len(end["groups"]) == 1:
-        return f"{len(begin)} balls in one group, {contacts}"
+        return f"{len(begin)} balls in one cluster, {contacts}"
     sizes = Counter(end["groups"])  # from the largest on
     groups = [f"{count(number, 'cluster')} of {size}" for size, number in sizes.items()]
     if len(groups) > NAMED:

@@ -107,7 +107,8 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     if len(members) > 1:
         ends = Counter((m["contacts"], tuple(m["groups"])) for m in members)
         for (contacts, groups), count in sorted(ends.items(), reverse=True):
-            lines.append(f"{count} of {len(members)} members end with {contacts} contacts in groups of {list(groups)}")
+            sizes = ", ".join(str(size) for size in groups)
+            lines.append(f"{count} of {len(members)} members end with {contacts} contacts in clusters of {sizes}")
     return lines
 
 

@@ -34,6 +34,7 @@ INSTEAD = {
     "shear_modulus": "give young, 2 (1 + poisson) times it",
     "modulus": "give young, Young's modulus",
     "nu": "give poisson",
+    "rigid": "the base is rigid where [substrate] is left out",
     "indentation": "give approach",
 }
 """What to write in place of keys that people expect."""

@@ -2,6 +2,8 @@
 
 import difflib
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -198,6 +200,16 @@ class Scene:
         if young >= SOFTEST or Units.written(self.data) is None:
             return ()
         return (f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?",)
+
+    @contextmanager
+    def naming_faults(self) -> Iterator[None]:
+        """Raise `InvalidScene`, with the file and its keys, for an `InvalidProblem` that a model or a drift raises."""
+        try:
+            yield
+        except InvalidScene:
+            raise
+        except InvalidProblem as error:
+            raise InvalidScene(self.path, *(messages.of_problem(text, self.data) for text in error.faults)) from None
 
 
 def read_scene(path: Path) -> Scene:

@@ -79,6 +79,18 @@ def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():
     assert not any("of the layer's thickness" in note for note in soft.solved.notes)  # the base gives way
 
 
+def test_an_approach_beyond_the_radius_of_its_ball_is_noted_once():
+    """With forces in N on balls in mm the layer may be thick enough for any depth: the ball is not."""
+    pair = (Ball((-30.0, 0.0), 20.0), Ball((30.0, 0.0), 20.0))
+    for depth, noted in ((20.0, False), (40.0, True)):
+        notes = solve(Problem(Layer(1.0, 0.3, math.inf), pair, Load("approach", (depth, 1.0))), 1e-2).solved.notes
+        assert [note for note in notes if "of its ball's radius" in note] == [note for note in notes if noted][:1]
+        assert not noted or "the largest approach is 2 of its ball's radius" in notes[0]
+    deep = solve(Problem(Layer(1.0, 0.3, 10.0), pair[:1], Load("force", (5e4,))), 1e-2).solved.notes
+    assert [note for note in deep if "check the load's unit" in note] == [deep[0]]
+    assert "0.9 ball radii" not in deep[0]
+
+
 def test_asperities_may_stand_closer_than_their_radii_and_whole_balls_may_not():
     """Caps of R = 10 at a spacing of 5: apart they are any two contacts, merged they are the lower of both surfaces."""
     xy, layer = ((-2.5, 0.0), (2.5, 0.0)), Layer(1.0, 0.3, math.inf)

@@ -119,7 +119,7 @@ def test_sentences_of_the_end() -> None:
     assert said == "no contacts; 4 clusters of 1; nearest distance 6000 mm (3000 mm in the scene)"
     assert "(1000 mm in the scene)" in outcome.arrangement_sentence(alone, begin, np.array([4.0, 9.0]), length)
     together = {"contacts": 4, "groups": [4], "positions": begin.tolist()}
-    assert outcome.arrangement_sentence(together, begin, None, length) == "4 balls in one group, 4 contacts"
+    assert outcome.arrangement_sentence(together, begin, None, length) == "4 balls in one cluster, 4 contacts"
     pairs = {"contacts": 1, "groups": [2, 1, 1], "positions": begin.tolist()}
     assert outcome.arrangement_sentence(pairs, begin, None, length).startswith(
         "1 contact; 1 cluster of 2, 2 clusters of 1"

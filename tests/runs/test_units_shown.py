@@ -76,7 +76,7 @@ def test_tables_have_the_scenes_units_and_identify_the_balls(tmp_path: Path) -> 
     read = scene(tmp_path)
     scale = Scale.of(read.problem, read.data)
     second = ball_rows([ball.to_dict() for ball in balls(read)], scale)[1]
-    assert second["R [mm]"] == pytest.approx(4.0)
+    assert second["radius [mm]"] == pytest.approx(4.0)
     assert second["D [mm]"] == pytest.approx(0.3)
     assert second["D / R"] == pytest.approx(0.3 / 2.5)
     assert second["Q [mN]"] == pytest.approx(500.0)
