@@ -71,7 +71,7 @@ def _row(table: str, key: str, field: FieldInfo) -> dict[str, str]:
         "key": f"`{key}`",
         "meaning": " ".join((field.description or "").split()),
         "value": meaning(field),
-        "default": "needed" if field.is_required() else "" if field.default is None else _toml(field.default),
+        "default": "required" if field.is_required() else "" if field.default is None else _toml(field.default),
         "example": _toml(known[key]) if key in known else "",
     }
 
