@@ -86,7 +86,7 @@ class Patch:
 
     @cached_property
     def influence(self) -> Array:
-        """Displacement per pressure times ``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, shape (nx, ny)."""
+        """Displacement per pressure times ``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, (nx, ny)."""
         d = self.cell
         x, y = self._offsets
         total = love_cells(self.nx, self.ny, d)

@@ -22,7 +22,7 @@ class PeriodicPatch(Patch):
 
     @cached_property
     def uniform(self) -> float:
-        """Displacement per uniform pressure times ``singular`` [m]; infinite over an elastic base, 0 if incompressible."""
+        """Displacement per uniform pressure times ``singular`` [m]; infinite on an elastic base, 0 at nu = 0.5."""
         return self.kernel.uniform
 
     @cached_property
