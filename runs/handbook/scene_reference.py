@@ -51,9 +51,9 @@ HEAD = """# The scene file, key by key
 
 A scene is a TOML file: first the `title`, then tables. Lengths, forces, pressures and angles are
 strings with a unit, such as `"10 mm"`, `"57.4 kPa"` or `"20 deg"`, or plain numbers in m, N, Pa and rad.
-`[layer]`, `[balls]` and `[load]` are required; all other tables are optional, and *required* marks a key that a table
-needs where it is given. An *effect* without its table is not simulated and costs nothing. All faults are reported together before the computation, each with its table, key, rule
-and value.
+`[layer]`, `[balls]` and `[load]` are required; all other tables are optional. Where a table is given, it needs its keys
+marked *required*. An *effect* without its table is not simulated and costs nothing. All faults are reported together
+before the computation, each with its table, key, rule and value.
 
 This page is generated from the code that reads scenes.
 """
