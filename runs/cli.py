@@ -102,7 +102,7 @@ def plan(
     model: ModelOption = None,
     as_json: JsonOption = False,
     no_advice: Annotated[
-        bool, typer.Option("--no-advice", help="Leave out which effects and inputs change T.")
+        bool, typer.Option("--no-advice", help="Leave out the advice on effects and inputs that change T.")
     ] = False,
 ) -> None:
     """Show which effects a scene simulates, its size, time and memory, and which changes of the scene matter."""

@@ -1,4 +1,4 @@
-"""The discrete layer: a displacement of order p on hexahedra, bulk energy and contact energy as forms.
+"""The discrete layer: a displacement of order p, bulk energy and contact energy as forms.
 
 The total potential is the sum of the bulk's strain energy and the contact potential; its first and second derivatives
 are residual and tangent. A nearly incompressible region adds a pressure of order p - 1 as an unknown, with respect to

@@ -37,7 +37,7 @@ def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     """Return the force [N] below which a tangential force counts as near its zero, for normal forces (n,) [N].
 
     T passes through zero where the half-space's attraction and its reduction by the base cancel, but the error of T
-    does not. The scale is therefore at least a tenth of the half-space's attraction Q_i Q_j (1 - nu^2) / (pi E r^2).
+    does not. The scale is a tenth of the largest attraction Q_i Q_j (1 - nu^2) / (pi E r^2) of a pair on a half-space.
     """
     pairs = np.outer(forces, forces) / _distances(problem) ** 2
     return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)

@@ -33,7 +33,7 @@ def solve_coupled(
     """Solve (diag(``compliance``) + K) loads = ``right`` at ``free`` balls and return the loads, 0 at the others.
 
     Large systems are solved by conjugate gradients to ``residual``, relative to ``right``. The matrix is positive
-    definite, as a small pressure on separate areas stores energy. Raises `NotConverged`.
+    definite, because any pressures on separate areas store energy. Raises `NotConverged`.
     """
     count = len(right)
     if isinstance(influence, PointInfluence) and count <= DIRECT and influence.mesh is None:

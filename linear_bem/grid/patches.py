@@ -86,7 +86,7 @@ class Patch:
 
     @cached_property
     def influence(self) -> Array:
-        """Displacement per pressure/``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, shape (nx, ny)."""
+        """Displacement per pressure times ``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, (nx, ny)."""
         d = self.cell
         x, y = self._offsets
         total = love_cells(self.nx, self.ny, d)
@@ -141,7 +141,7 @@ class Patch:
         return np.asarray(fft.rfft2(odd_x)), np.asarray(fft.rfft2(odd_y))
 
     def displacement(self, pressure: Array) -> Array:
-        """Return the displacement [m] at the cells under a pressure in units of 1/``singular``."""
+        """Return the displacement [m] at the cells under a pressure times ``singular``."""
         return self._convolve(self._image(pressure) * self._spectrum)
 
     def slopes(self, pressure: Array) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ class PeriodicPatch(Patch):
 
     @cached_property
     def uniform(self) -> float:
-        """Displacement per uniform pressure/``singular`` [m]; infinite over an elastic base, 0 if incompressible."""
+        """Displacement per uniform pressure times ``singular`` [m]; infinite on an elastic base, 0 at nu = 0.5."""
         return self.kernel.uniform
 
     @cached_property
@@ -43,11 +43,11 @@ class PeriodicPatch(Patch):
 
     @cached_property
     def influence(self) -> Array:
-        """Displacement per pressure/``singular`` [m] at the offsets from one loaded cell, shape (nx, ny)."""
+        """Displacement per pressure times ``singular`` [m] at the offsets from one loaded cell, shape (nx, ny)."""
         return np.asarray(fft.irfft2(self._symbol, (self.nx, self.ny)))
 
     def displacement(self, pressure: Array) -> Array:
-        """Return the displacement [m] at the cells under a pressure in units of 1/``singular``."""
+        """Return the displacement [m] at the cells under a pressure times ``singular``."""
         return np.asarray(fft.irfft2(fft.rfft2(pressure) * self._symbol, pressure.shape))
 
     def precondition(self, residual: Array) -> Array:

@@ -30,7 +30,7 @@ HOPELESS = 1000
 
 @dataclass(frozen=True)
 class GridState:
-    """Pressures over ``singular`` and displacements [m] of all patches, owners of cells, approaches [m]."""
+    """Pressures times ``singular`` and displacements [m] of all patches, owners of cells, approaches [m]."""
 
     pressures: list[Array]
     displacements: list[Array]

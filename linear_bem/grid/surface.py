@@ -17,7 +17,7 @@ AT_ONCE = 2_000_000
 
 
 def surface_displacement(kernel: LayeredKernel, loads: Iterable[tuple[Patch, Array]], x: Array, y: Array) -> Array:
-    """Return the displacement [m] at surface points [m] of any shape; pressures are in units of 1/``singular``."""
+    """Return the displacement [m] at surface points [m] of any shape; pressures are times ``singular``."""
     flat_x, flat_y, out = x.ravel(), y.ravel(), np.zeros(x.size)
     for patch, p in loads:
         loaded = p > 0.0

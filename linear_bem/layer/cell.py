@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of ``lengths`` (2,) [m]; ``uniform`` [m] is the displacement per uniform pressure/``singular``."""
+    """A cell of ``lengths`` (2,) [m]; ``uniform`` [m]: displacement per uniform pressure times ``singular``."""
 
     lengths: Array
     uniform: float

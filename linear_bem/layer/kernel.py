@@ -193,7 +193,7 @@ class LayeredKernel:
 
     @property
     def uniform(self) -> float:
-        """Displacement per uniform pressure/``singular`` [m], 2 pi h G'(0); infinite where G(0) > 0."""
+        """Displacement per uniform pressure times ``singular`` [m], 2 pi h G'(0); infinite where G(0) > 0."""
         if self.homogeneous or self.far_ratio > 0.0:
             return np.inf
         k = np.array([1e-4, 2e-4]) / self.thickness

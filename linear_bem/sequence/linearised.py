@@ -30,7 +30,7 @@ FAR = 3.0
 
 @dataclass(frozen=True)
 class LinearState:
-    """Changes of all coefficients, approaches [m], forces over `singular`, and T [N] by both formulas.
+    """Changes of all coefficients, approaches [m], forces times `singular` [m^2], T [N] by both formulas.
 
     ``drift`` is the largest change of P relative to P; ``gap`` the largest gap at the quadrature nodes [m].
     """

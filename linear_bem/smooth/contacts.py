@@ -250,7 +250,7 @@ class SmoothContacts:
 
 
 def _peaks(nodes: Sequence[Nodes]) -> Array:
-    """Return the largest pressure of every zone, in units of 1/``singular``."""
+    """Return the largest pressure of every zone, times ``singular``."""
     best = [int(np.argmax(n.pressure)) for n in nodes]
     xi, eta = np.array([(n.xi[k], n.eta[k]) for n, k in zip(nodes, best, strict=True)]).T
     return np.sqrt(np.maximum(stacked([n.zone for n in nodes]).peaks(xi, eta), 0.0))

@@ -53,7 +53,7 @@ def interpolation(xi: Array, eta: Array, degree: int) -> Array:
 
 
 def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
-    """Return the displacement [m] at surface points from point loads (in units of 1/``singular``) at other points."""
+    """Return the displacement [m] at surface points from point loads times ``singular`` [m^2] at other points."""
     r = np.hypot(x[:, None] - at_x.ravel(), y[:, None] - at_y.ravel())
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 

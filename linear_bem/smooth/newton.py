@@ -159,7 +159,7 @@ class NodeStack(Quadrature):
 class SmoothSolution:
     """Converged zones with their nodes, the approaches [m], and iterations and residual of the solver.
 
-    Pressures are in units of 1/`LayeredKernel.singular`: int p (1/r + s) dA is the displacement [m].
+    Pressures p are multiplied by `LayeredKernel.singular`: int p (1/r + s) dA is the displacement [m].
     """
 
     nodes: tuple[Nodes, ...]

@@ -27,9 +27,10 @@ contact, and the precision down to which it is used: its error was 1e-6 of P, 3e
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ [over 1/``singular``] of every ball.
+    """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ over ``singular`` [1/m] of every ball.
 
-    ``responses`` (balls, terms) are the derivatives of the coefficients with respect to the ball's force.
+    ``responses`` (balls, terms) are the derivatives of the coefficients with respect to the ball's force times
+    ``singular`` [1/m^2].
     """
 
     changes: Array

@@ -34,7 +34,7 @@ LISTED = 2000
 def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float, report: Report = silent) -> Array:
     """Return T [N] on every zone, shape (zones, 2).
 
-    Pressures are in units of 1/``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
+    Pressures are multiplied by ``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
     """
     together = NodeStack.joined(nodes)
     interaction = Interaction(kernel, together.zones, precision, report)

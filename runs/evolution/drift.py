@@ -42,7 +42,8 @@ class Moment:
 
     ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
     more. ``step`` [m]: length of the next step, ``spare`` [m]: how far beyond the first new contact it may go. With
-    both, a restart reproduces the uninterrupted path exactly. ``steps``: number of those taken from the start.
+    both, a restart reproduces the uninterrupted path exactly. ``steps``: number of steps taken from the start; a path
+    saved by a version without this number counts from its restart.
     """
 
     sigma: float
@@ -79,7 +80,7 @@ class _Trial:
 
 
 class Drift:
-    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps`` counts those from the start.
+    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps``: see `Moment`.
 
     ``rest``: all balls count as at rest once (T + pushes)/Q of every ball is at most this.
     """

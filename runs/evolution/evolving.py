@@ -55,9 +55,9 @@ def open_session(scene: Scene, asked: str | None, options: Options) -> Session:
 
 
 def require_drift(scene: Scene, model: Model, problem: Problem) -> None:
-    """Raise what ``evolve`` refuses of a scene with [reciprocation], for ``plan`` as well."""
+    """Raise the error with which ``evolve`` and ``plan`` refuse a scene with [reciprocation], if any."""
     if problem.size < 2:
-        raise UnsupportedProblem(f"{scene.path}: one ball alone feels no mutual force; evolve needs two or more")
+        raise UnsupportedProblem(f"{scene.path}: one ball alone has no mutual force; evolve needs two or more")
     balls = balls_of(scene)
     if balls.cell is not None:  # without one, the problem was checked
         bodies = {i: (ball.indenter, ball.radius) for i, ball in enumerate(problem.balls)}
@@ -69,7 +69,7 @@ def require_drift(scene: Scene, model: Model, problem: Problem) -> None:
 
 
 def balls_of(scene: Scene) -> HardBalls:
-    """Return the hard balls of a scene; raises `InvalidScene` for levels that no flat plate imposes."""
+    """Return the hard balls of a scene; raises `InvalidScene` for approaches that do not fit one flat plate."""
     cell, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
     lengths, share = None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
     try:
@@ -79,7 +79,7 @@ def balls_of(scene: Scene) -> HardBalls:
 
 
 def start(balls: HardBalls, x: Array, sliding: ReciprocationTable, number: int) -> Array:
-    """Return where a member's balls (balls, 2) [m] start: moved at random by up to the perturbation, then parted."""
+    """Return where a member's balls (balls, 2) [m] start: perturbed at random, then moved apart where they overlap."""
     if sliding.perturbation > 0.0:
         x = x + sliding.perturbation * np.random.default_rng(sliding.seed + number).uniform(-1.0, 1.0, x.shape)
     return balls.parted(x, np.ones(len(x)))
@@ -164,23 +164,23 @@ class Evolution:
         return document(True) | ends, record
 
     def _common(self, earlier: Mapping[str, Any]) -> float:
-        """Return sigma [m] up to which a saved path of another number of cycles is that of this one; else infinity.
+        """Return sigma [m] below which a path saved for another number of cycles equals this one; else infinity.
 
-        Its last step, which its number of cycles cut short, is not.
+        Its last step is left out, because the number of cycles cuts that step short.
         """
         given = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
         was = earlier.get("cycles", given)  # older versions saved the scene alone
         return np.inf if was == self.sliding.cycles else AT_END * self.end * min(1.0, was / self.sliding.cycles)
 
     def _goes_on(self, record: Record, *, complete: bool) -> str:
-        """Return where a saved path goes on."""
+        """Return a sentence on where a saved path continues."""
         if complete:
             cycle = self.sliding.cycles_after(record.moments[-1].sigma)
             return f"the saved path is complete, to cycle {cycle:.4g}"
         if record.continuation is None:
-            return "the saved path has no state to go on from: it begins again at cycle 0"
+            return "the saved path has no restart state: it begins again at cycle 0"
         cycle = self.sliding.cycles_after(record.continuation.sigma)
-        return f"the saved path goes on at cycle {cycle:.4g} of {self.sliding.cycles:g}, after {record.steps} steps"
+        return f"the saved path continues at cycle {cycle:.4g} of {self.sliding.cycles:g}, after {record.steps} steps"
 
     @property
     def _folder(self) -> Path:
@@ -188,11 +188,11 @@ class Evolution:
 
     @property
     def _is_layer(self) -> bool:
-        """Whether the arrangement of the balls as a whole is of interest: of many, or of a cell that repeats."""
+        """Whether the structure of all balls is recorded: for many balls, and in a periodic cell."""
         return self.balls.many or self.balls.cell is not None
 
     def _write_structure(self, moments: Sequence[Moment]) -> None:
-        """Write the arrangement of three or more balls at every kept moment; only new moments are looked at."""
+        """Write the arrangement of three or more balls at every kept moment; only new moments are computed."""
         if self.problem.size < 3 and not self._is_layer:
             return
         known = {line["sliding_path_over_friction"]: line for line in self._arrangements}

@@ -60,7 +60,7 @@ class HardBalls:
 
     @classmethod
     def of(cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0) -> HardBalls:
-        """Return the hard balls of ``problem``; raises `UnsupportedProblem` for levels that no flat plate imposes."""
+        """Return the hard balls of ``problem``; raises `UnsupportedProblem` if no flat plate gives its approaches."""
         levels = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
         bottoms, tops = levels[1], levels[1] - 2.0 * levels[0]
         if min(float(np.ptp(bottoms)), float(np.ptp(tops))) > 1e-9 * float(np.max(levels[0])):

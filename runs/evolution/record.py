@@ -30,7 +30,7 @@ NEIGHBOURS = 1.2
 class Continuation:
     """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m].
 
-    ``steps``: number of those taken from the start.
+    ``steps``: see `Moment`.
     """
 
     sigma: float
@@ -99,7 +99,7 @@ class Record:
 
     @property
     def steps(self) -> int:
-        """Number of steps from the start to the last known moment."""
+        """`Moment.steps` of the last known moment."""
         known = [state.steps for state in (*self.moments[-1:], self.continuation) if state is not None]
         return max(known, default=0)
 

@@ -34,7 +34,7 @@ def drop_from(folder: Path, number: int) -> None:
 
 
 def read(folder: Path, number: int) -> Moment:
-    """Return a saved moment; older files do not have its next step. Raises `OutputUnusable`."""
+    """Return a saved moment; files of older versions lack its next step and `steps`. Raises `OutputUnusable`."""
     file = folder / name(number)
     try:
         with open(file, "rb") as opened, np.load(opened) as data:  # numpy leaves a damaged file open

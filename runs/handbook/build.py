@@ -29,7 +29,7 @@ ELSEWHERE = {
 """Files of the project that are also pages of the handbook."""
 ANSWER = "<!-- answer:"
 SENTENCE = r"(?:[^.\n]|\.\d|\n(?!\n))*\.(?:\*\*)?(?=\s)"
-OPENING = re.compile(rf"^(?:\*\*|Of \d|Resolved as ){SENTENCE}", re.MULTILINE)
+OPENING = re.compile(rf"^(?:\*\*|Of \d|Finite strain strengthens ){SENTENCE}", re.MULTILINE)
 """A published answer that opens with a sentence, not with a table."""
 ANSWERED = re.compile(rf"^\*\*Answer\.\*\* (?:\([^)]*\) )?({SENTENCE})", re.MULTILINE)
 """An answer in words on a study's page, before the published results."""

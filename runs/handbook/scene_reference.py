@@ -51,9 +51,9 @@ HEAD = """# The scene file, key by key
 
 A scene is a TOML file: first the `title`, then tables. Lengths, forces, pressures and angles are
 strings with a unit, such as `"10 mm"`, `"57.4 kPa"` or `"20 deg"`, or plain numbers in m, N, Pa and rad.
-`[layer]`, `[balls]` and `[load]` are required. The table of an *effect* is optional: an effect without its table is not
-simulated and costs nothing. All faults are reported together before the computation, each with its table, key, rule
-and value.
+`[layer]`, `[balls]` and `[load]` are required; all other tables are optional. Where a table is given, it needs its keys
+marked *required*. An *effect* without its table is not simulated and costs nothing. All faults are reported together
+before the computation, each with its table, key, rule and value.
 
 This page is generated from the code that reads scenes.
 """
@@ -71,7 +71,7 @@ def _row(table: str, key: str, field: FieldInfo) -> dict[str, str]:
         "key": f"`{key}`",
         "meaning": " ".join((field.description or "").split()),
         "value": meaning(field),
-        "default": "needed" if field.is_required() else "" if field.default is None else _toml(field.default),
+        "default": "required" if field.is_required() else "" if field.default is None else _toml(field.default),
         "example": _toml(known[key]) if key in known else "",
     }
 

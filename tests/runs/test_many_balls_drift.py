@@ -172,7 +172,7 @@ def test_models_of_balls_at_rest_refuse_a_cell_and_resistance(tmp_path: Path) ->
             9, None, ("radius = 1.0", 'radius = "1000 mm"'),
             r"\[balls\] positions: balls \d and \d overlap by [3-9]\d\d mm across the cell's edge, the most of \d",
         ),
-        (1, None, ("", ""), r"layer.toml: one ball alone feels no mutual force; evolve needs two or more"),
+        (1, None, ("", ""), r"layer.toml: one ball alone has no mutual force; evolve needs two or more"),
         (
             4, None, ("approach = 0.1", "approach = [0.1, 0.2, 0.1, 0.1]"),
             r"layer.toml: \[load\] approach: .* on one level .* approaches from 0.1 m to 0.2 m; give one approach",

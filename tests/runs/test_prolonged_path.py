@@ -77,7 +77,7 @@ def test_only_what_is_missing_is_computed(
     short = evolved(tmp_path / "changed", 30.0, places, members)
     long = evolved(tmp_path / "changed", 40.0, places, members)
     said = capsys.readouterr().err
-    assert f"goes on at cycle {short['continuation']['sigma'] * 20.0 / 0.32:.4g} of 40, after " in said
+    assert f"continues at cycle {short['continuation']['sigma'] * 20.0 / 0.32:.4g} of 40, after " in said
     assert long == evolved(tmp_path / "one", 40.0, places, members)
     cut = evolved(tmp_path / "changed", 20.0, places, members)
     assert cut == evolved(tmp_path / "less", 20.0, places, members)

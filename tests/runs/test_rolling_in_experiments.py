@@ -47,9 +47,9 @@ def test_the_page_says_which_share_explains_every_report(monkeypatch: pytest.Mon
     monkeypatch.setattr(resistance, "POINTS", (LEFT, APART))
     free, by_share = {PAIR: pair(0.065, at_rest=False)}, {1e-4: {PAIR: pair(0.05, at_rest=True)}}
     one = resistance.section(free, by_share)
-    assert "one share explains all 2 reports that any share does: 0.0001 Q" in one
+    assert "one value explains all 2 reports that any value explains: 0.0001 Q" in one
     none = resistance.section(free, {1e-2: {PAIR: pair(0.02, at_rest=True)}, **by_share})
-    assert "one share explains all 2 reports that any share does: 0.0001 Q" in none
+    assert "one value explains all 2 reports that any value explains: 0.0001 Q" in none
     assert f"| {NO} | {YES} |" in none
     assert resistance.section(free, {1e-4: {}}) == ""
 

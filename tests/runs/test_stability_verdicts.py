@@ -1,4 +1,4 @@
-"""Verdicts of the stability study: right answers are called right, wrong ones wrong, refusals by their name."""
+"""Verdicts of the stability study: right answers are called right, wrong ones wrong, refusals refused with a reason."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_state_that_the_result_calls_unresolved_owes_equilibrium_alone() -> No
         return verdict(found(a={"steps": steps, "solved": notes}), "a", {"check": None})
 
     ended, why = judged(stored=1.0 + 2.0 * BALANCE)
-    assert ended == "named limit"
+    assert ended == "state reported as unresolved"
     assert "0.9 m from a ball's axis; energy against work: 3.8 %; forces against base" in why
     assert judged(smallest_volume_ratio=-0.1)[0] == "WRONG"
     assert judged(force_balance=2.0 * FORCES)[0] == "WRONG"
@@ -118,7 +118,7 @@ def test_a_result_that_says_that_the_force_is_below_its_error_refuses_it_by_name
         record = {"steps": steps, "solved": {"notes": [f"{FAINT}: it is at most 0.003 N"]}}
         return verdict(found(a=record), "a", {"check": None})[0]
 
-    assert ended(1.0) == "T refused by name"
+    assert ended(1.0) == "T reported as unresolved"
     assert ended(1.0 + 2.0 * BALANCE) == "WRONG"
 
 
@@ -217,7 +217,10 @@ def test_a_stop_says_how_far_it_came_even_on_the_mesh_before() -> None:
 
 
 def test_refusals_need_a_name_and_failures_keep_theirs() -> None:
-    assert verdict(found(a={"state": "refused", "reason": "too deep"}), "a", {}) == ("named refusal", "too deep")
+    assert verdict(found(a={"state": "refused", "reason": "too deep"}), "a", {}) == (
+        "refused with a reason",
+        "too deep",
+    )
     assert verdict(found(a={"state": "refused", "reason": ""}), "a", {})[0] == "WRONG"
     assert verdict(found(a={"state": "not converged", "reason": "step 3"}), "a", {}) == ("not converged", "step 3")
     assert verdict(found(), "a", {})[0] == "not run yet"

@@ -45,7 +45,7 @@ def test_starts_are_random_without_overlap_and_the_same_again() -> None:
 
 def test_the_page_holds_what_ran_and_names_what_did_not(out: Path) -> None:
     text = (out / "answer.md").read_text(encoding="utf-8")
-    assert "Not there or interrupted: 1 of 3 runs:** h6-phi0.3-n101-seed1" in text
+    assert "Missing or interrupted: 1 of 3 runs:** h6-phi0.3-n101-seed1" in text
     assert "T changes sign" in text
     with open(out / "collective.csv", encoding="utf-8", newline="") as file:
         rows = {float(row["h/R"]): row for row in csv.DictReader(file)}
@@ -98,9 +98,9 @@ def test_layers_gather_where_separation_weakens_towards_contact() -> None:
     done = answer.Finished(Case(1.5, 0.5, 200, 1), {**finished([]).row, "force_over_load": 1e-3, "ended": "at rest",
                            "coordination": 0.0, "steps": 1, "seconds": 1.0}, path)  # fmt: skip
     text = answer.text([done], {1.16: in_touch, 1.5: apart}, [], quick=True)
-    assert "separate less than farther apart (here h >= 1.5 R)" in text
-    assert "where they separate most in touch (h <= 1.16 R)" in text
-    assert "On h = 1.5 R it separates them, but 0.82 as much as at a distance of 2.5 R" in text
+    assert "than balls farther apart (here h >= 1.5 R)" in text
+    assert "where touching balls separate most strongly (h <= 1.16 R)" in text
+    assert "On h = 1.5 R they separate, with 0.82 of T/Q at a distance of 2.5 R" in text
 
 
 @pytest.mark.parametrize(("thickness", "fraction", "grows"), [(1.16, 0.5, False), (1.5, 0.3, False), (2.0, 0.5, True)])

@@ -37,8 +37,8 @@ def test_the_page_names_the_crease_the_energy_balance_and_the_reason_of_a_stop(t
     case = next(case for case in cases(quick=False) if case.name == "one-ball-on-6-R")
     steps = [step(0.01, 0.9), step(1.0, 0.8), step(2.0, 0.6, stopped="the film is thin")]
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
-    assert "below a stretch of 0.65, where it creases, from D = 2 R on" in text
-    assert "no part of the surface has less than 0.5 of its undeformed area" in text
+    assert "from D = 2 R on the free surface is compressed below a stretch of 0.65" in text
+    assert "every part of the surface keeps at least 0.5 of its undeformed area" in text
     assert "- order 3, fineness 1 ended at D = 2 R: the film is thin" in text
     last = next(line for line in text.splitlines() if line.startswith("| 2 |")).split("|")
     # the first step's work is taken as Hertz's, a millionth of the whole
@@ -62,6 +62,7 @@ def test_the_page_names_the_point_that_is_near_a_crease(tmp_path: Path) -> None:
     case = next(case for case in cases(quick=False) if case.name == "one-ball-on-6-R")
     steps = [step(1.0, 0.9), step(1.5, 0.7), step(2.0, 0.74)]
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
-    assert "compressed to 0.70 at one point (r = 1.00 R), near the 0.65 of a crease, from D = 1.5 R on" in text
+    assert "from D = 1.5 R on the surface stretch at one point (r = 1.00 R) is near the crease limit of 0.65" in text
+    assert "the smallest stretch is 0.70.**" in text
     text = present(Found((case,), {case.name: {"state": "done", "steps": steps[:1]}}), tmp_path)
-    assert "nowhere compressed below 0.90: no crease" in text
+    assert "the smallest surface stretch is 0.90: no crease" in text

@@ -42,7 +42,7 @@ def test_the_part_sets_factors_and_foams_side_by_side(tmp_path: Path) -> None:
     text = laws.part([(case, rows(case, stronger[case.name])) for case in every], tmp_path)
     first = [stronger[case.name] for case in every[:5]]
     ends = f"{first[0]:.4g} (neo hookean) and {first[-1]:.4g} (ogden)"
-    assert f"D = 0.5 R on h = {THIN:g} R, nu = 0.48, S_Q lies between {ends}, over 5 laws" in text
+    assert f"D = 0.5 R on h = {THIN:g} R, nu = 0.48, S_Q lies between {ends}, for 5 laws" in text
     assert f"h = {THIN:g} R, nu = 0.3: T at small strain passes through zero" in text
     foams = [case for case in every if case.labels["group"] == "foam"]
     solid, foam = (stronger[case.name] for case in foams[:2])

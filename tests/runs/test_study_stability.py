@@ -110,7 +110,7 @@ def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
     both = Found(tuple(chosen), records)
     text = present(both, tmp_path)
     assert "1 right" in text
-    assert "1 named refusal" in text
+    assert "1 refused with a reason" in text
     assert "4 not run yet" in text
     assert "| too deep |" in text
     with open(tmp_path / "stability.csv", encoding="utf-8") as file:

@@ -52,7 +52,7 @@ def test_the_linear_model_meets_closed_forms_and_the_good_fits(found: Found, tmp
         assert verdicts[fit] <= {AGREES, CLOSE}, fit
     assert DIFFERS in verdicts["dimitriadis"]  # 1 % off at chi = 0.2
     assert "long" not in verdicts
-    assert "13 published results compared: 12 met at all points, 1 at some" in text
+    assert "13 published results compared: 12 agree at all points, 1 at some" in text
     assert "Zhang et al. 2014" in text.split("## Not opened")[1]
     assert (tmp_path / "validation.png").stat().st_size > 20_000
 

@@ -1,1 +1,1 @@
-"""The study ``discretisations``: work and precision by element order and size, on five different scenes."""
+"""The study ``discretisations``: accuracy and time by element order and size, on five different scenes."""

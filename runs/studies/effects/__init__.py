@@ -1,1 +1,1 @@
-"""The study ``effects``: code and cost of each optional effect, and proof that a scene without it pays nothing."""
+"""The study ``effects``: code and cost of each optional effect, and proof that no other scene runs its code."""

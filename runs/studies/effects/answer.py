@@ -1,4 +1,4 @@
-"""The study's tables: code and cost of every effect, and the proof that a scene without it pays nothing."""
+"""The study's tables: code and cost of every effect, and the proof that a scene without it does not run its code."""
 
 import json
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ from runs.studies.figures.point_law import PointLaw, against_solver
 EXPERIMENTS = {"16 mm": (1.25, True), "10 mm": (2.0, False), "7 mm": (20.0 / 7.0, False)}
 """Balls of the paper's section 2.2 on a 10 mm layer: h/R, and whether touching balls were separated."""
 FINAL = 50.0 / 8.0
-"""L/R at which the 16 mm balls came to rest."""
+"""L/R at which, by the paper, the 16 mm balls stay; in the linear model they separate further."""
 CHECKED = (
     (0.15, 2.0), (0.2, 2.0), (1.16, 2.0), (1.65, 2.0), (1.75, 2.0), (6.0, 2.0), (2.0, 3.0), (6.0, 6.5), (6.0, 7.5),
     (1.16, 12.0), (1.16, 14.0), (20.0, 15.0), (20.0, 30.0), (0.6, 6.0), (0.6, 8.0),
@@ -72,7 +72,7 @@ def draw(found: Findings) -> Any:
         offset = {"16 mm": (-34, -20), "10 mm": (4, -38), "7 mm": (26, -22)}[name]
         feature(axes, thickness, 2.0, f"{name}: {seen}", offset, marker="D", line="black")
     axes.plot([1.25, 1.25], [2.0, FINAL], color="black", lw=0.9, ls="--")
-    feature(axes, 1.25, FINAL, "came to rest", (12, 8), marker="D", line="black")
+    feature(axes, 1.25, FINAL, "stayed", (12, 8), marker="D", line="black")
     for text, place in (("attraction", (9.0, 3.2)), ("separation", (0.62, 3.6)), ("attraction, weak", (0.14, 20.0))):
         axes.annotate(text, place, fontsize=12, style="italic", ha="center")
     axes.set(xscale="log", yscale="log", xlim=(0.05, 50.0), ylim=(1.1, 100.0))

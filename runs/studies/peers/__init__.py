@@ -1,1 +1,1 @@
-"""The study ``peers``: work and precision for two balls at finite strain, this project compared with other codes."""
+"""The study ``peers``: accuracy and time for two balls at finite strain, compared with other codes."""

@@ -48,8 +48,8 @@ def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
     beyond = sum(row["beyond their bar"] for row in rows) - (len(ends) - kept)
     worst = max(rows, key=lambda row: row["largest error over bar"])
     return (
-        f"At full load {kept} of {len(ends)} error bars of small_strain hold (the largest error is {max(ends):.2g} of "
-        f"its bar); of {before} earlier load steps {beyond} have an error above their bar, at worst by a factor "
+        f"At full load {kept} of {len(ends)} error bars of small_strain hold (the largest error is {max(ends):.2g} "
+        f"times its bar); of {before} earlier load steps {beyond} have an error above their bar, at worst by a factor "
         f"of {worst['largest error over bar']:.2g} ({worst['error there [%]']:.2g} % at D = "
         f"{worst['at D / R']:.2g} R)."
     )

@@ -25,7 +25,7 @@ SLOPE_ON_GRIDS = 1e-3
 MEANINGFUL = 0.1
 """Largest relative error of T of a resolved answer; largest relative tolerance of a meaningful check on T."""
 NOT_CONVERGED, NOT_RESOLVED = "not converged", "T not resolved"
-NAMED_LIMIT, FORCE_REFUSED = "named limit", "T refused by name"
+STATE_UNRESOLVED, FORCE_UNRESOLVED = "state reported as unresolved", "T reported as unresolved"
 ROUNDOFF = 1e-14
 """Tolerance on the difference of two routes to a zero T, over the normal force."""
 
@@ -117,17 +117,17 @@ class Checks:
 
 
 def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, str]:
-    """Return verdict and reason of a case: right, T not resolved, named refusal, not checked, WRONG, or its state.
+    """Return verdict and reason: right, T not resolved, refused with a reason, not checked, WRONG, or the case's state.
 
-    If equilibrium holds and the result itself states that it is not resolved, the case is a named limit; if it states
-    that T is too small, only T is refused, with a bound. T is not resolved if all checks pass and its error is above
-    `MEANINGFUL` of T.
+    If equilibrium holds and the result itself states that it is not resolved, the verdict is `STATE_UNRESOLVED`; if the
+    result gives only a bound of T, it is `FORCE_UNRESOLVED`. T is not resolved if all checks pass and its error is
+    above `MEANINGFUL` of T.
     """
     state, steps, record = found.state(name), found.steps(name), found.records.get(name, {})
     # a case's working files are deleted when it ends
     reason = (record.get("reason") or "").split("; its finished steps are kept in ")[0]
     if state == "refused":
-        return ("named refusal" if reason else "WRONG"), reason or "refused without a reason"
+        return ("refused with a reason" if reason else "WRONG"), reason or "refused without a reason"
     if state != DONE and not (state == NOT_CONVERGED and steps):
         return state, reason
     checks, check = Checks(), labels["check"]
@@ -144,7 +144,7 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         return "WRONG", "; ".join(checks.faults + checks.doubts)
     if said or checks.unresolved:
         why = "; ".join([*(said or checks.unresolved), *checks.doubts, *checks.passed, *checks.notes])
-        return NAMED_LIMIT if distorted else FORCE_REFUSED if said else NOT_RESOLVED, why
+        return STATE_UNRESOLVED if distorted else FORCE_UNRESOLVED if said else NOT_RESOLVED, why
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
 
 

@@ -43,7 +43,7 @@ def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
     met = sum(word in (AGREES, CLOSE) for word in words)
     partly = sum(word.startswith("in ") for word in words)
     return (
-        f"{len(done)} published results compared: {met} met at all points, {partly} at some, "
+        f"{len(done)} published results compared: {met} agree at all points, {partly} at some, "
         f"{len(done) - met - partly} at none; {len(NOT_OPENED)} could not be opened."
     )
 

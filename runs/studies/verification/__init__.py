@@ -1,1 +1,1 @@
-"""The study ``verification``: the finite-strain model compared with closed forms, published results, and itself."""
+"""The study ``verification``: the finite-strain model compared with closed forms, other codes, and itself."""
