@@ -2,7 +2,7 @@
 
 S_Q, T at finite strain over T at small strain and equal normal force, of two exact spheres next to each other. Source:
 the study ``strengthening``, cases headline-thin and headline-thick for `CURVES` (nu = 0.48, substrate 1000 times as
-stiff), cases range-* for what changes with thickness and nu (corners of the range, rigid base).
+stiff); the study ``fit_range`` for what changes with thickness and nu (corners of the range, rigid base).
 """
 
 import math

@@ -12,6 +12,7 @@ STUDIES = {
     "benchmarks": "time and error against other contact codes; scaling with the number of balls",
     "peers": "two balls at finite strain by this project and by other finite-element codes: accuracy and time",
     "strengthening": "how much stronger finite strain makes the tangential force, and how far that depends on the law",
+    "fit_range": "how well the fit that `plan` uses for finite strain holds at the ends of its range",
     "accuracy": "processor time for a given accuracy of T",
     "discretisations": "order and size of the elements: accuracy and time on five scenes",
     "experiments": "the paper's drifting balls: simulated runs compared with its observations",
@@ -25,7 +26,7 @@ STUDIES = {
 }
 """Name and question of every study; ``runs.studies.NAME.answer.STUDY`` answers it."""
 SHARED_OUT = frozenset(
-    {"strengthening", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
+    {"strengthening", "fit_range", "accuracy", "deep", "discretisations", "stability", "verification", "validation"}
 )
 """Studies that ``--shard`` can split; not ``scaling``, which compares times on one machine."""
 ON_ALL_RANKS = SHARED_OUT | {"scaling"}

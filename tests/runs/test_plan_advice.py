@@ -50,7 +50,7 @@ CORNERS = (
     (5.0, 0.47, 0.16, 0.9899, 0.0046), (5.0, 0.47, 0.5, 0.9938, 0.0052),
     (8.0, 0.49, 0.16, 0.9926, 0.0060), (8.0, 0.49, 0.5, 1.0021, 0.0079),
 )  # fmt: skip
-"""Thickness over R, Poisson's ratio, approach over R, S_Q and its error on a rigid base, by the cases range-* of it."""
+"""Thickness over R, Poisson's ratio, approach over R, S_Q and its error on a rigid base, by the study `fit_range`."""
 
 
 def pair(

@@ -47,14 +47,14 @@ def test_every_case_has_a_name_of_its_own_and_a_curve_enough_small_loads_for_its
             assert case.steps is not None
             deepest = case.problem.load.values[0]
             small = [step for step in case.steps if step * deepest <= fitting.SMALL_LOAD]
-            assert len(small) >= 3 or case.labels["group"] in ("deeper", "range")
+            assert len(small) >= 3 or case.labels["group"] in ("deeper",)
             assert case.steps[-1] == 1.0
 
 
 def test_the_matrix_holds_what_the_question_asks() -> None:
     labels = [case.labels for case in cases(quick=False)]
     assert {label["L"] for label in labels} == {2.0, 3.0, 4.0, 6.0}
-    assert {label["nu"] for label in labels} == {0.3, 0.4, 0.47, 0.48, 0.49, 0.4999}
+    assert {label["nu"] for label in labels} == {0.3, 0.4, 0.48, 0.4999}
     assert {label["shape"] for label in labels} == {"sphere", "paraboloid"}
     deepest = {c.labels["h"]: max(c.problem.load.values) for c in cases(quick=False) if c.labels["group"] == "headline"}
     assert min(deepest[THIN], deepest[THICK]) >= 0.5

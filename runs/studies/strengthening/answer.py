@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from runs.comparison.strengthening_fit import fit_error, strengthening_at_force
 from runs.display.numbers import number, with_error
 from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
@@ -42,7 +41,7 @@ def present(found: Found, folder: Path) -> str:
         verdicts=_verdicts(paths), stronger_from=_stronger_from(main),
         paths=[(h, side, [_along(row) for row in main[side]]) for h, side in SIDES.items()],
         ladder=_ladder(rows), small_load=fitting.SMALL_LOAD, slopes=_slopes(paths), parameters=_parameters(paths),
-        signs=_signs(paths), of_range=_of_range(paths),
+        signs=_signs(paths),
         fits=[(h, fits[side]) for h, side in SIDES.items() if fits[side]], common=list(_common(paths)), most=COMMON,
         laws=laws.part(others, folder),
     )  # fmt: skip
@@ -111,7 +110,7 @@ def _slopes(paths: Paths) -> list[dict[str, Any]]:
     shown = []
     for case, path in paths:
         # the deeper curves are those of the headline; paraboloids and the sign change have separate tables
-        if case.labels["group"] in ("sign", "deeper", "paraboloid", "range"):
+        if case.labels["group"] in ("sign", "deeper", "paraboloid"):
             continue
         slopes = {x: fitting.initial_slope(path, x, case.labels["h"]) for x in ("sqrt(D/R)", "D/R")}
         if all(slopes.values()):
@@ -130,21 +129,6 @@ def _parameters(paths: Paths) -> list[dict[str, Any]]:
         if case.labels["group"] in ("headline", "deeper", "distance", "poisson")
     ]
     return sorted(shown, key=lambda row: (row["h / R"], row["L / R"], row["nu"]))
-
-
-def _of_range(paths: Paths) -> list[dict[str, Any]]:
-    """Return S_Q at the ends of the range of the fit that plans use, beside the fit and its error."""
-    return [
-        {
-            "h / R": (h := case.labels["h"]), "nu": (nu := case.labels["nu"]), "D / R": row["D"],
-            "S_Q": (row["S_Q"], row["S_Q_error"]),
-            "fit": (strengthening_at_force(row["D"], h, nu), fit_error(row["D"], h, nu)),
-        }
-        for case, path in paths
-        if case.labels["group"] == "range"
-        for row in path
-        if row["S_Q"] is not None
-    ]  # fmt: skip
 
 
 def _signs(paths: Paths) -> list[dict[str, Any]]:

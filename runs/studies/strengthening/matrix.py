@@ -14,10 +14,6 @@ VARIED = (0.03, 0.05, 0.07, 0.15, 0.32, 0.5)
 """The same for every other curve: three of them give its slope. The smallest contact determines the mesh size."""
 DEEPER = {THIN: (0.32, 0.5, 0.6), THICK: (0.32, 0.5, 0.65, 0.8)}
 """The same for the deepest curves."""
-RANGE = ((1.0, 0.47), (1.0, 0.49), (1.2, 0.47), (1.2, 0.49), (1.3, 0.47), (5.0, 0.47), (8.0, 0.49))
-"""Thickness over R and nu at the ends of the range of `runs.comparison.strengthening_fit`, and just outside it."""
-OF_RANGE = (0.16, 0.5)
-"""Approaches over R there."""
 UNKNOWNS, HEADLINE_UNKNOWNS = 50e3, {THIN: 220e3, THICK: 120e3}
 """Largest numbers of unknowns: for order 3 of all curves, order 4 of the headline, fineness 1.5 where T is largest."""
 SIDES = {THIN: "thin", THICK: "thick"}
@@ -35,7 +31,6 @@ def cases(quick: bool) -> list[Case]:
         found += [along("distance", h, VARIED, 0.02, distance=distance) for distance in DISTANCES]
         found += [along("poisson", h, VARIED, 0.02, poisson=poisson) for poisson in POISSONS]
     found += [along("sign", h, VARIED, 0.02) for h in NEAR_SIGN_CHANGE]
-    found += [along("range", h, OF_RANGE, 0.004, poisson=nu, unknowns=40e3, substrate=None) for h, nu in RANGE]
     # apart from the headline, which must not fail with them
     found += [along("deeper", h, approaches, 0.02) for h, approaches in DEEPER.items()]
     return found
