@@ -8,7 +8,7 @@ stiff); the study ``fit_range`` for what changes with thickness and nu (corners 
 import math
 
 THIN = 1.16
-CURVES = {THIN: (0.351, 2.725, -8.364, 15.392), 6.0: (-0.074, 0.133)}
+CURVES = {THIN: (0.368, 2.582, -7.879, 14.928), 6.0: (-0.074, 0.135)}
 """Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
 ERROR, ERROR_GROWTH = 0.005, 0.06
 """Largest deviation of S_Q from the fit where it was made: at zero load, and its growth per (D/R)^2."""

@@ -13,8 +13,8 @@ import pytest
 
 from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
 from runs.advice import Advice, Adviser
-from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
-from tests.launch import thirdbody
+from runs.comparison.strengthening_fit import CURVES, fit_error, outside, strengthening_at_force
+from tests.launch import ROOT, thirdbody
 
 SUBSTRATE = Elastic(1e3, 0.3)
 TRIANGLE = """[layer]
@@ -82,6 +82,13 @@ def test_the_fit_meets_what_is_known_within_its_error() -> None:
         assert not outside(approach, thickness, 2.0, 0.48)
     assert strengthening_at_force(0.0, 1.0) == 1.0
     assert len(outside(0.6, 2.0, 4.0, 0.3)) == 4
+
+
+def test_the_fit_is_the_published_one() -> None:
+    page = (ROOT / "runs" / "studies" / "strengthening" / "README.md").read_text(encoding="utf-8")
+    for thickness, coefficients in CURVES.items():
+        terms = "".join(f" {c:+.3f} x{f'^{k}' if k > 1 else ''}" for k, c in enumerate(coefficients, start=1))
+        assert f"- h = {thickness:g} R, L = 2 R, nu = 0.48: S_Q = 1{terms}, x = D/R" in page
 
 
 def test_the_fit_is_of_one_law() -> None:
