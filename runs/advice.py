@@ -127,13 +127,13 @@ class Adviser:
         )
         layer, substrate = self.problem.layer, self.problem.substrate
         stiffness = math.inf if substrate is None else substrate.young / layer.young
-        change = strengthening_at_force(approach, thickness, layer.poisson) - 1.0
+        change = strengthening_at_force(approach, thickness, layer.poisson, distance / radius) - 1.0
         beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
             beyond = [*beyond, "not all bodies are balls"]
         if self.law != FITTED_LAW:
             beyond = [*beyond, f"the law is {self.law}, not {FITTED_LAW}"]
-        error = fit_error(approach, thickness, layer.poisson)
+        error = fit_error(approach, thickness, layer.poisson, distance / radius)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:
             matters = True

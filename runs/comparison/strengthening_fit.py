@@ -13,10 +13,10 @@ CURVES = {THIN: (0.368, 2.582, -7.879, 14.928), 6.0: (-0.074, 0.135)}
 ERROR, ERROR_GROWTH = 0.005, 0.06
 """Largest deviation of S_Q from the fit where it was made: at zero load, and its growth per (D/R)^2."""
 FITTED_POISSON, FITTED_LAW = 0.48, "neo_hookean"
-BY_THICKNESS, BY_POISSON = 3.7, -10.0
-"""Slopes of ln(S_Q - 1) of the thin layer over h/R and over nu; at 0.16 R and 0.5 R: 2.9 to 4.5, -4 to -15."""
-UNSURE_THICKNESS, UNSURE_POISSON = 1.0, 3.0
-"""Growth of the relative error of S_Q - 1 per distance in h/R and in nu from where the thin curve was fitted."""
+BY_THICKNESS, BY_POISSON, BY_DISTANCE = 3.7, -10.0, -3.7
+"""Slopes of ln(S_Q - 1) of the thin layer over h/R, nu and L/R; at 0.16 R and 0.5 R: 2.9 to 4.5, -4 to -15, -4.1."""
+UNSURE_THICKNESS, UNSURE_POISSON, UNSURE_DISTANCE = 1.0, 3.0, 1.0
+"""Growth of the relative error of S_Q - 1 per distance in h/R, nu and L/R from where the thin curve was fitted."""
 STIFF = 1e3
 """Least modulus of a substrate over the layer's: that of the fits; the range was measured on a rigid base."""
 LARGEST_APPROACH = 0.5
@@ -32,22 +32,28 @@ POISSONS = (0.47, 0.49)
 """At nu = 0.4999 S_Q is smaller by 0.17 at the largest approach; at 0.4 and below T of the thin layer changes sign."""
 
 
-def strengthening_at_force(approach: float, thickness: float, poisson: float = FITTED_POISSON) -> float:
-    """Return S_Q for an approach and a thickness, both over R, and Poisson's ratio, by the nearer curve."""
+def strengthening_at_force(
+    approach: float, thickness: float, poisson: float = FITTED_POISSON, distance: float = DISTANCES[0]
+) -> float:
+    """Return S_Q for an approach, a thickness and a distance, all over R, and Poisson's ratio, by the nearer curve."""
     x, known = min(max(approach, 0.0), LARGEST_APPROACH), _nearest(thickness)
     change = sum(c * x**power for power, c in enumerate(CURVES[known], start=1))
     if known != THIN:
         return 1.0 + change
-    return 1.0 + change * math.exp(BY_THICKNESS * (thickness - THIN) + BY_POISSON * (poisson - FITTED_POISSON))
+    h, nu, length = thickness - THIN, poisson - FITTED_POISSON, distance - DISTANCES[0]
+    return 1.0 + change * math.exp(BY_THICKNESS * h + BY_POISSON * nu + BY_DISTANCE * length)
 
 
-def fit_error(approach: float, thickness: float = THIN, poisson: float = FITTED_POISSON) -> float:
+def fit_error(
+    approach: float, thickness: float = THIN, poisson: float = FITTED_POISSON, distance: float = DISTANCES[0]
+) -> float:
     """Return the largest deviation of S_Q from the fit inside its range; it grows away from where the fit was made."""
     error = ERROR + ERROR_GROWTH * min(approach, LARGEST_APPROACH) ** 2
     if _nearest(thickness) != THIN:
         return error
-    away = UNSURE_THICKNESS * abs(thickness - THIN) + UNSURE_POISSON * abs(poisson - FITTED_POISSON)
-    return error + away * abs(strengthening_at_force(approach, thickness, poisson) - 1.0)
+    h, nu, length = abs(thickness - THIN), abs(poisson - FITTED_POISSON), abs(distance - DISTANCES[0])
+    away = UNSURE_THICKNESS * h + UNSURE_POISSON * nu + UNSURE_DISTANCE * length
+    return error + away * abs(strengthening_at_force(approach, thickness, poisson, distance) - 1.0)
 
 
 def outside(
