@@ -25,7 +25,7 @@ APPROACHES = (0.16, 0.5)
 """Approaches over R."""
 ANGLES = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
 """Directions of the balls of a triangle from its centre."""
-ACCURACY, UNKNOWNS = 0.004, 60e3
+ACCURACY, UNKNOWNS, OF_TRIANGLE = 0.004, 60e3, 250e3
 
 
 def cases(quick: bool) -> list[Case]:
@@ -41,7 +41,7 @@ def cases(quick: bool) -> list[Case]:
 
 def _triangle() -> Case:
     """Return the case of three balls that touch, on the thin layer."""
-    case = along("triangle", THIN, APPROACHES, ACCURACY, unknowns=UNKNOWNS, substrate=None)
+    case = along("triangle", THIN, APPROACHES, 0.01, unknowns=OF_TRIANGLE, substrate=None)
     balls = [Ball((2.0 / 3.0**0.5 * math.cos(a), 2.0 / 3.0**0.5 * math.sin(a)), 1.0, "sphere") for a in ANGLES]
     return replace(case, problem=pressed(balls, APPROACHES[-1], THIN, POISSON), labels={**case.labels, "balls": 3})
 
