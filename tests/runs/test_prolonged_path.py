@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ seed = 3
 ensemble = MEMBERS
 tolerance = TOLERANCE
 """
+OneRun = Callable[[float, list[list[float]]], Path]
 THREE = [[0.0, 0.0], [0.031, 0.004], [0.011, 0.035]]
 MANY = [[0.025 * i + 0.003 * (j % 3), 0.025 * j + 0.002 * (i % 4)] for i in range(11) for j in range(10)]
 
@@ -56,41 +58,68 @@ def evolved(folder: Path, cycles: float, places: list[list[float]], members: int
         text = text.replace(name, str(value))
     file.write_text(text, encoding="utf-8")
     evolve_scene(read_scene(file), "point_load", Options(False, folder / "out", False), folder / "tables")
+    return document_in(folder)
+
+
+@pytest.fixture(scope="module")
+def one_run(tmp_path_factory: pytest.TempPathFactory) -> OneRun:
+    """Return the folder of one run of so many cycles from these places, computed once."""
+    done: dict[tuple[float, int], Path] = {}
+
+    def folder(cycles: float, places: list[list[float]]) -> Path:
+        key = cycles, len(places)
+        if key not in done:
+            done[key] = tmp_path_factory.mktemp("one")
+            evolved(done[key], cycles, places, members_of(places))
+        return done[key]
+
+    return folder
+
+
+def document_in(folder: Path) -> dict[str, Any]:
     document: dict[str, Any] = json.loads((folder / "out" / "result.json").read_text(encoding="utf-8"))
     del document["solved"]["seconds"]
     return document
 
 
+def members_of(places: list[list[float]]) -> int:
+    return 2 if places is THREE else 1
+
+
 @pytest.mark.parametrize("then", [[3.0, 90.0, 400.0, 500.0], [400.0, 90.0]])
-def test_another_number_of_cycles_goes_on_to_what_one_run_gives(then: list[float], tmp_path: Path) -> None:
+def test_another_number_of_cycles_goes_on_to_what_one_run_gives(
+    then: list[float], tmp_path: Path, one_run: OneRun
+) -> None:
     for cycles in then:
         document = evolved(tmp_path / "changed", cycles, THREE)
-    assert document == evolved(tmp_path / "one", then[-1], THREE)
-    assert (tmp_path / "changed/out/steps.csv").read_bytes() == (tmp_path / "one/out/steps.csv").read_bytes()
+    one = one_run(then[-1], THREE)
+    assert document == document_in(one)
+    assert (tmp_path / "changed/out/steps.csv").read_bytes() == (one / "out/steps.csv").read_bytes()
 
 
 @pytest.mark.parametrize("places", [THREE, MANY])
 def test_only_what_is_missing_is_computed(
-    places: list[list[float]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    places: list[list[float]], tmp_path: Path, capsys: pytest.CaptureFixture[str], one_run: OneRun
 ) -> None:
-    members = 2 if places is THREE else 1
+    members = members_of(places)
     short = evolved(tmp_path / "changed", 30.0, places, members)
     long = evolved(tmp_path / "changed", 40.0, places, members)
     said = capsys.readouterr().err
     assert f"continues at cycle {short['continuation']['sigma'] * 20.0 / 0.32:.4g} of 40, after " in said
-    assert long == evolved(tmp_path / "one", 40.0, places, members)
+    assert long == document_in(one_run(40.0, places))
     cut = evolved(tmp_path / "changed", 20.0, places, members)
-    assert cut == evolved(tmp_path / "less", 20.0, places, members)
-    files = (sorted(p.name for p in (tmp_path / name / "out" / "path").glob("*")) for name in ("changed", "less"))
+    less = one_run(20.0, places)
+    assert cut == document_in(less)
+    files = (sorted(p.name for p in (folder / "out" / "path").glob("*")) for folder in (tmp_path / "changed", less))
     assert next(files) == next(files)
 
 
 @pytest.mark.parametrize("after", [4, 12])
 @pytest.mark.parametrize("places", [THREE, MANY])
 def test_a_longer_run_that_is_killed_goes_on_too(
-    after: int, places: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    after: int, places: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_run: OneRun
 ) -> None:
-    members = 2 if places is THREE else 1
+    members = members_of(places)
     evolved(tmp_path / "changed", 30.0, places, members)
 
     with monkeypatch.context() as patch:
@@ -101,7 +130,7 @@ def test_a_longer_run_that_is_killed_goes_on_too(
             evolved(tmp_path / "changed", 70.0, places, members)
     for cycles in (35.0, 70.0):
         document = evolved(tmp_path / "changed", cycles, places, members)
-        assert document == evolved(tmp_path / f"one {cycles:g}", cycles, places, members)
+        assert document == document_in(one_run(cycles, places))
 
 
 def test_what_follows_a_saved_path_is_not_computed_again(
@@ -130,7 +159,7 @@ def test_what_follows_a_saved_path_is_not_computed_again(
     assert document == evolved(tmp_path / "one", 30.0, THREE)
 
 
-def test_a_path_of_an_older_version_begins_again(tmp_path: Path) -> None:
+def test_a_path_of_an_older_version_begins_again(tmp_path: Path, one_run: OneRun) -> None:
     evolved(tmp_path / "old", 30.0, THREE)
     file = tmp_path / "old" / "out" / "result.json"
     old = json.loads(file.read_text(encoding="utf-8"))
@@ -138,7 +167,7 @@ def test_a_path_of_an_older_version_begins_again(tmp_path: Path) -> None:
     for moment in old["path"]:
         del moment["step"], moment["spare"], moment["steps"]
     file.write_text(json.dumps({**old, "continuation": None}), encoding="utf-8")
-    assert evolved(tmp_path / "old", 40.0, THREE) == evolved(tmp_path / "one", 40.0, THREE)
+    assert evolved(tmp_path / "old", 40.0, THREE) == document_in(one_run(40.0, THREE))
 
 
 def test_a_moving_path_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
