@@ -6,6 +6,7 @@ stiff); the study ``fit_range`` for what changes with thickness and nu (corners 
 """
 
 import math
+from typing import Any
 
 THIN = 1.16
 CURVES = {THIN: (0.368, 2.582, -7.879, 14.928), 6.0: (-0.074, 0.135)}
@@ -54,6 +55,19 @@ def fit_error(
     h, nu, length = abs(thickness - THIN), abs(poisson - FITTED_POISSON), abs(distance - DISTANCES[0])
     away = UNSURE_THICKNESS * h + UNSURE_POISSON * nu + UNSURE_DISTANCE * length
     return error + away * abs(strengthening_at_force(approach, thickness, poisson, distance) - 1.0)
+
+
+def as_data() -> dict[str, Any]:
+    """Return the constants of the fit and its range, for a program in another language."""
+    return {
+        "curves": [
+            {"thickness": h, "range": THICKNESSES[h], "coefficients": c, "varies": h == THIN} for h, c in CURVES.items()
+        ],
+        "distances": DISTANCES, "poissons": POISSONS, "poisson": FITTED_POISSON, "approach": LARGEST_APPROACH,
+        "error": ERROR, "growth": ERROR_GROWTH,
+        "slopes": (BY_THICKNESS, BY_POISSON, BY_DISTANCE),
+        "unsure": (UNSURE_THICKNESS, UNSURE_POISSON, UNSURE_DISTANCE),
+    }  # fmt: skip
 
 
 def outside(

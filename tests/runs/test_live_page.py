@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import simpson
 
 from linear_bem import solve_contact
+from runs.comparison.strengthening_fit import fit_error, strengthening_at_force
 from runs.handbook.live import table, widget
 from runs.handbook.live.chebyshev import Axis, interpolate
 from tests.launch import headless_browser
@@ -111,8 +112,21 @@ def test_the_live_page_meets_the_solver_at_random_points_in_a_browser(tmp_path: 
 def test_the_live_page_shows_published_factors_and_no_others(tmp_path: Path) -> None:
     thin = {"radius": 2.0, "young": 1.0, "poisson": 0.48, "thickness": 2.32, "distance": 4.0, "approach": 0.64}
     known, unknown = in_browser([thin, {**thin, "thickness": 2.6}], tmp_path)
-    assert known["factor"].startswith("1.282 ± 0.002")
+    assert known["factor"] == "1.282 ± 0.002"
     assert unknown["factor"] == "not known here"
+
+
+def test_the_live_page_shows_the_fit_of_plan_in_its_range_alone(tmp_path: Path) -> None:
+    at = ((0.475, 1.05, 2.05, 0.3), (0.48, 1.19, 2.0, 0.41), (0.49, 7.0, 2.08, 0.2))
+    beyond = ((0.46, 1.05, 2.05, 0.3), (0.475, 1.25, 2.05, 0.3), (0.475, 1.05, 2.2, 0.3), (0.475, 4.0, 2.05, 0.3))
+    points = [{"radius": 2.0, "poisson": nu, "thickness": 2 * h, "distance": 2 * L, "approach": 2 * d}
+              for nu, h, L, d in (*at, *beyond)]  # fmt: skip
+    answers = in_browser(points, tmp_path)
+    for (nu, h, L, d), answer in zip(at, answers[:3], strict=True):
+        assert answer["factor"].endswith(", by a fit")
+        assert answer["S"]["factor"] == pytest.approx(strengthening_at_force(d, h, nu, L), rel=1e-6)
+        assert answer["S"]["error"] == pytest.approx(fit_error(d, h, nu, L), rel=1e-6)
+    assert {answer["factor"] for answer in answers[3:]} == {"not known here"}
 
 
 FIELDS = """<script>

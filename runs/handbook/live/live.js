@@ -100,7 +100,22 @@ const liveModel = (() => {
       return null;
     }
 
-    return {pair, section, drift, strengthening, deepest, L, thickness: table.thickness};
+    // S_Q by the fit of `thirdbody plan` (runs/comparison/strengthening_fit.py), in its range.
+    function fitted(nu, h, l, d) {
+      const fit = table.fit, inside = (x, [low, high]) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9);
+      const curve = fit.curves.find((c) => inside(h, c.range));
+      if (!curve || !inside(l, fit.distances) || !inside(nu, fit.poissons) || !inside(d, [0, fit.approach])) return null;
+      let change = curve.coefficients.reduce((sum, c, k) => sum + c * d ** (k + 1), 0);
+      let error = fit.error + fit.growth * d * d;
+      if (curve.varies) {
+        const away = [h - curve.thickness, nu - fit.poisson, l - fit.distances[0]];
+        change *= Math.exp(away.reduce((sum, x, k) => sum + x * fit.slopes[k], 0));
+        error += Math.abs(change) * away.reduce((sum, x, k) => sum + Math.abs(x) * fit.unsure[k], 0);
+      }
+      return {factor: 1 + change, error};
+    }
+
+    return {pair, section, drift, strengthening, fitted, deepest, L, thickness: table.thickness};
   };
 })();
 
@@ -146,8 +161,9 @@ const liveModel = (() => {
     const share = found.tangential / found.normal, power = Math.floor(Math.log10(Math.abs(share)));
     const written = power < -3 ? `${digits(share / 10 ** power)}e${power}` : digits(share);
     shown.share.textContent = resolved ? written.replaceAll("-", "−") : "not resolved";
-    const S = model.strengthening(...at);
-    shown.strengthening.textContent = S ? withError(S.factor, S.error) : "not known here";
+    const computed = model.strengthening(...at), S = computed ?? model.fitted(...at);
+    const by = computed ? "" : ", by a fit";
+    shown.strengthening.textContent = S ? `${withError(S.factor, S.error)}${by}` : "not known here";
     shown.drift.textContent = resolved ? driftText(model.drift(...at), T > 0, R, f) : "no motion that the table resolves";
     draw(at, T, resolved);
     root.dataset.values = JSON.stringify({at, Q, T, error, normalError: found.normalError * force, S,

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from runs.comparison import strengthening_fit
 from runs.handbook.live import table
 
 HERE = Path(__file__).resolve().parent
@@ -14,7 +15,8 @@ FACTOR = re.compile(r"(?P<factor>-?[\d.]+) ± (?P<error>[\d.]+)")
 
 def html() -> str:
     """Return the fragment."""
-    data = {**table.read().data, "strengthening": strengthening(STUDY.read_text(encoding="utf-8"))}
+    factors = strengthening(STUDY.read_text(encoding="utf-8"))
+    data = {**table.read().data, "strengthening": factors, "fit": strengthening_fit.as_data()}
     parts = {name: (HERE / f"live.{name}").read_text(encoding="utf-8") for name in ("css", "html", "js")}
     return (
         f"<style>\n{parts['css']}</style>\n{parts['html']}"
