@@ -106,7 +106,10 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
 
 
 def depth_faults(layer: Layer, substrate: Elastic | None, approaches: Sequence[float]) -> list[str]:
-    """Return the fault of approaches [m] that a layer on a rigid base cannot give: it ends at the base."""
+    """Return the fault of given approaches [m] that a layer on a rigid base cannot give: it ends at the base.
+
+    A found approach, or one beyond the given ones in a table, may be larger: `large_strain_note` says so.
+    """
     deepest, thickness = max(approaches, default=0.0), layer.thickness
     if isinstance(layer, SurfaceResponse) or substrate is not None or not deepest >= thickness > 0.0:
         return []
@@ -138,7 +141,8 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
     said = f"{LARGE_STRAIN} {deepest / layer.thickness:.2g} of the layer's thickness"
     if share >= 1.0:
         return (f"{said}, {MEANINGLESS}: {CHECK_UNITS}",)
-    return (f"{said}: strains are of that size, and a small-strain model is valid up to about {LINEAR_UP_TO:g} of it",)
+    taken = f", of which the layer takes {share:.2g}" if base > 0.05 * deepest else ""
+    return (f"{said}{taken}: strains are of that size, and a small-strain model is valid up to about {LINEAR_UP_TO:g}",)
 
 
 def ball_depth_note(share: float) -> tuple[str, ...]:

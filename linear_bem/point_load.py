@@ -22,9 +22,10 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Cone, Punch
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import Indentation, indentation_of_layer
+from linear_bem.media import dent, large_strain_note
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.solver import solve
+from linear_bem.solver import solve_contact
 
 LATER_TERMS = 4.0
 """All later terms of the multipole series over its second one, per (a_i^2 + a_j^2) / L^2.
@@ -46,7 +47,7 @@ class _Single:
         for z in nodes:
             force = self._estimate(approach=float(np.exp(middle + half * z))).normal_force
             alone = replace(problem, balls=(replace(ball, position=(0.0, 0.0)),), load=Load("force", (force,)))
-            b = solve(alone).balls[0]
+            b = solve_contact(alone).result().balls[0]
             guess = self._estimate(normal_force=force)
             square = guess.contact_radius**2
             rows.append(
@@ -138,7 +139,10 @@ def solve_point_load(problem: Problem) -> Result:
     )
     seconds = time.perf_counter() - begun
     versions = {"numpy": np.__version__, "scipy": scipy.__version__}
-    return Result("point_load", balls, Solved(True, 1, problem.size, seconds, versions=versions))
+    deepest = int(np.argmax(state.approaches))
+    base = dent(problem.substrate, problem.layer.thickness, float(state.forces[deepest]), touch[deepest][0])
+    notes = large_strain_note(problem.layer, float(state.approaches[deepest]), base)
+    return Result("point_load", balls, Solved(True, 1, problem.size, seconds, notes=notes, versions=versions))
 
 
 def _singles(problem: Problem, mutual: Array) -> list[_Single]:

@@ -18,7 +18,7 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
 from linear_bem.magnitudes import is_number, range_faults
-from linear_bem.media import Elastic, Layer, SurfaceResponse, depth_faults, material_faults, without_empty_layer
+from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
 from linear_bem.touching import overlap_faults, wrapped
 
 LoadKind = Literal["approach", "force", "total_force"]
@@ -307,7 +307,7 @@ class Problem:
                 if unit > 0.0 and (0.0 < value < least or value > most):
                     rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
                     faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
-        return faults or (depth_faults(self.layer, self.substrate, values) if kind == "approach" else [])
+        return faults
 
 
 def _are_numbers(values: object) -> bool:

@@ -26,7 +26,7 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
-from linear_bem.media import MEANINGLESS, ball_depth_note, dent, large_strain_note
+from linear_bem.media import MEANINGLESS, ball_depth_note, dent, depth_faults, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
@@ -74,7 +74,8 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     Raises
     ------
     InvalidProblem
-        Accuracy out of range, a profile that is not convex or not 0 at its apex, an impossible surface response.
+        Accuracy out of range, a profile that is not convex or not 0 at its apex, an impossible surface response, an
+        approach through a layer on a rigid base.
     UnsupportedProblem
         An effect that this model lacks, or contacts that need more cells than fit.
     TooLarge
@@ -93,6 +94,10 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     Q = 7.107 N, T = -0.0105 N
 
     """
+    if problem.load.kind == "approach":
+        faults = depth_faults(problem.layer, problem.substrate, problem.load.values)
+        if faults:
+            raise InvalidProblem(*faults)
     return solve_contact(problem, accuracy, report).result()
 
 
@@ -140,8 +145,8 @@ def _given_by_base(contacts: Contacts) -> float:
     problem, ball = contacts.problem, int(np.argmax(contacts.approaches))
     substrate, forces = problem.substrate, contacts.normal_forces
     own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(contacts.contact_areas[ball]))
-    if substrate is None or problem.size == 1:
-        return own
+    if substrate is None or problem.size == 1 or problem.periodic is not None:
+        return own  # in a cell approaches do not contain the mean level of the base
     away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
     return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
 
@@ -237,7 +242,8 @@ def _by_polynomials(
             found = _Refined(after, error, errors, float(np.max(error)) / reference_force(after), settled)
             if found.excess(wanted) <= 1.0 and is_certified(after):
                 return Estimated(after, error, errors)
-            candidates.append(found)
+            if math.isfinite(found.excess(wanted)):
+                candidates.append(found)
         before = after
     candidates.sort(key=lambda found: found.excess(wanted))
     best = next((found for found in candidates if is_certified(found.contacts)), None)

@@ -18,6 +18,7 @@ from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import HeightFunction
 from linear_bem.law import Law
+from linear_bem.media import depth_faults
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
@@ -176,6 +177,10 @@ def plan_run(
             f"accuracy.tangential_force: must lie between {LEAST_ACCURACY:g}, about the best that finite "
             f"elements reach, and 1, got {tangential_force:g}; raise it, or use linear_bem"
         )
+    if problem.load.kind == "approach":
+        faults = depth_faults(problem.layer, problem.substrate, problem.load.values)
+        if faults:
+            raise InvalidProblem(*faults)
     problem = with_expressions(problem)
     _check_supported(problem, model)
     load = prescribed(problem)

@@ -16,7 +16,7 @@ from linear_bem.smooth.contacts import CHECKED
 from runs.advice import PATIENCE, USUAL, Advice, Adviser
 from runs.comparison import sensitivity
 from runs.display import tables
-from runs.display.numbers import Scale, attraction, bodies, leading_ball, number
+from runs.display.numbers import Scale, attraction, bodies, leading_ball, number, toward_others
 from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory, unknowns_of
 from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, standing
@@ -49,7 +49,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
 
-        evolution = expectation(scene, model, problem, seconds)
+        with scene.naming_faults():
+            evolution = expectation(scene, model, problem, seconds)
         # advice is about few balls, without the cell
         seconds, part = evolution["seconds"], dataclasses.replace(part, periodic=None)
     else:
@@ -91,7 +92,7 @@ def _advice(
     ``leading``: number of its ball with the largest T; ``patience``: time limit [s].
     """
     close, near = closest(part, ahead)
-    chosen = (problem.finite_strain or FiniteStrain()).chosen
+    chosen = (scene.problem.finite_strain or FiniteStrain()).chosen
     law = chosen.name if isinstance(chosen, Law) else "an own one"
     adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law)
     inputs, notes = None, []
@@ -226,7 +227,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
         memories = {key: memory_words(value) for key, value in evolution.items() if "memory_bytes" in key}
         say(sentence(evolution, document["models"][0]["model"], memories))
-    _look_ahead(say, document["linear_estimate"], scale)
+    _look_ahead(say, document["linear_estimate"], scale, scene)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]
     if found is not None:
@@ -234,22 +235,28 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
         say(sensitivity.check(found))
 
 
-def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale, scene: Scene) -> None:
     ball = max(balls, key=lambda b: (math.hypot(*b["tangential_force"]), b["normal_force"]))
     radius = math.sqrt(ball["contact_area"] / math.pi)
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
     say("expected by the linear model:", "bold")
     say(
         f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
-        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}{_sense(balls, ball)}"
+        f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}{_sense(scene, balls, ball)}"
     )
 
 
-def _sense(balls: Sequence[Mapping[str, Any]], ball: Mapping[str, Any]) -> str:
-    """Return whether T pulls the ball towards the others or pushes it away, where it is more than its error."""
-    if math.hypot(*ball["tangential_force"]) <= ball["tangential_force_error"]:
+def _sense(scene: Scene, balls: Sequence[Mapping[str, Any]], ball: Mapping[str, Any]) -> str:
+    """Return whether T pulls the ball towards the others or pushes it away, where that is more than its error.
+
+    In a cell, and for a ball in the middle of the others, there is no such direction.
+    """
+    index = balls.index(ball)
+    if "periodic" in scene.effects or toward_others(balls, index) is None:
         return ""
-    pull = attraction(balls, balls.index(ball), ball["tangential_force"])
+    pull = attraction(balls, index, ball["tangential_force"])
+    if abs(pull) <= ball["tangential_force_error"]:
+        return ""
     return ": attraction" if pull > 0.0 else ": separation"
 
 

@@ -20,6 +20,8 @@ UNSURE_THICKNESS, UNSURE_POISSON, UNSURE_DISTANCE = 1.0, 3.0, 1.0
 """Growth of the relative error of S_Q - 1 per distance in h/R, nu and L/R from where the thin curve was fitted."""
 STIFF = 1e3
 """Least modulus of a substrate over the layer's: that of the fits; the range was measured on a rigid base."""
+ROUNDOFF = 1e-9
+"""Relative tolerance of the limits of the range."""
 LARGEST_APPROACH = 0.5
 """Largest approach over R that the fits cover."""
 THICKNESSES = {THIN: (1.0, 1.2), 6.0: (5.0, 8.0)}
@@ -78,19 +80,20 @@ def outside(
     Lengths are over R, ``stiffness`` is the substrate's modulus over the layer's.
     """
     faults = []
-    if approach > LARGEST_APPROACH * (1.0 + 1e-9):
+    if approach > LARGEST_APPROACH * (1.0 + ROUNDOFF):
         faults.append(f"D = {approach:.2g} R is more than {LARGEST_APPROACH:g} R")
-    if not any(low <= thickness <= high for low, high in THICKNESSES.values()):
+    least, most = 1.0 - ROUNDOFF, 1.0 + ROUNDOFF
+    if not any(low * least <= thickness <= high * most for low, high in THICKNESSES.values()):
         ranges = " or ".join(f"{low:g} to {high:g} R" for low, high in THICKNESSES.values())
         faults.append(f"h = {thickness:.3g} R is not {ranges}")
-    if not DISTANCES[0] * (1.0 - 1e-9) <= distance <= DISTANCES[1]:
+    if not DISTANCES[0] * least <= distance <= DISTANCES[1] * most:
         faults.append(f"L = {distance:.3g} R is not {DISTANCES[0]:g} to {DISTANCES[1]:g} R")
-    if not POISSONS[0] <= poisson <= POISSONS[1]:
+    if not POISSONS[0] * least <= poisson <= POISSONS[1] * most:
         faults.append(f"nu = {poisson:g} is not {POISSONS[0]:g} to {POISSONS[1]:g}")
-    if stiffness < STIFF:
+    if stiffness < STIFF * least:
         faults.append(f"the substrate is {stiffness:.3g} times as stiff as the layer, not {STIFF:g} or more")
     return faults
 
 
 def _nearest(thickness: float) -> float:
-    return min(CURVES, key=lambda known: abs(1.0 / known - 1.0 / thickness))
+    return min(CURVES, key=lambda known: abs(1.0 / known - 1.0 / max(thickness, ROUNDOFF)))

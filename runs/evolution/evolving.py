@@ -11,6 +11,7 @@ import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.media import dent, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.touching import overlap_faults
 from runs.evolution import after_path, outcome, saved_path, showing, structure
@@ -101,10 +102,11 @@ class Evolution:
     def complete(self, *, pictures: bool = True) -> Document | None:
         """Compute the path to its end and return the finished document on rank 0 (collective)."""
         session = self.session
-        given = provider(
-            session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
-            session.comm, print_status, session.scene.budget, self.balls.cell,
-        )  # fmt: skip
+        with session.scene.naming_faults():
+            given = provider(
+                session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
+                session.comm, print_status, session.scene.budget, self.balls.cell,
+            )  # fmt: skip
         if not session.root:
             return None
         document, record = self._run(given)
@@ -251,12 +253,20 @@ class Evolution:
                     f"driving force of the fastest ball: {moment.speed:.1e} of its load (rest: {self.sliding.rest:.1e})"
                 )
 
+    def _large_strain_notes(self, record: Record) -> tuple[str, ...]:
+        """Return the notes where small strain does not hold, of a model of small strain."""
+        if self.problem.finite_strain is not None:
+            return ()
+        layer, substrate = self.problem.layer, self.problem.substrate
+        deepest, force = max(self.problem.load.values), float(np.max(record.moments[0].state.normal))
+        return large_strain_note(layer, deepest, dent(substrate, layer.thickness, force, 0.0))
+
     def _document(
         self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float
     ) -> Document:
         cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls, self._folder)
         self._write_structure(record.moments)
-        notes = [*self.session.notes, *given.notes, *filter(None, [record.damage])]
+        notes = [*self.session.notes, *self._large_strain_notes(record), *given.notes, *filter(None, [record.damage])]
         if not converged:
             notes.append("unfinished: the path has not come to its end; the same command continues it")
         happened = events(record.moments, self.balls)

@@ -12,7 +12,7 @@ from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
 from linear_bem.problem import Periodic, Problem
 from runs.display.numbers import count
 from runs.evolution import equilibria
-from runs.evolution.drift import Drift, Moment
+from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.record import Record, arrays, positions_at
@@ -76,7 +76,7 @@ def position_error(
     end = moments[-1].sigma
     drift = Drift(forces, balls, COARSER * tolerance, rest)
     for moment in drift.path(begin, end):
-        coarse.take(moment, balls, last=moment.resting or moment.sigma >= end)
+        coarse.take(moment, balls, last=moment.resting or moment.sigma >= AT_END * end)
     fine, rough = arrays(moments), arrays(coarse.moments)
     # kept moments differ between the runs: linear interpolation must not count as an error of either
     both = np.union1d(fine[0], rough[0])

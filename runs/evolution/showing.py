@@ -95,7 +95,7 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         f"; the table of pairs took {duration(sum(row['seconds'] for row in made))} when it was made" if made else ""
     )
     took = f"{number(solved['seconds'], 3)} s of processor time with what follows the path, without pictures"
-    lines.append(f"{solved['iterations']} steps: {took}{beside}")
+    lines.append(f"{count(solved['iterations'], 'step')}: {took}{beside}")
     if document["equilibrium"] is not None:
         lines.append(_balance(document["equilibrium"], smallest, length))
     for pair in document["pair_equilibria"] or []:
@@ -106,9 +106,9 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         )
     if len(members) > 1:
         ends = Counter((m["contacts"], tuple(m["groups"])) for m in members)
-        for (contacts, groups), count in sorted(ends.items(), reverse=True):
+        for (contacts, groups), ending in sorted(ends.items(), reverse=True):
             sizes = ", ".join(str(size) for size in groups)
-            lines.append(f"{count} of {len(members)} members end with {contacts} contacts in clusters of {sizes}")
+            lines.append(f"{ending} of {len(members)} members end with {contacts} contacts in clusters of {sizes}")
     return lines
 
 

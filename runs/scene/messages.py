@@ -86,7 +86,8 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     if "rigid base" in rule and Units.written(data) is not None:
         number = written if index is None else written[int(index[1:-1])]
         if isinstance(number, int | float):
-            remedy = f'a bare number is in metres; write "{number:g} mm" if it is in millimetres'
+            unit = (Units.written(data) or Units()).length.name
+            remedy = f'{remedy}; a bare number is in metres: write "{number:g} {unit}" if it is in {unit}'
     return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}"
 
 
@@ -101,8 +102,8 @@ def concerns(text: str, doubtful: set[str]) -> bool:
         return True  # the shape decides which of them a ball needs
     if key == "steps" and any(name.startswith("load.") for name in doubtful):
         return True
-    if key == "approach" and "layer.thickness" in doubtful:
-        return True  # it may exceed the thickness of the stand-in
+    if key == "approach" and {"layer.thickness", "substrate"} & doubtful:
+        return True  # it may exceed the thickness of the stand-in, or press into the base
     return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful
 
 
@@ -114,6 +115,8 @@ def stand_in(errors: Iterable[ErrorDetails], data: Mapping[str, Any]) -> tuple[d
         inside = repaired.get(table)
         if error["type"] == "extra_forbidden":
             (inside if key and isinstance(inside, dict) else repaired).pop(key or table, None)
+            if not key:
+                doubtful.update(difflib.get_close_matches(table, EXAMPLES, n=1))  # it may be meant
         elif key and isinstance(inside, dict):
             inside[key] = examples(table).get(key, "1 N")
             doubtful.add(f"{table}.{key}")

@@ -12,6 +12,7 @@ from pydantic import ValidationError, create_model
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.magnitudes import SIZES
+from linear_bem.media import depth_faults
 from linear_bem.problem import Ball, Elements, Layer, Load, Problem
 from runs.scene import messages
 from runs.scene.balls import BallsTable, per_ball
@@ -158,6 +159,8 @@ class PlainTables(Table):
             )
         except InvalidProblem as error:
             raise InvalidProblem(*texts, *error.faults) from None
+        if kind == "approach":
+            texts += depth_faults(problem.layer, problem.substrate, problem.load.values)
         if texts:
             raise InvalidProblem(*texts)
         return problem

@@ -7,7 +7,21 @@ import numpy as np
 import pytest
 
 import linear_bem.touching
-from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load, Problem, solve, solve_height_field
+from linear_bem import (
+    Ball,
+    Elastic,
+    FiniteStrain,
+    InvalidProblem,
+    Layer,
+    Load,
+    Periodic,
+    Problem,
+    energy_force,
+    solve,
+    solve_contact,
+    solve_height_field,
+)
+from linear_bem.media import LARGE_STRAIN
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -62,11 +76,35 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
 def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
     balls, layer = (Ball((0.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0)), Layer(1.0, 0.3, 10.0)
     said = r"^load\.approach\[1\]: must be less than the thickness of a layer on a rigid base, 10 m, got 12 m; press"
+    through = Problem(layer, balls, Load("approach", (10.0, 12.0)))
     with pytest.raises(InvalidProblem, match=said) as caught:
-        Problem(layer, balls, Load("approach", (10.0, 12.0)))
+        solve(through)
     assert len(caught.value.faults) == 1
-    Problem(layer, balls, Load("approach", (12.0, 12.0)), Elastic(1e3, 0.3))  # which may give way
-    Problem(Layer(1.0, 0.3, math.inf), balls, Load("approach", (12.0, 12.0)))
+    one = Load("approach", (12.0, 0.0))
+    solve(Problem(layer, balls, one, Elastic(1e3, 0.3)), 1e-2)  # which may give way
+    solve(Problem(Layer(1.0, 0.3, math.inf), balls, one), 1e-2)
+
+
+def test_a_depth_that_is_found_has_an_energy_and_its_derivative():
+    pair = Problem(Layer(1.0, 0.3, 10.0), (Ball((0.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0)), Load("force", (2e3, 2e3)))
+    found = solve_contact(pair)
+    assert np.max(found.contacts.approaches) > 10.0
+    pull = energy_force(found, 0)[0]
+    assert pull == pytest.approx(found.contacts.mutual_force[0, 0], rel=0.05)
+
+
+def test_the_note_on_depth_is_the_same_for_every_cell_of_a_lattice():
+    noted = []
+    for n in (1, 2):
+        places = [(2.6 * i, 2.6 * j) for i in range(n) for j in range(n)]
+        balls = tuple(Ball(place, 1.0) for place in places)
+        lattice = Problem(
+            Layer(1.0, 0.3, 0.5), balls, Load("approach", (0.36,) * n * n), Elastic(8.0, 0.3),
+            periodic=Periodic((2.6 * n, 2.6 * n)),
+        )  # fmt: skip
+        noted.append([note for note in solve(lattice, 1e-2).solved.notes if note.startswith(LARGE_STRAIN)])
+    assert len(noted[0]) == 1
+    assert noted[0] == noted[1]
 
 
 def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():

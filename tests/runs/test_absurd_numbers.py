@@ -74,8 +74,8 @@ friction = 0.1
             'approach = "1.5 mm"',
             "approach = 0.5",
             [
-                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; a",
-                'bare number is in metres; write "0.5 mm" if it is in millimetres',
+                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; press",
+                'a bare number is in metres: write "0.5 mm" if it is in mm',
             ],
         ),
         (DRIFT, '"1.5 mm"', '["1 mm", "12 mm"]', ["[load] approach of ball 1: must be less", "got 12 mm; press less"]),

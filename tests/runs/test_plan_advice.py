@@ -91,6 +91,14 @@ def test_the_fit_is_the_published_one() -> None:
         assert f"- h = {thickness:g} R, L = 2 R, nu = 0.48: S_Q = 1{terms}, x = D/R" in page
 
 
+def test_limits_of_the_fit_are_kept_to_roundoff_and_no_layer_is_outside() -> None:
+    for radius in (1.5e-3, 1.7e-3, 2.3e-3):
+        assert not outside(0.2, 1.2 * radius / radius * (1.0 + 1e-15), 2.1, 0.49, 4.1e6 / 4.1e3 * (1.0 - 1e-15))
+    assert "h = 0 R" in outside(0.2, 0.0, 2.0, 0.48)[0]
+    bare = Problem(Layer(1.0, 0.48, 0.0), pair(0.1).balls, Load("approach", (0.1, 0.1)), SUBSTRATE)
+    assert advice(bare)["finite_strain"].matters is None
+
+
 def test_the_fit_is_of_one_law() -> None:
     scene = pair(0.2)
     found = Adviser(scene, solve(scene, 1e-2), None, ("finite_strain",), law="gent").advise()[0]
