@@ -91,6 +91,20 @@ def test_the_fit_is_the_published_one() -> None:
         assert f"- h = {thickness:g} R, L = 2 R, nu = 0.48: S_Q = 1{terms}, x = D/R" in page
 
 
+def test_the_fit_holds_at_every_measured_state_of_its_range() -> None:
+    page = (ROOT / "runs" / "studies" / "fit_range" / "README.md").read_text(encoding="utf-8")
+    states = re.findall(
+        r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) ± ([\d.]+) \|", page, re.MULTILINE
+    )
+    inside = [
+        row for row in (tuple(map(float, state)) for state in states) if not outside(row[3], row[0], row[2], row[1])
+    ]
+    assert len(inside) == 22
+    for h, nu, distance, depth, ratio, error in inside:
+        missed = abs(strengthening_at_force(depth, h, nu, distance) - ratio)
+        assert missed <= fit_error(depth, h, nu, distance) + error
+
+
 def test_limits_of_the_fit_are_kept_to_roundoff_and_no_layer_is_outside() -> None:
     for radius in (1.5e-3, 1.7e-3, 2.3e-3):
         assert not outside(0.2, 1.2 * radius / radius * (1.0 + 1e-15), 2.1, 0.49, 4.1e6 / 4.1e3 * (1.0 - 1e-15))

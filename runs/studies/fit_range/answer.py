@@ -1,15 +1,11 @@
 """Cases at the ends of the fit's range and just outside, and S_Q there beside the fit; the template has the text."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from linear_bem.problem import Ball
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
 from runs.studies.framework.case import Case
-from runs.studies.framework.pair import POISSON, THIN, pressed
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
@@ -23,27 +19,16 @@ CORNERS = (
 """Thickness over R, Poisson's ratio and distance over R; the last one is outside the range."""
 APPROACHES = (0.16, 0.5)
 """Approaches over R."""
-ANGLES = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
-"""Directions of the balls of a triangle from its centre."""
-ACCURACY, UNKNOWNS, OF_TRIANGLE = 0.004, 60e3, 250e3
+ACCURACY, UNKNOWNS = 0.004, 60e3
 
 
 def cases(quick: bool) -> list[Case]:
     """Return a case per corner; two coarse ones in the quick version."""
     accuracy, corners = (0.2, CORNERS[4:8:2]) if quick else (ACCURACY, CORNERS)
-    pairs = [
+    return [
         along("range", h, APPROACHES, accuracy, poisson=nu, distance=L, unknowns=UNKNOWNS, substrate=None)
         for h, nu, L in corners
     ]
-    found = [replace(case, labels={**case.labels, "balls": 2}) for case in pairs]
-    return found if quick else [*found, _triangle()]
-
-
-def _triangle() -> Case:
-    """Return the case of three balls that touch, on the thin layer."""
-    case = along("triangle", THIN, APPROACHES, 0.01, unknowns=OF_TRIANGLE, substrate=None)
-    balls = [Ball((2.0 / 3.0**0.5 * math.cos(a), 2.0 / 3.0**0.5 * math.sin(a)), 1.0, "sphere") for a in ANGLES]
-    return replace(case, problem=pressed(balls, APPROACHES[-1], THIN, POISSON), labels={**case.labels, "balls": 3})
 
 
 def present(found: Found, folder: Path) -> str:
@@ -62,7 +47,7 @@ def _row(labels: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     fit, error = strengthening_at_force(depth, h, nu, L), fit_error(depth, h, nu, L)
     holds = abs(row["S_Q"] - fit) <= error + row["S_Q_error"]
     return {
-        "balls": labels["balls"], "h / R": h, "nu": nu, "L / R": L, "D / R": depth,
+        "h / R": h, "nu": nu, "L / R": L, "D / R": depth,
         "S_Q": (row["S_Q"], row["S_Q_error"]), "fit": (fit, error),
         "fit holds": "yes" if holds else "no", "in the range": "no" if outside(depth, h, L, nu) else "yes",
     }  # fmt: skip
