@@ -41,27 +41,28 @@ class OwnMesh:
     """Mesh, cell tags and facet tags (see `meshes.box.TAGS`) of a user (collective)."""
 
     def __init__(self, source: Any, comm: MPI.Comm) -> None:
+        self.name = "mesh"
         if isinstance(source, (str, Path)):
             path = Path(source)
             if not on_root(comm, path.exists):
                 raise InvalidProblem(f"mesh: the file {path} does not exist")
             if not on_root(comm, path.is_file) or path.suffix != ".msh":
                 raise InvalidProblem(f"mesh: must be a .msh file, or (mesh, cell tags, facet tags), got {path}")
-            source = compat.read_mesh(path, comm)
+            self.name, source = f"mesh {path}", compat.read_mesh(path, comm)
         if not (isinstance(source, Sequence) and len(source) == 3 and isinstance(source[0], dolfinx.mesh.Mesh)):
             raise InvalidProblem(f"mesh: must be a .msh file, or (mesh, cell tags, facet tags), got {type(source)}")
         self.mesh, self.cell_tags, self.facet_tags = source
         self.comm = comm
         topology = self.mesh.topology
         cell = str(topology.cell_type).split(".")[-1]
-        faults = [] if cell in CELLS else [f"mesh: cells must be {' or '.join(CELLS)}, got {cell}"]
+        faults = [] if cell in CELLS else [f"{self.name}: cells must be {' or '.join(CELLS)}, got {cell}"]
         nodes = compat.geometry_dofs(self.mesh).shape[1]
         if not faults and nodes not in CELLS[cell]:
-            faults.append(f"mesh: a {cell} must have {' or '.join(map(str, CELLS[cell]))} nodes, got {nodes}")
+            faults.append(f"{self.name}: a {cell} must have {' or '.join(map(str, CELLS[cell]))} nodes, got {nodes}")
         if None in (self.cell_tags, self.facet_tags):
-            faults.append("mesh: cell tags and facet tags are needed, got None; tag layer, top and bottom")
+            faults.append(f"{self.name}: cell tags and facet tags are needed, got None; tag layer, top and bottom")
         if self.mesh.comm.size != comm.size:
-            faults.append(f"mesh: its communicator has {self.mesh.comm.size} ranks, that of the run {comm.size}")
+            faults.append(f"{self.name}: its communicator has {self.mesh.comm.size} ranks, that of the run {comm.size}")
         if faults:
             raise InvalidProblem(*faults)
         for pair in ((2, 0), (2, 3), (3, 2)):
@@ -118,17 +119,22 @@ class OwnMesh:
             known |= cells
             low, high = self._range(cells)
             if not low[2] < high[2]:
-                faults.append(f"mesh: no cell has the tag {TAGS[name]} ({name})")
+                faults.append(f"{self.name}: no cell has the tag {TAGS[name]} ({name}), {self._found(self.cell_tags)}")
             elif max(abs(high[2] - above), 0.0 if below == -np.inf else abs(low[2] - below)) > near:
                 faults.append(
-                    f"mesh: the {name} must reach from z = {below:g} to {above:g} m, got {low[2]:.6g} to "
+                    f"{self.name}: the {name} must reach from z = {below:g} to {above:g} m, got {low[2]:.6g} to "
                     f"{high[2]:.6g} m; give it the scene's thickness in metres, with the top at z = 0"
                 )
         other = self.comm.allreduce(int(np.sum(~known)))
         if other:
             rule = " or ".join(f"{TAGS[name]} ({name})" for name in levels)
-            faults.append(f"mesh: every cell needs the tag {rule}, got {other} without")
+            faults.append(f"{self.name}: every cell needs the tag {rule}, got {other} without")
         return faults
+
+    def _found(self, tags: Any) -> str:
+        """Return the values of cell or facet tags on all ranks (collective)."""
+        values = sorted({int(value) for part in self.comm.allgather(np.unique(tags.values)) for value in part})
+        return f"got the tags {', '.join(map(str, values))}" if values else "got no tags"
 
     def _on(self, axis: int, value: float, near: float) -> np.ndarray:
         """Return this rank's outer facets on a plane."""
@@ -137,7 +143,7 @@ class OwnMesh:
 
     def _tag(self, planes: dict[str, tuple[int, float]], near: float) -> list[str]:
         """Return a message per fault of the tagged facets; those of each name must lie in one plane."""
-        faults = []
+        faults, mesh = [], self.name
         for name, (axis, value) in planes.items():
             tagged = self.facet_tags.find(TAGS[name])
             tagged = tagged[tagged < self.mesh.topology.index_map(2).size_local]
@@ -145,12 +151,14 @@ class OwnMesh:
             counts = [len(tagged), len(np.setdiff1d(tagged, there)), len(np.setdiff1d(there, tagged))]
             number, outside, untagged = self.comm.allreduce(np.array(counts))
             if not number:
-                faults.append(f"mesh: no facet has the tag {TAGS[name]} ({name})")
+                faults.append(f"{mesh}: no facet has the tag {TAGS[name]} ({name}), {self._found(self.facet_tags)}")
             elif outside:
                 rule = "must be flat: balls press into a plane" if name == "top" else "must be flat"
-                faults.append(f"mesh: the {name} {rule} z = {value:.6g} m, {outside} of its {number} facets leave it")
+                faults.append(f"{mesh}: the {name} {rule} z = {value:.6g} m, {outside} of its {number} facets leave it")
             elif untagged:
-                faults.append(f"mesh: {untagged} outer facets at z = {value:.6g} m lack the tag {TAGS[name]} ({name})")
+                faults.append(
+                    f"{mesh}: {untagged} outer facets at z = {value:.6g} m lack the tag {TAGS[name]} ({name})"
+                )
         return faults
 
     def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> None:
@@ -172,7 +180,8 @@ class OwnMesh:
         volume, area = (self.comm.allreduce(dolfinx.fem.assemble_scalar(form)) for form in forms)
         if abs(volume - thickness * area) > SOLID * volume:
             raise InvalidProblem(
-                f"mesh: the layer must be a slab without holes, got {volume:.6g} m^3 under a top of {area:.6g} m^2"
+                f"{self.name}: the layer must be a slab without holes, got {volume:.6g} m^3 under a top of "
+                f"{area:.6g} m^2"
             )
 
     def _check_balls(
@@ -189,7 +198,7 @@ class OwnMesh:
                 below = math.inf if axis in reduction.planes else ball.position[axis] - low
                 room = min(room, below, high - ball.position[axis])
             under = ball.copies * int(np.sum(np.linalg.norm(top - ball.position, axis=1) <= radius))
-            where = f"mesh: ball {ball.index + 1} at ({ball.position[0]:.6g}, {ball.position[1]:.6g}) m"
+            where = f"{self.name}: ball {ball.index} at ({ball.position[0]:.6g}, {ball.position[1]:.6g}) m"
             if room < CLEAR * radius:
                 faults.append(f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m")
             elif under < LEAST_NODES:

@@ -23,6 +23,7 @@ from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
@@ -34,7 +35,7 @@ from finite_strain.planning.records import Answer, ContactState, Record, Row, So
 from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.counts import grouped
-from linear_bem.errors import NotConverged, ThirdBodyError
+from linear_bem.errors import NotConverged, ThirdBodyError, UnsupportedProblem
 from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
@@ -133,6 +134,9 @@ class Refinement:
             self._along(run, record, number, began)
         except NotConverged as error:
             record.stopped = f"{name} mesh ({grouped(record.unknowns)} unknowns): {error}"
+            if number == 0 and (fault := prescribed(self.plan.problem).ended_by(run.own.path.deepest)):
+                run.close()
+                raise UnsupportedProblem(fault) from error
         except ThirdBodyError:
             run.close()
             raise

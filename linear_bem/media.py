@@ -1,23 +1,10 @@
 """Materials: elastic solids, the layer, and media given by the response of their surface."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from linear_bem.arrays import Array
-
-LINEAR_UP_TO = 0.5
-"""Approach over the layer's thickness above which a note is given, if only the layer is deformed.
-
-At 0.43 finite strain already makes T of touching balls 1.8 times as large (study `strengthening`, h = 1.16 R).
-"""
-COMPARED_UP_TO = 1.2
-"""Approach over a sphere's radius up to which T is compared with finite strain (study `strengthening`, foam)."""
-UNSURE = 0.25
-"""Share of an approach that `dent` may miss: where it leaves the layer less, nothing is said."""
-LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
-"""How the note begins that says so, and what it says of a depth that no small strain could explain."""
-CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
 
 
 @dataclass(frozen=True)
@@ -103,53 +90,3 @@ def _response_faults(own: SurfaceResponse, substrate: Elastic | None) -> list[st
     if substrate is not None:
         faults.append("substrate: is part of the response of the layer, got a separate one; leave it out")
     return faults
-
-
-def depth_faults(layer: Layer, substrate: Elastic | None, approaches: Sequence[float]) -> list[str]:
-    """Return the fault of given approaches [m] that a layer on a rigid base cannot give: it ends at the base.
-
-    A found approach, or one beyond the given ones in a table, may be larger: `large_strain_note` says so.
-    """
-    deepest, thickness = max(approaches, default=0.0), layer.thickness
-    if isinstance(layer, SurfaceResponse) or substrate is not None or not deepest >= thickness > 0.0:
-        return []
-    ball = list(approaches).index(deepest)
-    return [
-        f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, "
-        f"{thickness:g} m, got {deepest:g} m; press less deep, or add the substrate that gives way"
-    ]
-
-
-def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:
-    """Return about how deep [m] a substrate gives way under a layer: Hertz's dent of a force [N], spread by the layer.
-
-    The contact [m^2] is taken to be at least as wide as the layer is thick [m].
-    """
-    if substrate is None or not math.isfinite(thickness):
-        return 0.0
-    return 0.75 * force / (substrate.contact_modulus * max(math.sqrt(contact_area / math.pi), thickness))
-
-
-def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
-    """Return a note where small strain does not hold, given the largest approach and what the base gives of it [m]."""
-    if isinstance(layer, SurfaceResponse):  # it may deform to any depth
-        return ()
-    own = deepest - base
-    share = own / layer.thickness
-    if not share > LINEAR_UP_TO or own < UNSURE * deepest:
-        return ()
-    said = f"{LARGE_STRAIN} {deepest / layer.thickness:.2g} of the layer's thickness"
-    if share >= 1.0:
-        return (f"{said}, {MEANINGLESS}: {CHECK_UNITS}",)
-    taken = f", of which the layer takes {share:.2g}" if base > 0.05 * deepest else ""
-    return (f"{said}{taken}: strains are of that size, and a small-strain model is valid up to about {LINEAR_UP_TO:g}",)
-
-
-def ball_depth_note(share: float) -> tuple[str, ...]:
-    """Return a note where the largest approach of a round ball over its radius exceeds 1.25 times `COMPARED_UP_TO`."""
-    if not share > 1.25 * COMPARED_UP_TO:
-        return ()
-    return (
-        f"{LARGE_STRAIN} {share:.2g} of its ball's radius: small strain is compared with finite strain up to "
-        f"{COMPARED_UP_TO:g} of it; {CHECK_UNITS}",
-    )

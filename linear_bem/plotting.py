@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.errors import MissingDependency
 
 UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
 """Units of the axes: the largest that is at most ten times the figure's extent is used; the drawn data are in m."""
@@ -20,8 +21,11 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
 
     ``balls`` are `BallResult`s. A ``pressure`` [Pa] as a function of surface points [m] is drawn as a map.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415
-    from matplotlib.patches import Circle  # noqa: PLC0415
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415
+        from matplotlib.patches import Circle  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise MissingDependency(f"plot: needs matplotlib ({error}); install it: pip install matplotlib") from error
 
     x, y = (np.array([ball.position[k] for ball in balls]) for k in (0, 1))
     radii = np.sqrt(np.array([ball.contact_area for ball in balls]) / np.pi)

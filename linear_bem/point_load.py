@@ -18,11 +18,11 @@ import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import couple, distances, estimated_relations
+from linear_bem.depth import dent, large_strain_note
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Cone, Punch
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import Indentation, indentation_of_layer
-from linear_bem.media import dent, large_strain_note
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import BallResult, Result, Solved
 from linear_bem.solver import solve_contact

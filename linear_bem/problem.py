@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.counts import listed
 from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
@@ -294,11 +295,11 @@ class Problem:
         if len(values) != expected:
             faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}")
         if not all(math.isfinite(v) for v in values):
-            faults.append(f"load.{kind}: must be finite, got {values}")
+            faults.append(f"load.{kind}: must be finite, got {listed(values)}")
         elif kind == "approach" and values and not any(v > 0.0 for v in values):
-            faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {values} m")
+            faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {listed(values)} m")
         elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
-            faults.append(f"load.{kind}: must not be negative and not all zero, got {values} N")
+            faults.append(f"load.{kind}: must not be negative and not all zero, got {listed(values)} N")
         else:
             # one total force is compared with the first ball
             for i, (value, ball) in enumerate(zip(values, self.balls, strict=False)):

@@ -8,6 +8,7 @@ from numbers import Integral, Real
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.depth import MEANINGLESS, ball_depth_note, dent, depth_faults, large_strain_note
 from linear_bem.error_estimate import (
     Errors,
     change,
@@ -26,7 +27,6 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
-from linear_bem.media import MEANINGLESS, ball_depth_note, dent, depth_faults, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
@@ -75,7 +75,7 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     ------
     InvalidProblem
         Accuracy out of range, a profile that is not convex or not 0 at its apex, an impossible surface response, an
-        approach through a layer on a rigid base.
+        approach through a layer on a rigid base, a force that presses a ball twice as deep.
     UnsupportedProblem
         An effect that this model lacks, or contacts that need more cells than fit.
     TooLarge
@@ -94,10 +94,9 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     Q = 7.107 N, T = -0.0105 N
 
     """
-    if problem.load.kind == "approach":
-        faults = depth_faults(problem.layer, problem.substrate, problem.load.values)
-        if faults:
-            raise InvalidProblem(*faults)
+    faults = depth_faults(problem)
+    if faults:
+        raise InvalidProblem(*faults)
     return solve_contact(problem, accuracy, report).result()
 
 

@@ -4,6 +4,7 @@ import contextlib
 import importlib.metadata
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -48,10 +49,13 @@ def top(version: Annotated[bool, typer.Option("--version", help="Print the versi
         raise typer.Exit
 
 
-def read(file: Path) -> Scene:
-    """Read a scene; show the elapsed time if it takes long, as with 100 000 balls."""
+@contextlib.contextmanager
+def read(file: Path) -> Iterator[Scene]:
+    """Read a scene, whose faults found later name the file; show the elapsed time if reading takes long."""
     with waiting(f"reading {file}") if ranks.is_root() else contextlib.nullcontext():
-        return read_scene(file)
+        scene = read_scene(file)
+    with scene.naming_faults():
+        yield scene
 
 
 @app.command()
@@ -65,7 +69,8 @@ def solve(
     """Solve a scene with one model. An unfinished run is resumed; the result of a finished run is shown again."""
     from runs.commands.solve import solve_scene  # noqa: PLC0415
 
-    solve_scene(read(scene), model.value if model else None, Options(as_json, out, fresh))
+    with read(scene) as given:
+        solve_scene(given, model.value if model else None, Options(as_json, out, fresh))
 
 
 @app.command()
@@ -75,7 +80,8 @@ def compare(
     """Compare the finite-strain load path with the linear model, at equal normal forces and at equal approaches."""
     from runs.commands.compare import compare_scene  # noqa: PLC0415
 
-    compare_scene(read(scene), Options(as_json, out, fresh))
+    with read(scene) as given:
+        compare_scene(given, Options(as_json, out, fresh))
 
 
 @app.command()
@@ -93,7 +99,8 @@ def evolve(
     """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
 
-    evolve_scene(read(scene), model.value if model else None, Options(as_json, out, fresh), tables)
+    with read(scene) as given:
+        evolve_scene(given, model.value if model else None, Options(as_json, out, fresh), tables)
 
 
 @app.command()
@@ -108,7 +115,8 @@ def plan(
     """Show which effects a scene simulates, its size, time and memory, and which changes of the scene matter."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
 
-    plan_scene(read(scene), model.value if model else None, as_json=as_json, advises=not no_advice)
+    with read(scene) as given:
+        plan_scene(given, model.value if model else None, as_json=as_json, advises=not no_advice)
 
 
 @app.command()

@@ -37,7 +37,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     if is_near_zero(record) and record.scale > 0.0:
         known = dict.fromkeys(f"{100 * b.tangential_force_error / size:.2g} %" for size, b in bounds if size > 0.0)
         notes.append(
-            f"T is smaller than {NEAR_ZERO}, {record.scale:.3g} N, so its accuracy is relative to that force"
+            f"T is smaller than {record.scale:.3g} N, {NEAR_ZERO}, to which its accuracy refers"
             + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
         )
     largest = max(size for size, _ in bounds)

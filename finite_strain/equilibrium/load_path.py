@@ -130,8 +130,7 @@ class LoadPath:
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
                             f"the last good state is at {reached:.4g} of the full load: the film under a ball is "
-                            f"{1.0 - max(self._last.approaches) / self.problem.layer.thickness:.2g} of the layer's "
-                            f"thickness; {self.distorted().describe()}"
+                            f"{1.0 - self.deepest:.2g} of the layer's thickness; {self.distorted().describe()}"
                         ) from error
                     continue
                 approaches = tuple(self.model.contact.approaches)
@@ -153,6 +152,11 @@ class LoadPath:
         """Return the distortion of the present state (collective)."""
         model = self.model
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
+
+    @property
+    def deepest(self) -> float:
+        """The largest approach of the last state over the layer's thickness."""
+        return max(self._last.approaches) / self.problem.layer.thickness
 
     @property
     def _last(self) -> State:

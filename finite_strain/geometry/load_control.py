@@ -13,16 +13,17 @@ import numpy as np
 
 from finite_strain.geometry.estimates import alone, gap_from
 from linear_bem.closed_forms import Indentation
-from linear_bem.problem import Problem
+from linear_bem.problem import Ball, Problem
 
 if TYPE_CHECKING:
-    from finite_strain.geometry.symmetry import Reduction
+    from finite_strain.geometry.symmetry import ModelBall, Reduction
 
 ANSWERS = 6
 """Number of load steps with output in a comparison along the load."""
 LARGEST_APPROACH = 0.9
 """Largest approach over the layer's thickness: beyond it the elements below a ball have almost no volume."""
-
+ENDING = 0.05
+"""Difference from it within which a load path under forces that ends is ended by it."""
 BETWEEN = 2001
 """Number of points on the line between the axes of two bodies in the check for overlap."""
 TOUCHING = 1e-6
@@ -59,8 +60,11 @@ class PrescribedLoad(ABC):
 
     def expected(self) -> list[Indentation]:
         """Return the expected state of each ball at full load, each ball alone."""
-        name = "normal_force" if self.forces_given else "approach"
-        return [alone(self.problem, b, **{name: v}) for b, v in zip(self.problem.balls, self.values, strict=True)]
+        return [self.single(ball, value) for ball, value in zip(self.problem.balls, self.values, strict=True)]
+
+    def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
+        """Return the expected state of a single ball under a load of ``value`` [m or N]."""
+        return alone(self.problem, ball, approach=value)
 
     def fractions(self, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
         """Return rising load fractions that include all goals, for a deepest approach over its ball's radius.
@@ -82,6 +86,10 @@ class PrescribedLoad(ABC):
     def faults(self, model: str) -> list[str]:
         """Return a message per property of the load that the model does not support."""
         return []
+
+    def ended_by(self, deepest: float) -> str:
+        """Return why no state follows one with a largest approach over the layer's thickness; empty if unknown."""
+        return ""
 
     @abstractmethod
     def on(self, reduction: Reduction) -> LoadControl:
@@ -128,19 +136,36 @@ class PrescribedApproach(PrescribedLoad):
 class PrescribedForce(PrescribedLoad):
     """One force [N] per ball: one unknown per ball."""
 
+    def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
+        """Return the expected state under a force [N], at most the `LARGEST_APPROACH` that has a solution."""
+        state = alone(self.problem, ball, normal_force=value)
+        most = LARGEST_APPROACH * self.problem.layer.thickness
+        return state if state.approach <= most else alone(self.problem, ball, approach=most)
+
     def faults(self, model: str) -> list[str]:
         """Reject balls without a force."""
         least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
         return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
 
+    def ended_by(self, deepest: float) -> str:
+        """Return that the force is too large if the approach is near its limit."""
+        if deepest < LARGEST_APPROACH - ENDING:
+            return ""
+        kind, thickness = self.problem.load.kind, self.problem.layer.thickness
+        return (
+            f"load.{kind}: finite elements take forces that press less deep than about {LARGEST_APPROACH:g} of the "
+            f"layer's thickness, {thickness:g} m, got {max(self.problem.load.values):g} N, of which a part already "
+            f"gives {deepest * thickness:.3g} m; check the units of {kind} and of the layer's young, or press less"
+        )
+
     def on(self, reduction: Reduction) -> LoadControl:
         """Return a control with the force on the simulated part of each ball as its target."""
-        problem, balls = self.problem, reduction.balls
+        balls = reduction.balls
         whole = np.array([self.values[ball.index] for ball in balls])
 
         def approaches(fraction: float) -> np.ndarray:
             pairs = zip(balls, whole, strict=True)
-            return np.array([alone(problem, ball, normal_force=fraction * force).approach for ball, force in pairs])
+            return np.array([self.single(ball, fraction * force).approach for ball, force in pairs])
 
         return LoadControl(np.eye(len(whole)), whole / np.array([ball.copies for ball in balls]), approaches)
 

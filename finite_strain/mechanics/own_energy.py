@@ -36,13 +36,16 @@ def check_own_energy(problem: Problem) -> None:
         along, sheared = energy((0, 0)), energy((0, 1), (1, 0))
     except Exception as error:  # whatever a user's function raises
         raise InvalidProblem(
-            f"finite_strain.law: psi(F) must return one number for F = I, an expression of ufl, got {error!r}"
+            "finite_strain.law: psi(F) must be an expression of ufl with one value for every F near I, got "
+            f"{type(error).__name__}: {error}"
         ) from error
     if not np.all(np.isfinite([along, sheared])):
         raise InvalidProblem(
             f"finite_strain.law: psi(F) must be finite near F = I, got {along.tolist()}; write it without eigenvalues "
             "or quotients that have no value where principal stretches coincide"
         )
+    if not along.max() > along.min():
+        raise InvalidProblem(f"finite_strain.law: psi(F) must grow with the strain, got {along[1]:g} Pa for every F")
     stress = (along[2] - along[0]) / (2.0 * STEP)
     bends = [(v[2] - 2.0 * v[1] + v[0]) / STEP**2 for v in (along, sheared)]
     shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0

@@ -15,10 +15,10 @@ from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, Budget
 from linear_bem.closed_forms import Indentation
 from linear_bem.counts import grouped
+from linear_bem.depth import depth_faults
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import HeightFunction
 from linear_bem.law import Law
-from linear_bem.media import depth_faults
 from linear_bem.problem import Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
@@ -177,10 +177,9 @@ def plan_run(
             f"accuracy.tangential_force: must lie between {LEAST_ACCURACY:g}, about the best that finite "
             f"elements reach, and 1, got {tangential_force:g}; raise it, or use linear_bem"
         )
-    if problem.load.kind == "approach":
-        faults = depth_faults(problem.layer, problem.substrate, problem.load.values)
-        if faults:
-            raise InvalidProblem(*faults)
+    faults = depth_faults(problem)
+    if faults:
+        raise InvalidProblem(*faults)
     problem = with_expressions(problem)
     _check_supported(problem, model)
     load = prescribed(problem)

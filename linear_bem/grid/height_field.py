@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
+from linear_bem.depth import dent, large_strain_note
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
 from linear_bem.grid.outline import edge_error, excess_edge
@@ -17,7 +18,7 @@ from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, dent, large_strain_note, without_empty_layer
+from linear_bem.media import Elastic, Layer, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from linear_bem.depth import MEANINGLESS
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.law import Law
-from linear_bem.media import MEANINGLESS
 from linear_bem.problem import FiniteStrain, Periodic, Problem
 from linear_bem.result import Result
 from linear_bem.smooth.contacts import CHECKED
@@ -49,8 +49,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
 
-        with scene.naming_faults():
-            evolution = expectation(scene, model, problem, seconds)
+        evolution = expectation(scene, model, problem, seconds)
         # advice is about few balls, without the cell
         seconds, part = evolution["seconds"], dataclasses.replace(part, periodic=None)
     else:
@@ -151,8 +150,7 @@ def _model_plan(
 ) -> dict[str, Any]:
     """Return the plan of a model; a linear one takes the time ``expected`` [s] per state, beside others or alone."""
     if model.plan is not None:
-        with scene.naming_faults():
-            found = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
+        found = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
         details = as_command(found)
     else:
         details = {
@@ -173,7 +171,8 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
     except UnsupportedProblem as error:
         return {"refused": str(error)}
-    return plain({key: path[key] for key in ("load_steps", "seconds", "processor_seconds")})
+    shown = ("load_steps", "seconds", "processor_seconds", "perhaps")
+    return plain({key: path[key] for key in shown if key in path})
 
 
 def _warnings(problem: Problem, ahead: Result) -> list[str]:
@@ -239,7 +238,9 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     ball = max(balls, key=lambda b: (math.hypot(*b["tangential_force"]), b["normal_force"]))
     radius = math.sqrt(ball["contact_area"] / math.pi)
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
-    say("expected by the linear model:", "bold")
+    places, place = [each.position for each in scene.problem.balls], tuple(ball["position"])
+    whose = f", on ball {places.index(place)}" if len(places) > 1 and place in places else ""
+    say(f"expected by the linear model{whose}:", "bold")
     say(
         f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
         f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}{_sense(scene, balls, ball)}"
@@ -266,8 +267,8 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
     if advice:
         asked = "required accuracy of" if accuracy else "usual accuracy of"
         say(
-            f"which changes of the scene would change T by more than the {asked} {limit} (finite strain by a fit, all "
-            "else by the linear model):",
+            f"changes of the scene, and whether they change T by more than the {asked} {limit} (finite strain by a "
+            "fit, all else by the linear model):",
             "bold",
         )
     for matters, heading in headings.items():

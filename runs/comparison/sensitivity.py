@@ -207,6 +207,8 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
     length, force, pressure = scale.units.length, scale.units.force, scale.units.pressure
+    if symbol == "R":
+        return ", ".join(length(value) for value in list(dict.fromkeys(ball.radius for ball in problem.balls))[:3])
     if symbol == "L":
         places = [ball.position for ball in problem.balls]
         nearest = min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])
@@ -217,7 +219,7 @@ def _value(symbol: str, problem: Problem, scale: Scale) -> str:
         unit = length if symbol == "D" else force
         return ", ".join(unit(value) for value in list(dict.fromkeys(problem.load.values))[:3])
     return {
-        "h": length(problem.layer.thickness), "R": length(scale.radius), "E1": pressure(problem.layer.young),
+        "h": length(problem.layer.thickness), "E1": pressure(problem.layer.young),
     }[symbol]  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from linear_bem.counts import grouped
-from linear_bem.media import LARGE_STRAIN
+from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
@@ -27,6 +27,8 @@ DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 COMPARED = DIGITS | {"T / Q": SHORT}
 MANY, SHOWN = 100, 20
 """Number of balls above which a table shows only some of them, and how many it then shows."""
+LARGEST_T = "the largest tangential force"
+"""What the accuracy of T refers to, unless T nearly vanishes."""
 ON_PAGES = ("iterations", "cut-backs")
 """Columns shown only in HTML."""
 
@@ -154,8 +156,11 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     if not terms:
         return []
     meshes = "; ".join(f"{mesh_words(mesh)}: {grouped(mesh['unknowns'])} unknowns" for mesh in accuracy["meshes"])
-    symbol = {"the normal force": "Q", "the approach": "D"}.get(accuracy["relative_to"]["what"], "T")
-    return [f"{symbol} is known to {100.0 * accuracy['reached']:.2g} % at full load: {terms}", f"meshes: {meshes}"]
+    what = accuracy["relative_to"]["what"]
+    symbol = {"the normal force": "Q", "the approach": "D"}.get(what, "T")
+    whole = f" of {what}" if symbol == "T" and what != LARGEST_T else ""
+    known = f"{symbol} is known to {100.0 * accuracy['reached']:.2g} %{whole} at full load"
+    return [f"{known}: {terms}", f"meshes: {meshes}"]
 
 
 def mesh_words(mesh: Mapping[str, Any]) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
+from linear_bem.depth import dent, large_strain_note
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.media import dent, large_strain_note
 from linear_bem.problem import Problem
 from linear_bem.touching import overlap_faults
 from runs.evolution import after_path, outcome, saved_path, showing, structure
@@ -102,11 +102,10 @@ class Evolution:
     def complete(self, *, pictures: bool = True) -> Document | None:
         """Compute the path to its end and return the finished document on rank 0 (collective)."""
         session = self.session
-        with session.scene.naming_faults():
-            given = provider(
-                session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
-                session.comm, print_status, session.scene.budget, self.balls.cell,
-            )  # fmt: skip
+        given = provider(
+            session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
+            session.comm, print_status, session.scene.budget, self.balls.cell,
+        )  # fmt: skip
         if not session.root:
             return None
         document, record = self._run(given)

@@ -54,10 +54,11 @@ class LoadTable(Table):
         except PydanticCustomError as error:
             raise InvalidProblem(f"load.steps: must hold values {what}: {error.message()}") from None
         if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
-            raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {steps or 'none'}")
+            written = ", ".join(str(step) for step in self.steps) or "none"
+            raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")
         if not full * (1.0 + SAME) >= steps[-1]:
             raise InvalidProblem(
                 f"load.steps: must not exceed the load of {full:g} {unit}".rstrip()
-                + f", got {steps[-1]:g}; raise {kind} or drop the step"
+                + f", got {self.steps[-1]}; raise {kind} or drop the step"
             )
         return (*(step / full for step in steps if step < full * (1.0 - SAME)), 1.0)

@@ -13,6 +13,8 @@ from runs.scene.effects import EFFECTS
 from runs.scene.units import NUMBER_AND_UNIT, Units, in_unit
 
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
+UNQUOTED = re.compile(r"(\w+)\s*=\s*([-+\d.]+\s*[A-Za-zµ]+)\s*(?:#.*)?")
+KEYS = re.compile(r"\w+\.\w+(, \w+\.\w+)+: ")
 EXAMPLES: dict[str, dict[str, Any]] = {
     "layer": {"thickness": "10 mm", "young": "1 MPa", "poisson": 0.48},
     "balls": {"radius": "8 mm", "positions": [["-8 mm", 0], ["8 mm", 0]], "shape": "sphere"},
@@ -62,11 +64,24 @@ def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
     return f"{where}: {rule}{received}; {_example(table, key)}".removesuffix("; ")
 
 
+def of_toml(fault: str, text: str) -> str:
+    """Return the text of a fault that makes a file no TOML, with the line and a remedy."""
+    place = re.search(r"line (\d+)", fault)
+    line = text.splitlines()[int(place[1]) - 1].strip() if place and int(place[1]) <= len(text.splitlines()) else ""
+    remedy = "see https://toml.io for the format"
+    if fault.startswith("Cannot overwrite"):
+        remedy = "a key or a table is given twice: keep one"
+    elif unquoted := UNQUOTED.fullmatch(line):
+        remedy = f'write values with units in quotes: {unquoted[1]} = "{unquoted[2]}"'
+    return f"is not TOML: {fault}{f', which reads: {line}' if line else ''}; {remedy}"
+
+
 def of_problem(text: str, data: Mapping[str, Any]) -> str:
     """Return the text of a fault that the problem itself found, with the value as the scene writes it."""
     match = PROBLEM_FAULT.fullmatch(text)
     if match is None:
-        return text
+        keys = KEYS.match(text)
+        return text if keys is None else re.sub(r"(\w+)\.(\w+)", r"[\1] \2", keys[0]) + text[keys.end() :]
     table, key = match["table"], match["key"]
     written = data.get(table, {}).get(key)
     index = match["index"] if isinstance(written, list) else None
@@ -74,7 +89,7 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
     as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
-    if "overlap" in rule or table == "periodic" or key == "approach":
+    if "overlap" in rule or table in ("periodic", "load"):
         rule = in_unit(rule, (Units.written(data) or Units()).length)
     if "overlap" in rule:
         remedy = "move them apart or make them smaller"
@@ -82,13 +97,14 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
             remedy = "make the cell longer or the balls smaller"
         elif "across the cell's edge" in rule:
             remedy = f"{remedy}, or the cell larger"
-    remedy = remedy or _example(table, key)
-    if "rigid base" in rule and Units.written(data) is not None:
+    if key != "steps":  # their unit is that of the load
+        remedy = remedy or _example(table, key)
+    if key == "approach" and "rigid base" in rule and Units.written(data) is not None:
         number = written if index is None else written[int(index[1:-1])]
         if isinstance(number, int | float):
             unit = (Units.written(data) or Units()).length.name
             remedy = f'{remedy}; a bare number is in metres: write "{number:g} {unit}" if it is in {unit}'
-    return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}"
+    return f"[{table}] {key}{which}: {rule}{as_given}; {remedy}".removesuffix("; ")
 
 
 def concerns(text: str, doubtful: set[str]) -> bool:
@@ -102,8 +118,8 @@ def concerns(text: str, doubtful: set[str]) -> bool:
         return True  # the shape decides which of them a ball needs
     if key == "steps" and any(name.startswith("load.") for name in doubtful):
         return True
-    if key == "approach" and {"layer.thickness", "substrate"} & doubtful:
-        return True  # it may exceed the thickness of the stand-in, or press into the base
+    if table == "load" and {"layer", "layer.thickness", "layer.young", "layer.poisson", "substrate"} & doubtful:
+        return True  # it may press through the stand-in, or into the base
     return f"{table}.{key}" in doubtful or (table in ("balls", "load") and bool(of_balls)) or table in doubtful
 
 

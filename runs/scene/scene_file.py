@@ -10,16 +10,16 @@ from typing import Any, Literal
 
 from pydantic import ValidationError, create_model
 
-from linear_bem.errors import InvalidProblem
+from linear_bem.depth import depth_faults
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.magnitudes import SIZES
-from linear_bem.media import depth_faults
 from linear_bem.problem import Ball, Elements, Layer, Load, Problem
 from runs.scene import messages
 from runs.scene.balls import BallsTable, per_ball
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
-from runs.scene.units import Length, Number, Pressure, Table, Units, Whole
+from runs.scene.units import Length, Number, Pressure, Table, Units, Whole, bare_lengths
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""
@@ -159,8 +159,7 @@ class PlainTables(Table):
             )
         except InvalidProblem as error:
             raise InvalidProblem(*texts, *error.faults) from None
-        if kind == "approach":
-            texts += depth_faults(problem.layer, problem.substrate, problem.load.values)
+        texts = texts or depth_faults(problem)
         if texts:
             raise InvalidProblem(*texts)
         return problem
@@ -198,21 +197,30 @@ class Scene:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A note where lengths have units and the modulus is so small that its unit may be missing."""
-        young = self.problem.layer.young
-        if young >= SOFTEST or Units.written(self.data) is None:
+        """Notes where units may be missing: beside lengths with units, those without, and a very small modulus."""
+        if (units := Units.written(self.data)) is None:
             return ()
-        return (f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?",)
+        young, bare = self.problem.layer.young, bare_lengths(self.data) if units.length.name != "m" else ()
+        soft = f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?"
+        return (
+            *((soft,) if young < SOFTEST else ()),
+            *(f"{key} is in metres, as it has no unit; other lengths are in {units.length.name}" for key in bare),
+        )
 
     @contextmanager
     def naming_faults(self) -> Iterator[None]:
-        """Raise `InvalidScene`, with the file and its keys, for an `InvalidProblem` that a model or a drift raises."""
+        """Name the file and its keys in an `InvalidProblem` or `UnsupportedProblem` that a model or a drift raises."""
         try:
             yield
         except InvalidScene:
             raise
         except InvalidProblem as error:
             raise InvalidScene(self.path, *(messages.of_problem(text, self.data) for text in error.faults)) from None
+        except UnsupportedProblem as error:
+            if str(error).startswith(f"{self.path}:"):
+                raise
+            texts = (messages.of_problem(text, self.data) for text in str(error).splitlines())
+            raise UnsupportedProblem("\n".join(f"{self.path}: {text}" for text in texts)) from None
 
 
 def read_scene(path: Path) -> Scene:
@@ -221,7 +229,7 @@ def read_scene(path: Path) -> Scene:
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InvalidScene(path, f"is not TOML: {error}; see https://toml.io for the format") from None
+        raise InvalidScene(path, messages.of_toml(str(error), text)) from None
     tables, texts, doubtful = _validate(data)
     problem = None
     if tables is not None:

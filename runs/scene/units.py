@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -144,6 +145,34 @@ class Units:
 
 DIMENSIONLESS = Units(Unit("R", 1.0), Unit("E R²", 1.0), Unit("E", 1.0))
 """Units of a scene in which R and E are 1 by their numbers."""
+
+
+LENGTHS = {
+    "layer": ("thickness",),
+    "balls": ("positions", "radius", "semi_axes", "tip_radius", "edge_radius"),
+    "load": ("approach",),
+}
+"""Keys of lengths, by table."""
+
+
+def bare_lengths(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return "[table] key = value" for the first length without unit of each key; 0 and infinity need none."""
+    found = []
+    for table, keys in LENGTHS.items():
+        for key in keys:
+            items = _items_of(data.get(table, {}).get(key))
+            bare = (v for v in items if isinstance(v, int | float) and v != 0 and math.isfinite(v))
+            found += [f"[{table}] {key} = {value:g}" for value in itertools.islice(bare, 1)]
+    return tuple(found)
+
+
+def _items_of(value: Any) -> Iterator[Any]:
+    """Yield the values in nested lists."""
+    if isinstance(value, list):
+        for item in value:
+            yield from _items_of(item)
+    else:
+        yield value
 
 
 def _strings(value: Any) -> Iterator[str]:

@@ -62,8 +62,7 @@ class Session:
         signals.resumable(evolves or self.model.parallel or len(self.steps or (1.0,)) > 1)
         self.plan: Document = {}
         if self.model.plan is not None and not evolves:  # refuses early what the model does not support
-            with scene.naming_faults():
-                self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
+            self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)
             _check_memory(scene, self.plan)
         self.folder: OutputFolder | None = None
         self.solutions: list[Solution] = []

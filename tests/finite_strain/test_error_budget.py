@@ -234,8 +234,8 @@ def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=2.0)  # type: ignore[list-item]
     assert result_notes(plan, record, "", 1.0) == [
-        "T is smaller than a tenth of the force between the balls on a half-space, 2 N, so its accuracy is relative to "
-        "that force; relative to T itself its error is 0.82 %"
+        "T is smaller than 2 N, a tenth of the force between the balls on a half-space, to which its accuracy refers; "
+        "relative to T itself its error is 0.82 %"
     ]
 
 

@@ -11,12 +11,16 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from finite_strain.geometry.load_control import prescribed
+import finite_strain
+from finite_strain.geometry.load_control import LARGEST_APPROACH, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
-from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
+from finite_strain.planning.forecast import forecast
+from finite_strain.planning.run_plan import plan_run
+from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
 from linear_bem.closed_forms import indentation_of_layer
 from linear_bem.indenter import Cone
 from tests.finite_strain.scenes import (
+    COARSER,
     UNEQUAL,
     Rig,
     coarse_plan,
@@ -135,6 +139,26 @@ def test_bodies_that_overlap_at_the_surface_are_refused_at_finite_strain_alone(
     assert [fault for fault in faults if "0 and 1 do, by" in fault] == (faults if overlap else [])
     assert bool(faults) == overlap
     assert prescribed(replace(problem, finite_strain=None)).faults("small_strain") == []
+
+
+@pytest.mark.parametrize("force", [6.0, 50.0])
+def test_a_force_that_presses_through_the_layer_is_planned_as_the_deepest_approach(force: float) -> None:
+    problem = replace(pair(0.1).with_load("force", (force, force)), substrate=Elastic(1e6, 0.3))
+    plan = plan_run(problem, 0.1, "finite_strain")
+    assert [state.approach for state in plan.expected] == pytest.approx([LARGEST_APPROACH * 1.16] * 2)
+    assert forecast(plan)["seconds"] > 0.0
+    with pytest.raises(
+        InvalidProblem, match=r"^load\.force\[0\]: must press a ball less deep than 2 times the thickness"
+    ):
+        plan_run(pair(0.1).with_load("force", (50.0, 50.0)), 0.1, "finite_strain")
+
+
+def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path) -> None:
+    problem = pair(0.1).with_load("force", (7.0, 7.0))
+    with pytest.raises(
+        UnsupportedProblem, match=r"^load\.force: .* 0\.9 of the layer's thickness, 1\.16 m, got 7 N, of"
+    ):
+        finite_strain.solve(problem, tangential_force=0.3, numerics=COARSER, folder=tmp_path)
 
 
 def test_touching_balls_do_not_overlap_however_deep() -> None:

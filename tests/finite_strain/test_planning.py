@@ -13,7 +13,7 @@ import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
-from finite_strain.planning.forecast import SCATTER, chances, first_error, forecast, likely
+from finite_strain.planning.forecast import LEAST, SCATTER, chances, first_error, forecast, likely
 from finite_strain.planning.refinement import PATH_FINDER, Budget
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, Punch, UnsupportedProblem
@@ -124,7 +124,9 @@ def test_higher_orders_finer_meshes_and_wider_domains_have_more_unknowns() -> No
     assert wide.x[1] - 1.0 == pytest.approx(2.0 * (boxes[0].x[1] - 1.0))
 
 
-@pytest.mark.parametrize(("share", "meshes", "others"), [(2.2, 2, []), (1.2, 2, [3]), (0.8, 3, [2]), (0.4, 3, [4])])
+@pytest.mark.parametrize(
+    ("share", "meshes", "others"), [(4.0, 2, []), (2.2, 2, [3]), (1.2, 2, [3]), (0.8, 3, [2, 4]), (0.4, 3, [2, 4])]
+)
 def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what_was_asked(
     share: float, meshes: int, others: list[int]
 ) -> None:
@@ -133,7 +135,7 @@ def test_another_number_of_meshes_is_named_where_the_expected_error_is_near_what
     assert len(said["seconds_of_meshes"]) == meshes
     assert [other["meshes"] for other in said.get("perhaps", [])] == others
     for other in said.get("perhaps", []):
-        assert 0.1 <= other["chance"] <= 0.5
+        assert LEAST <= other["chance"] <= 0.5
         for key in ("seconds", "processor_seconds", "memory_bytes", "processor_memory_bytes"):
             assert (other[key] > said[key]) == (other["meshes"] > meshes)
 
@@ -197,13 +199,13 @@ def test_blocks_of_neighbouring_balls_do_not_overlap() -> None:
 
 
 def test_the_plan_is_complete_and_holds_plain_numbers() -> None:
-    answer = finite_strain.plan(pair(0.2), 0.02, steps=(0.5, 1.0))
+    answer = finite_strain.plan(pair(0.2), 0.1, steps=(0.5, 1.0))
     assert set(answer) == KEYS
     assert json.loads(json.dumps(answer)) == answer
     assert len(answer["symmetries"]) == 2
     assert answer["unknowns"] > 1000
     assert answer["load_steps"] == 2
-    assert answer["accuracy"] == {"asked": 0.02, "unknowns_at_most": 120e3, "seconds_at_most": None}
+    assert answer["accuracy"] == {"asked": 0.1, "unknowns_at_most": 120e3, "seconds_at_most": None}
     assert len(answer["meshes"]) >= 3
     assert answer["domain"]["layer"] == 1.16
     assert 1e8 < answer["memory_bytes"] < answer["memory_bytes_at_most"] < 1e11

@@ -21,7 +21,7 @@ from linear_bem import (
     solve_contact,
     solve_height_field,
 )
-from linear_bem.media import LARGE_STRAIN
+from linear_bem.depth import LARGE_STRAIN
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -85,6 +85,19 @@ def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
     solve(Problem(Layer(1.0, 0.3, math.inf), balls, one), 1e-2)
 
 
+def test_a_force_that_presses_through_a_layer_on_a_rigid_base_is_refused():
+    pair = (Ball((-60.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0))
+    layer, said = Layer(1.0, 0.3, 10.0), "must press a ball less deep than 2 times the thickness of a layer on a rigid"
+    for load in (Load("force", (1.0, 1e4)), Load("total_force", (2e4,))):
+        with pytest.raises(
+            InvalidProblem, match=rf"^load\.{load.kind}.*{said} base, 10 m, got 10000 N .* about \d+ m; c"
+        ):
+            solve(Problem(layer, pair, load))
+    for load in (Load("force", (1e7, 1.0)), Load("approach", (2e3, 1.0))):
+        with pytest.raises(InvalidProblem, match=rf"^load\.{load.kind}\[0\]: must .* 100 times its radius, 20 m, got"):
+            solve(Problem(Layer(1.0, 0.3, math.inf), pair, load))
+
+
 def test_a_depth_that_is_found_has_an_energy_and_its_derivative():
     pair = Problem(Layer(1.0, 0.3, 10.0), (Ball((0.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0)), Load("force", (2e3, 2e3)))
     found = solve_contact(pair)
@@ -110,7 +123,7 @@ def test_the_note_on_depth_is_the_same_for_every_cell_of_a_lattice():
 def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():
     ball, layer = (Ball((0.0, 0.0), 20.0),), Layer(1.0, 0.3, 10.0)
     for base in (None, Elastic(1e3, 0.3)):
-        deep = solve(Problem(layer, ball, Load("force", (5e4,)), base), 1e-2)
+        deep = solve(Problem(layer, ball, Load("force", (3e3,)), base), 1e-2)
         assert deep.balls[0].approach > 10.0
         assert "deeper than layer and base can give: check the load's unit" in deep.solved.notes[0]
     soft = solve(Problem(Layer(1e3, 0.3, 10.0), ball, Load("approach", (15.0,)), Elastic(1.0, 0.3)), 1e-2)
@@ -124,7 +137,7 @@ def test_an_approach_beyond_the_radius_of_its_ball_is_noted_once():
         notes = solve(Problem(Layer(1.0, 0.3, math.inf), pair, Load("approach", (depth, 1.0))), 1e-2).solved.notes
         assert [note for note in notes if "of its ball's radius" in note] == [note for note in notes if noted][:1]
         assert not noted or "the largest approach is 2 of its ball's radius" in notes[0]
-    deep = solve(Problem(Layer(1.0, 0.3, 10.0), pair[:1], Load("force", (5e4,))), 1e-2).solved.notes
+    deep = solve(Problem(Layer(1.0, 0.3, 10.0), pair[:1], Load("force", (3e3,))), 1e-2).solved.notes
     assert [note for note in deep if "check the load's unit" in note] == [deep[0]]
     assert "0.9 ball radii" not in deep[0]
 

@@ -220,7 +220,7 @@ def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> 
 def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
     said = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml")
     assert said.returncode == 0, said.stderr
-    assert "would change T by more than the usual accuracy of 2 % (finite strain by a fit" in said.stdout
+    assert "whether they change T by more than the usual accuracy of 2 % (finite strain by a fit" in said.stdout
     assert "% at equal force, by a fit" in said.stdout
     assert "time on one idle core: about" in said.stdout
     assert "|T| / Q = 4.35e-05: separation" in said.stdout

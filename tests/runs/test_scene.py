@@ -15,6 +15,7 @@ from linear_bem import (
     Load,
     Ogden,
     Problem,
+    UnsupportedProblem,
 )
 from runs.models import MODELS
 from runs.process.json_values import as_given
@@ -223,8 +224,8 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ),
         ("[load]", "[load]\nsteps = 1", ["[load] steps", "must be a list", '["0.5 mm", "1 mm"]']),
         ("[load]", "[load]\nsteps = []", ["[load] steps", "greater than 0 and rise", "none"]),
-        ("[load]", '[load]\nsteps = ["1 mm", "0.5 mm"]', ["[load] steps", "rise", "0.001"]),
-        ("[load]", '[load]\nsteps = ["1 mm", "2 mm"]', ["[load] steps", "not exceed", "0.0015 m", "0.002", "drop"]),
+        ("[load]", '[load]\nsteps = ["1 mm", "0.5 mm"]', ["[load] steps", "rise", "got 1 mm, 0.5 mm; list small"]),
+        ("[load]", '[load]\nsteps = ["1 mm", "2 mm"]', ["[load] steps", "not exceed", "1.5 mm, got 2 mm", "drop"]),
         ("[load]", '[load]\nsteps = ["1 N"]', ["[load] steps", "values of approach", "a length", "a force"]),
         ("[load]", '[finite_strain]\nlaw = "hook"\n[load]', ["[finite_strain] law", "neo_hookean", "hook"]),
         ("[load]", '[finite_strain]\nlaw = "gent"\n[load]', ["[finite_strain] limit", "missing", "limit = 30"]),
@@ -290,6 +291,31 @@ def test_a_file_that_is_no_toml_is_one_fault(content: bytes, tmp_path: Path) -> 
     with pytest.raises(InvalidScene, match="is not TOML") as caught:
         read_scene(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('thickness = "10 mm"', "thickness = 10 mm  # thin", 'in quotes: thickness = "10 mm"'),
+        ("[load]", '[load]\napproach = "1 mm"', 'reads: approach = "1.5 mm"; a key or a table is given twice'),
+    ],
+)
+def test_a_common_slip_in_toml_gets_its_remedy(old: str, new: str, words: str, tmp_path: Path) -> None:
+    assert old in PAIR
+    (found,) = faults(tmp_path, PAIR.replace(old, new, 1))
+    assert words in found
+
+
+def test_what_a_model_refuses_names_the_file_and_its_keys(tmp_path: Path) -> None:
+    scene = read_scene(write(tmp_path, PAIR))
+    refusals = {
+        "load.force: needs a force > 0, got 0 N; leave that ball out": r"\[load\] force: needs a force > 0",
+        "layer.thickness, balls.positions: too far": r"\[layer\] thickness, \[balls\] positions: too far$",
+        f"{scene.path}: [layer]: named already": r"\[layer\]: named already$",
+    }
+    for text, named in refusals.items():
+        with pytest.raises(UnsupportedProblem, match=f"^{scene.path}: {named}"), scene.naming_faults():
+            raise UnsupportedProblem(text)
 
 
 def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_units_are_those_of_the_scene(tmp_path: Path) -> None:
 
 
 def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path: Path) -> None:
-    forgotten = SCENE.replace('"57.4 kPa"', "57.4")
+    forgotten = SCENE.replace('"57.4 kPa"', "57.4").replace('"500 mN"', '"0.1 mN"')
     _, _, notes = choose(scene(tmp_path, forgotten))
     assert notes == ("[layer] young: 57.4 Pa is softer than foam and rubber; did you mean kPa or MPa?",)
     assert choose(scene(tmp_path))[2] == ()
@@ -62,6 +62,11 @@ def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path
     for written, bare in (('"3 mm"', "3"), ('["2.5 mm", "4 mm"]', "[1, 4]"), ('"-4 mm"', "-4"), ('"4 mm"', "4")):
         plain = plain.replace(written, bare)
     assert choose(scene(tmp_path, plain.replace('"500 mN"', "1")))[2] == ()
+
+
+def test_lengths_without_a_unit_beside_others_with_theirs_are_noted(tmp_path: Path) -> None:
+    _, _, notes = choose(scene(tmp_path, SCENE.replace('["2.5 mm", "4 mm"]', "[0.0025, 0.004]")))
+    assert notes == ("[balls] radius = 0.0025 is in metres, as it has no unit; other lengths are in mm",)
 
 
 def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:
