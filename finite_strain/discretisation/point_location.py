@@ -59,7 +59,10 @@ def _located(mesh: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the reference coordinates (n, 3) of points in a cell with nodes (n, 3), by Newton's method."""
+    """Return the reference coordinates (n, 3) of points in a cell with nodes (n, 3), by Newton's method.
+
+    In a curved cell it may end elsewhere, for points outside the cell: their coordinates are infinite.
+    """
     place, element = np.full(points.shape, 0.5), element_of(len(nodes))
     for _ in range(_ROUNDS):
         shapes, *slopes = element.tabulate(1, np.clip(place, -0.5, 1.5)).reshape(4, len(points), -1)
@@ -68,4 +71,5 @@ def _inverted(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
         place = place - step
         if np.abs(step).max() < 1e-13:
             break
+    place[np.abs(step).max(axis=1) > INSIDE] = np.inf
     return place

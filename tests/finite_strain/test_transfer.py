@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,15 @@ from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation import point_location
 from finite_strain.discretisation.checkpoint import Snapshot
+from finite_strain.discretisation.nodal_values import element_of
 from finite_strain.discretisation.point_location import Locations
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.one_discretisation import mesh_box
 from finite_strain.planning.records import Discretisation
+from finite_strain.planning.run_plan import plan_run
+from linear_bem import FiniteStrain
 from linear_bem.errors import OutputUnusable
-from tests.finite_strain.scenes import coarse_plan, pair
+from tests.finite_strain.scenes import CUBIC, coarse_plan, pair
 from tests.launch import mpirun
 
 ROUNDOFF = 1e-10
@@ -222,3 +226,16 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+def test_a_point_next_to_a_curved_cell_is_not_taken_to_lie_in_it(tmp_path: Path) -> None:
+    """Newton's method for its reference coordinates does not converge there, and may stop inside the cell."""
+    problem = replace(pair(0.3, distance=2.4, thickness=0.6, poisson=0.49), finite_strain=FiniteStrain())
+    box = plan_run(problem, 0.02, "finite_strain", None, (1 / 15, 1.0)).box(CUBIC)
+    mesh = mesh_box(box, tmp_path / "mesh.msh", MPI.COMM_SELF)[0]
+    nodes = mesh.geometry.x[compat.geometry_dofs(mesh)]
+    fields = fields_on(mesh, 4)
+    points = fields.points[0]
+    cells, places = Locations().find(nodes, points)
+    shapes = element_of(nodes.shape[1]).tabulate(0, places)[0].reshape(len(places), -1)
+    assert np.abs(np.einsum("na,nai->ni", shapes, nodes[cells]) - points).max() < ROUNDOFF
