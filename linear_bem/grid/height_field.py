@@ -18,7 +18,7 @@ from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, without_empty_layer
+from linear_bem.media import Elastic, Layer, SurfaceResponse, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -125,6 +125,12 @@ def solve_height_field(
         found = _solve_grids(whole, above, normal_force, None, tolerance)
     else:
         depth, gap = _prescribed(above, lowest, loads, whole)
+        own_response = isinstance(layer, SurfaceResponse)
+        if depth is not None and substrate is None and not own_response and depth >= layer.thickness:
+            raise InvalidProblem(
+                "approach: must press the lowest height less deep than the thickness of a layer on a rigid base, "
+                f"{layer.thickness:g} m, got {depth:g} m; check the units of heights and layer, or press less deep"
+            )
         if depth is not None:
             found = _solve_grids(whole, above, None, depth, tolerance)
         else:

@@ -30,8 +30,8 @@ BODIES: dict[str, Callable[..., Indenter]] = {"ellipsoid": Ellipsoid, "cone": Co
 class BallsTable(Table):
     """[balls]: positions, shapes and dimensions of the rigid bodies, called balls whatever their shape.
 
-    ``shape`` decides which further keys are required; all others are refused. Each is one value for all balls whose
-    shape has the key, or a list with one value for each of these balls, in the order of the balls.
+    ``shape`` decides which further keys are required; all others are refused. A key holds one value, for all balls
+    whose shape takes the key, or a list with one value for each of these balls, in the order of their positions.
     """
 
     positions: Positions

@@ -80,7 +80,10 @@ class AccuracyTable(Table):
     tangential_force: Number | None = None
     """Largest permitted relative error of T; for finite elements at least 1e-4."""
     seconds: Number | None = None
-    """Limit of the run's wall time [s]: a finer mesh that would exceed it is not started."""
+    """Wall time of the run [s] beyond which no finer mesh is started.
+
+    A mesh that has started is finished, and the first two always run.
+    """
     unknowns: Number | None = None
     """Largest number of unknowns of the finest mesh."""
 

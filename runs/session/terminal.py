@@ -16,7 +16,9 @@ FIRST, GROWTH = 5.0, 2.0
 
 
 def print_status(text: str) -> None:
-    """Write a line to standard error."""
+    """Write a line to standard error, after what standard output holds back: both may end in one file."""
+    with contextlib.suppress(OSError, ValueError):  # reported at the end
+        sys.stdout.flush()
     print(text, file=sys.stderr, flush=True)
 
 

@@ -101,6 +101,7 @@ HALF_SPACE, MODULUS = Layer(1.0, 0.3, np.inf), 1.0 / 0.91
         ({"approach": None, "mean_gap": 1.0, "periodic": True}, r"mean_gap: must be less than 0\.0"),
         ({"approach": 1.0, "periodic": True}, r"approach: must be less than the mean height"),
         ({"layer": Layer(-1.0, 0.3, np.inf)}, r"layer\.young: must be greater than 0"),
+        ({"layer": Layer(1.0, 0.3, 0.04)}, r"approach: .* less deep than the thickness .* 0\.04 m, got 0\.0[45]"),
     ],
 )
 def test_bad_input_is_refused_with_its_name(changed, words):

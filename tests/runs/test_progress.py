@@ -18,6 +18,9 @@ from runs.process import ranks
 from runs.session.clock import Clock
 from runs.session.progress import Progress
 from runs.session.terminal import on_terminal, waiting
+from tests.launch import ROOT
+
+SHIPPED = ROOT / "runs" / "scenes" / "paper_thin_pair.toml"
 
 STEP = Step((BallResult((0.0, 0.0), 1.0, 0.1, 0.2, (0.0, 0.0), 0.0, 1.0, 0.1),), {"step": 3, "iterations": 5})
 
@@ -177,8 +180,10 @@ def test_a_long_scene_file_is_said_to_be_read(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(cli, "waiting", functools.partial(waiting, first=0.01))
-    monkeypatch.setattr(cli, "read_scene", lambda _: time.sleep(0.5))
-    cli.read(tmp_path / "many.toml")
+    real = cli.read_scene
+    monkeypatch.setattr(cli, "read_scene", lambda _: time.sleep(0.5) or real(SHIPPED))
+    with cli.read(tmp_path / "many.toml") as scene:
+        assert scene.path == SHIPPED
     assert f"reading {tmp_path / 'many.toml'}: " in capsys.readouterr().err
 
 

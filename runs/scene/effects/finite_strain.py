@@ -10,7 +10,11 @@ from runs.scene.units import Number, Numbers, Table
 
 
 class FiniteStrainTable(Table):
-    """[finite_strain]: a hyperelastic ``law`` and its dimensionless parameters; strain energies: `linear_bem.law`."""
+    """[finite_strain]: a hyperelastic ``law`` and its dimensionless parameters; strain energies: `linear_bem.law`.
+
+    The layer needs a finite thickness; approaches must be, or become under forces, less than 0.9 of it. A force must be
+    greater than 0 on every ball.
+    """
 
     law: str = "neo_hookean"
     """One of `neo_hookean` (no parameters), `mooney_rivlin`, `yeoh`, `gent`, `ogden`, `hyperfoam`."""

@@ -15,7 +15,8 @@ FINEST, COARSEST = 1e-9, 1e-2
 class ReciprocationTable(Table):
     """[reciprocation]: the plate slides to and fro at a fixed height ([load] approach), and the balls drift.
 
-    Computed by `thirdbody evolve`; theory in `runs.evolution`.
+    Computed by `thirdbody evolve`; theory in `runs.evolution`. All balls have one approach. Unequal balls need
+    `forces = "direct"`, or the model point_load, and cannot drift at finite strain.
     """
 
     amplitude: Length
@@ -40,7 +41,7 @@ class ReciprocationTable(Table):
     rest: Number = 1e-6
     """A ball counts as at rest while its force over load is below this value."""
     forces: Literal["pairs", "direct"] = "pairs"
-    """`pairs`: from a table of pairs; `direct`: the model is solved at every step."""
+    """`pairs`: from a table of pairs, for equal balls; `direct`: the model is solved at every step (small strain)."""
 
     @property
     def path_per_cycle(self) -> float:
