@@ -25,7 +25,7 @@ _RECOVERED = (
 )
 CATALOGUE = {
     "displacement": Field("m", "Vector", (3,), "displacement of the material point, as solved for"),
-    "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress; {_RECOVERED}"),
+    "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress, z upwards, tension > 0; {_RECOVERED}"),
     "von_mises": Field("Pa", "Scalar", (), "von Mises' equivalent stress of the written Cauchy stress"),
     "pressure": Field("Pa", "Scalar", (), "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
     "volume_ratio": Field(

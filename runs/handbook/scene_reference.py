@@ -35,6 +35,8 @@ NAMED = {
 
 def page() -> str:
     """Return the page in Markdown."""
+    from finite_strain.output.field_catalogue import CATALOGUE  # noqa: PLC0415  (without DOLFINx)
+
     parts = [HEAD]
     for name, table in tables_of(Tables):
         effect = EFFECTS.get(name)
@@ -44,6 +46,11 @@ def page() -> str:
         parts.append(_prose(table))
         rows = [_row(name, key, field) for key, field in table.model_fields.items()]
         parts.append("\n".join(markdown(rows, aligned=False)) + "\n")
+        if name == "output":
+            fields = [
+                {"field": f"`{field}`", "unit": each.unit, "meaning": each.meaning} for field, each in CATALOGUE.items()
+            ]
+            parts += [FIELDS, "\n".join(markdown(fields, aligned=False)) + "\n"]
     return "\n".join(parts)
 
 
@@ -56,6 +63,11 @@ marked *required*. An *effect* without its table is not simulated and costs noth
 before the computation, each with its table, key, rule and value.
 
 This page is generated from the code that reads scenes.
+"""
+
+
+FIELDS = """The fields, at the nodes of the undeformed mesh; each cell also has its `region`, 1 the layer, 2 the
+substrate:
 """
 
 

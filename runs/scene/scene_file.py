@@ -60,7 +60,7 @@ class OutputTable(Table):
     """[output]: fields that a finite-element run writes, and how often; without this table, all at every load step."""
 
     fields: tuple[str, ...] | None = None
-    """Names of the fields; `thirdbody solve` lists the valid names if one is misspelt."""
+    """Names of the fields; `thirdbody solve` lists them if one is misspelt."""
     every: Whole = 1
     """Write at every n-th load step; the last step is always written."""
 
