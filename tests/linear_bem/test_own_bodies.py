@@ -167,6 +167,13 @@ class Raised(Indenter):
         return 0.1 + 0.5 * (x**2 + y**2)
 
 
+class Hollow(Indenter):
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        return x**2 - 0.5 * y**2
+
+
 @pytest.mark.parametrize(
     ("body", "says"),
     [
@@ -174,6 +181,7 @@ class Raised(Indenter):
         (PowerOfPower(), r"PowerOfPower\.height must be an expression of"),
         (NoExpression(), r"NoExpression\.height must be an expression of"),
         (Raised(), r"Raised\.height must be 0 at the axis.*got 0\.1 m"),
+        (Hollow(), r"Hollow\.height must have its lowest point at the axis.*got -0\.005 m near it"),
     ],
 )
 def test_an_own_height_that_models_cannot_take_is_a_named_fault(body, says):

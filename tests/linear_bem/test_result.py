@@ -1,6 +1,7 @@
 """What a user does with a result: short in a terminal, a table in a notebook, JSON and back, a figure."""
 
 import math
+import sys
 from dataclasses import replace
 
 import pytest
@@ -20,6 +21,7 @@ from linear_bem import (
     stress,
     vertical_stress,
 )
+from linear_bem.errors import MissingDependency
 
 PAIR = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.25), 1.0))
 
@@ -105,6 +107,13 @@ def test_figures_show_contacts_and_forces(solution):
         assert f"{largest:.3g} N" in axes.get_title()
         assert [text.get_text() for text in axes.texts] == ["0", "1"]
         assert axes.get_xlabel() == "x [m]"
+
+
+def test_a_figure_without_matplotlib_is_one_message_with_its_remedy(solution, monkeypatch):
+    for name in ("matplotlib", "matplotlib.figure", "matplotlib.patches"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(MissingDependency, match=r"plot: needs matplotlib .*pip install matplotlib"):
+        solution.plot()
 
 
 @pytest.mark.parametrize(("size", "unit"), [(1e-3, "mm"), (1e-7, "µm")])

@@ -98,6 +98,8 @@ def test_the_table_holds_what_the_record_holds() -> None:
     assert force["input change equal to T's error"] == "-"
     assert radius["input change equal to T's error"] == "more than 100 %"
     assert "add up" not in check(found)  # the sums are in the JSON
+    unlike = dataclasses.replace(scene, balls=(scene.balls[0], dataclasses.replace(scene.balls[1], radius=0.5)))
+    assert rows(found, unlike, Scale.of(unlike))[-1]["value"] == "1 R, 0.5 R"
 
 
 def test_changes_of_a_linear_force_are_not_said_of_another_one() -> None:
