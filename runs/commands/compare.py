@@ -59,7 +59,7 @@ def _compute(session: Session) -> Document | None:
         balls = document["finite"]["balls"]
         between = interpolant.table(document["comparison"], leading_ball(balls))
         if between:
-            write_csv(session.out / "strengthening.csv", [{"ball": leading_ball(balls)} | row for row in between])
+            write_csv(session.out / "strengthening.csv", between)
         figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)
         figures.draw_surface(session.out, session.problem, balls, session.scale)
     last = size - 1  # computes beside rank 0, which solves the linear states and draws

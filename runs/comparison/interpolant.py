@@ -67,7 +67,7 @@ def interpolants(rows: Sequence[Mapping[str, Any]], ball: int) -> dict[str, Inte
 
 
 def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]]:
-    """Return rows between the first load step and the last: approach, and each quantity with its error."""
+    """Return rows between the first load step and the last: the ball, its approach, each quantity with its error."""
     curves = interpolants(rows, ball)
     if set(curves) != set(COLUMNS):
         return []
@@ -75,7 +75,7 @@ def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]
     last = min(curve.approaches[-1] for curve in curves.values())
     answer = []
     for approach in np.linspace(first, last, POINTS):
-        row = {"approach": float(approach)}
+        row = {"ball": ball, "approach": float(approach)}
         for name, curve in curves.items():
             row[name], row[f"{name}_error"] = curve(float(approach))
         answer.append(row)

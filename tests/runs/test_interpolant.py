@@ -53,5 +53,6 @@ def test_a_table_runs_from_the_first_step_to_the_last() -> None:
         for d in (0.1, 0.2, 0.3, 0.4)
     ]
     found = table(rows, 0)
+    assert {row["ball"] for row in found} == {0}
     assert [found[0]["approach"], found[-1]["approach"]] == pytest.approx([0.1, 0.4])
     assert found[20]["normal_force"] == pytest.approx(0.25**1.5, abs=1e-12)
