@@ -4,9 +4,10 @@ import math
 
 from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.volumetric import form_notes
-from finite_strain.planning.records import Record
+from finite_strain.planning.records import Answer, Record
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.counts import grouped
+from linear_bem.depth import dent, large_strain_note
 from linear_bem.result import FAINT, UNRESOLVED
 
 HALF = 0.5
@@ -80,9 +81,19 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"the surface overhangs {away:.2g} m from a ball's axis: it does not pass through planes of symmetry, but "
             "contact of the surface with itself is not computed"
         )
+    if not plan.is_paired:
+        notes += _small_strain_notes(plan, last)
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
     return notes + _overrun(plan, record, seconds)
+
+
+def _small_strain_notes(plan: RunPlan, last: Answer) -> tuple[str, ...]:
+    """Return the note where small strain does not hold."""
+    layer, substrate = plan.problem.layer, plan.problem.substrate
+    ball = max(last.balls, key=lambda ball: ball.approach)
+    base = dent(substrate, layer.thickness, ball.normal_force, ball.contact_area)
+    return large_strain_note(layer, ball.approach, base)
 
 
 def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:

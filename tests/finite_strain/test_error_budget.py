@@ -27,7 +27,7 @@ from finite_strain.planning.records import Discretisation, Record, Row, save_rec
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
 from linear_bem.result import FAINT
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, pair, relatively
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively
 from tests.finite_strain.test_pairs import state
 
 ROUNDOFF = 1e-12
@@ -223,6 +223,19 @@ def test_a_surface_that_may_touch_itself_is_noted(seen_area: float, crossing: fl
     said = [note for note in result_notes(plan, record, "", 1.0) if "contact of the surface with itself" in note]
     assert len(said) == bool(noted)
     assert all(noted in note for note in said)
+
+
+@pytest.mark.parametrize(("approach", "noted"), [(0.3, False), (0.9, True)])
+def test_small_strain_is_noted_where_it_does_not_hold(approach: float, noted: bool) -> None:
+    plan = plan_run(at_small_strain(pair(approach)), 0.1, "small_strain")
+    ball = SimpleNamespace(
+        tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=approach, normal_force=1.0, contact_area=1.0
+    )
+    step = SimpleNamespace(balls=(ball, ball), linear_failure="")
+    rows = [Row(SimpleNamespace(fraction=1.0), None)]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    said = [note for note in result_notes(plan, record, "", 1.0) if "of the layer's thickness" in note]
+    assert len(said) == noted
 
 
 def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
