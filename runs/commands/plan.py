@@ -22,6 +22,7 @@ from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory,
 from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
+from runs.scene import messages
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
 from runs.session.terminal import waiting
@@ -170,7 +171,7 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
     try:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
     except UnsupportedProblem as error:
-        return {"refused": str(error)}
+        return {"refused": messages.of_problem(str(error), scene.data)}
     shown = ("load_steps", "seconds", "processor_seconds", "perhaps")
     return plain({key: path[key] for key in shown if key in path})
 

@@ -47,7 +47,7 @@ def test_a_plan_states_the_meshes_and_the_budget(tmp_path: Path) -> None:
 def test_a_budget_too_small_for_any_mesh_is_refused_before_any_work(tmp_path: Path) -> None:
     done = thirdbody("solve", scene(tmp_path, "unknowns = 1000"), "--out", tmp_path / "out")
     assert done.returncode != 0
-    assert "accuracy.unknowns" in done.stderr
+    assert "[accuracy] unknowns" in done.stderr
 
 
 def step(fraction: float, mesh: int) -> Step:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from runs import cli
 from runs.commands.plan import plan_scene
 from runs.evolution import outcome, showing
 from runs.evolution.evolving import evolve_scene
@@ -56,7 +57,7 @@ def test_balls_pressed_nearly_to_a_rigid_base_drift_with_a_warning(
 def test_a_plan_refused_by_the_elements_names_file_and_key(tmp_path: Path) -> None:
     file = scene(tmp_path, '"1 mm"', more=f"{SLIDING}[finite_strain]\n[accuracy]\ntangential_force = 1e-5\n")
     with pytest.raises(InvalidScene, match=r"scene\.toml: \[accuracy\] tangential_force: must lie between 0\.0001"):
-        plan_scene(read_scene(file), None, as_json=False, advises=False)
+        cli.plan(file, no_advice=True)
 
 
 @pytest.mark.parametrize("more", ["", '[periodic]\nlengths = ["60 mm", "60 mm"]\n'])

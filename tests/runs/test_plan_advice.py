@@ -258,7 +258,7 @@ def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tm
     done = thirdbody("plan", scene)
     assert done.returncode == 0, done.stderr
     assert re.search(
-        r"in compare: refused: accuracy.unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", done.stdout
+        r"in compare: refused: \[accuracy\] unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", done.stdout
     )
     assert "by more than the required accuracy of 10 %" in done.stdout
 
