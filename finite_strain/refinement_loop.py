@@ -134,7 +134,9 @@ class Refinement:
             self._along(run, record, number, began)
         except NotConverged as error:
             record.stopped = f"{name} mesh ({grouped(record.unknowns)} unknowns): {error}"
-            if number == 0 and (fault := prescribed(self.plan.problem).ended_by(run.own.path.deepest)):
+            last, balls = run.own.path.last, self.plan.reduction.balls
+            fault = prescribed(self.plan.problem).ended_by(last.fraction, last.approaches, balls) if not number else ""
+            if fault:
                 run.close()
                 raise UnsupportedProblem(fault) from error
         except ThirdBodyError:

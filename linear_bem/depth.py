@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
+from linear_bem.arrays import Array, Mask
 from linear_bem.indenter import Paraboloid, Sphere
-from linear_bem.layer.ritz_indentation import indentation_of_layer
+from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.media import Elastic, Layer, SurfaceResponse
 from linear_bem.problem import Problem
 
@@ -30,38 +32,76 @@ CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
 
 
 def depth_faults(problem: Problem) -> list[str]:
-    """Return the fault of a load that presses through a layer on a rigid base, or a round ball absurdly deep.
+    """Return the fault of a load that presses through a layer on a firm base, or a round ball absurdly deep.
 
-    Under a force the approach is estimated, of a single round ball. A found approach, or one beyond the given ones in
-    a table, may exceed the layer's thickness: `large_strain_note` says so.
+    Under forces approaches are estimated, of single round balls. Found approaches, or those beyond the given ones in a
+    table, may exceed the layer's thickness: `large_strain_note` says so.
     """
-    layer, load, balls = problem.layer, problem.load, problem.balls
-    if isinstance(layer, SurfaceResponse):
+    is_round = np.array([isinstance(ball.indenter, Sphere | Paraboloid) for ball in problem.balls])
+    radii = np.array([ball.radius for ball in problem.balls])
+    kind = problem.load.kind
+    if isinstance(problem.layer, SurfaceResponse) or (kind != "approach" and not is_round.any()):
         return []
-    given, shared = load.kind == "approach", load.kind == "total_force"
-    values = np.full(len(balls), load.values[0] / len(balls)) if shared else np.array(load.values)
-    ball = int(np.argmax(values if given else values / np.array([each.radius for each in balls])))
-    radius, value, depth = balls[ball].radius, float(values[ball]), float(values[ball])
-    is_round = isinstance(balls[ball].indenter, Sphere | Paraboloid)
-    if not value > 0.0 or not (given or is_round):
+    if kind == "total_force" and not is_round.all():
         return []
-    got, remedy = f"got {value:g} m", "press less deep"
-    if not given:
-        depth = indentation_of_layer(layer, problem.substrate, radius, normal_force=value).approach
-        got = f"got {value:g} N on a ball, which gives about {depth:.2g} m"
-        remedy = f"check the units of {load.kind} and of the layer's young"
-    where = f"load.{load.kind}" + ("" if shared else f"[{ball}]")
-    times = 1.0 if given else THROUGH
-    if problem.substrate is None and depth >= times * layer.thickness > 0.0:
-        limit = "be less than" if given else f"press a ball less deep than {times:g} times"
+    found = _of_approaches if kind == "approach" else _of_forces
+    return found(problem, radii, is_round)
+
+
+def _of_approaches(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
+    h, depths = problem.layer.thickness, np.array(problem.load.values)
+    ball = int(np.argmax(depths))
+    if problem.substrate is None and depths[ball] >= h > 0.0:
         return [
-            f"{where}: must {limit} the thickness of a layer on a rigid base, {layer.thickness:g} m, {got}; {remedy}, "
-            "or add the substrate that gives way"
+            f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, {h:g} m, got "
+            f"{depths[ball]:g} m; press less deep, or add the substrate that gives way"
         ]
-    if is_round and depth >= ABSURD * radius:
-        limit = "be less than" if given else "press a ball less deep than"
-        return [f"{where}: must {limit} {ABSURD:g} times its radius, {radius:g} m, {got}; {remedy}"]
-    return []
+    return [
+        f"load.approach[{ball}]: must be less than {ABSURD:g} times the ball's radius, {radii[ball]:g} m, got "
+        f"{depths[ball]:g} m; check its unit"
+        for ball in np.flatnonzero(is_round & (depths >= ABSURD * radii))[:1]
+    ]
+
+
+def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
+    h, load = problem.layer.thickness, problem.load
+    rigid = problem.substrate is None and h < math.inf
+    depths, own = (np.where(is_round, values, 0.0) for values in _expected(problem, radii))
+    deepest, lost = int(np.argmax(own)), int(np.argmax(depths / radii))
+    if own[deepest] >= THROUGH * h > 0.0:
+        ball, base = deepest, "a rigid" if rigid else "its firm"
+        limit = f"{THROUGH:g} times the thickness of the layer on {base} base, {h:g} m"
+    elif depths[lost] >= ABSURD * radii[lost]:
+        ball, limit = lost, f"{ABSURD:g} times its radius, {radii[lost]:g} m"
+    else:
+        return []
+    total = load.kind == "total_force"
+    where, value = (f"load.{load.kind}", load.values[0]) if total else (f"load.force[{ball}]", load.values[ball])
+    return [
+        f"{where}: must press a ball less deep than {limit}, got {value:g} N, under which ball {ball} goes about "
+        f"{depths[ball]:.2g} m deep; check the units of {load.kind} and of the layer's young"
+        + (", or add the substrate that gives way" if rigid else "")
+    ]
+
+
+def _expected(problem: Problem, radii: Array) -> tuple[Array, Array]:
+    """Return the approach (balls,) [m] of single balls under given forces, and what of it the layer gives (balls,)."""
+    layer, base, values = problem.layer, problem.substrate, np.array(problem.load.values)
+    forces = np.broadcast_to(values / (radii.size / values.size), radii.shape)
+    depths, forces, widths = estimates(layer, base, radii, "normal_force", forces)
+    if problem.load.kind == "total_force" and depths.min() < depths.max():  # one approach, whose forces add up
+
+        def excess(approach: float) -> float:
+            return float(
+                np.sum(estimates(layer, base, radii, "approach", np.full(radii.shape, approach))[1]) - values[0]
+            )
+
+        common = np.full(radii.shape, brentq(excess, depths.min(), depths.max()))
+        depths, forces, widths = estimates(layer, base, radii, "approach", common)
+    dents = np.zeros(radii.shape)
+    if base is not None:
+        dents = 0.75 * forces / (base.contact_modulus * np.maximum(widths, layer.thickness))
+    return depths, np.where(depths - dents >= UNSURE * depths, depths - dents, 0.0)
 
 
 def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:

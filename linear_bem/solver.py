@@ -75,7 +75,7 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     ------
     InvalidProblem
         Accuracy out of range, a profile that is not convex or not 0 at its apex, an impossible surface response, an
-        approach through a layer on a rigid base, a force that presses a ball twice as deep.
+        approach through a layer on a rigid base, a force that presses twice as deep, a round ball 100 radii deep.
     UnsupportedProblem
         An effect that this model lacks, or contacts that need more cells than fit.
     TooLarge

@@ -105,9 +105,9 @@ class LoadPath:
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
             known, again = 0.0, list[StepRecord]()
-            step = goal - self._last.fraction
-            while not self.history or abs(self._last.fraction - goal) > BACK * abs(goal):
-                reached = self._last.fraction
+            step = goal - self.last.fraction
+            while not self.history or abs(self.last.fraction - goal) > BACK * abs(goal):
+                reached = self.last.fraction
                 fraction = goal if abs(goal - reached) <= abs(step) * (1.0 + BACK) else reached + step
                 self._observe(fraction, cuts)
                 record = StepRecord(fraction, cuts=cuts)
@@ -130,7 +130,8 @@ class LoadPath:
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
                             f"the last good state is at {reached:.4g} of the full load: the film under a ball is "
-                            f"{1.0 - self.deepest:.2g} of the layer's thickness; {self.distorted().describe()}"
+                            f"{1.0 - max(self.last.approaches) / self.problem.layer.thickness:.2g} of the layer's "
+                            f"thickness; {self.distorted().describe()}"
                         ) from error
                     continue
                 approaches = tuple(self.model.contact.approaches)
@@ -154,12 +155,7 @@ class LoadPath:
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
 
     @property
-    def deepest(self) -> float:
-        """The largest approach of the last state over the layer's thickness."""
-        return max(self._last.approaches) / self.problem.layer.thickness
-
-    @property
-    def _last(self) -> State:
+    def last(self) -> State:
         """The last state of the path, initially the undeformed one."""
         return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
 
@@ -180,8 +176,8 @@ class LoadPath:
                 self._multiply(self.source, record)
         doublings = DOUBLINGS + round(math.log2(self.stiffer))
         if not record.augmented:
-            self.model.fields.restore(self._last.values)  # Newton's method may have ended elsewhere
-            self.model.contact.set_approaches(np.array(self._last.approaches))
+            self.model.fields.restore(self.last.values)  # Newton's method may have ended elsewhere
+            self.model.contact.set_approaches(np.array(self.last.approaches))
             with suppress(NotConverged):
                 self._multiply(self.source, record, gradually=True)
                 self.stiffen(record, 2.0, doublings)
@@ -240,8 +236,8 @@ class LoadPath:
             self.ahead = 1.0
             self._set_penalties()
             self._newton(record, rough=ROUGH)
-            work = float(self.model.part_forces() @ (contact.approaches - np.array(self._last.approaches)))
-            if self.model.energy() - self._last.energy > work + SURPLUS * abs(work):
+            work = float(self.model.part_forces() @ (contact.approaches - np.array(self.last.approaches)))
+            if self.model.energy() - self.last.energy > work + SURPLUS * abs(work):
                 raise NotConverged("the equilibrium stores more energy than the balls' work: its surface is crumpled")
             self.source = contact.penalised
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from finite_strain.geometry.estimates import alone, gap_from
 from linear_bem.closed_forms import Indentation
+from linear_bem.depth import dent
 from linear_bem.problem import Ball, Problem
 
 if TYPE_CHECKING:
@@ -22,8 +23,9 @@ ANSWERS = 6
 """Number of load steps with output in a comparison along the load."""
 LARGEST_APPROACH = 0.9
 """Largest approach over the layer's thickness: beyond it the elements below a ball have almost no volume."""
-ENDING = 0.05
-"""Difference from it within which a load path under forces that ends is ended by it."""
+ENDING, ENDED = 0.05, 0.95
+"""Difference from it within which a load path under forces that ends is ended by it, if at most that load fraction was
+reached: the coarse elements of the first path end a little before others."""
 BETWEEN = 2001
 """Number of points on the line between the axes of two bodies in the check for overlap."""
 TOUCHING = 1e-6
@@ -87,8 +89,8 @@ class PrescribedLoad(ABC):
         """Return a message per property of the load that the model does not support."""
         return []
 
-    def ended_by(self, deepest: float) -> str:
-        """Return why no state follows one with a largest approach over the layer's thickness; empty if unknown."""
+    def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
+        """Return why a path ends after a load fraction with approaches (balls,) [m]; empty if unknown."""
         return ""
 
     @abstractmethod
@@ -137,25 +139,34 @@ class PrescribedForce(PrescribedLoad):
     """One force [N] per ball: one unknown per ball."""
 
     def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
-        """Return the expected state under a force [N], at most the `LARGEST_APPROACH` that has a solution."""
+        """Return the expected state under a force [N], of which the layer gives at most `LARGEST_APPROACH`."""
         state = alone(self.problem, ball, normal_force=value)
-        most = LARGEST_APPROACH * self.problem.layer.thickness
+        most = LARGEST_APPROACH * self.problem.layer.thickness + self._dent(state)
         return state if state.approach <= most else alone(self.problem, ball, approach=most)
+
+    def _dent(self, state: Indentation) -> float:
+        """Return about how deep [m] the substrate gives way."""
+        area = math.pi * state.contact_radius**2
+        return dent(self.problem.substrate, self.problem.layer.thickness, state.normal_force, area)
 
     def faults(self, model: str) -> list[str]:
         """Reject balls without a force."""
         least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
         return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
 
-    def ended_by(self, deepest: float) -> str:
-        """Return that the force is too large if the approach is near its limit."""
-        if deepest < LARGEST_APPROACH - ENDING:
+    def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
+        """Return that the force is too large if much of it is left and the layer gives nearly `LARGEST_APPROACH`."""
+        kind, h = self.problem.load.kind, self.problem.layer.thickness
+        states = [self.single(ball, fraction * self.values[ball.index]) for ball in balls]
+        given = max(approach - self._dent(state) for approach, state in zip(approaches, states, strict=True))
+        if given < (LARGEST_APPROACH - ENDING) * h or fraction > ENDED:
             return ""
-        kind, thickness = self.problem.load.kind, self.problem.layer.thickness
+        base = "" if self.problem.substrate is None else ", without the dent of the substrate"
+        full = max(self.problem.load.values)
         return (
             f"load.{kind}: finite elements take forces that press less deep than about {LARGEST_APPROACH:g} of the "
-            f"layer's thickness, {thickness:g} m, got {max(self.problem.load.values):g} N, of which a part already "
-            f"gives {deepest * thickness:.3g} m; check the units of {kind} and of the layer's young, or press less"
+            f"layer's thickness, {h:g} m{base}, got {full:g} N, of which {fraction:.2g} already gives {given:.3g} m; "
+            f"check the units of {kind} and of the layer's young, or press less"
         )
 
     def on(self, reduction: Reduction) -> LoadControl:

@@ -192,6 +192,12 @@ def plan_run(
         problem, reduction, goals, tangential_force, budget or Budget(), numerics, tuple(expected),
         choose_extent(problem, expected, tangential_force), given,
     )  # fmt: skip
+    wide = [] if given else [zone for zone in plan.box(FIRST).zones if zone.contact_radius >= zone.half_width]
+    if wide:
+        raise UnsupportedProblem(
+            f"load.{problem.load.kind}, balls.positions: a contact about {wide[0].contact_radius:.3g} m in radius does "
+            f"not fit between the balls, where it has {wide[0].half_width:.3g} m; press less, or move the balls apart"
+        )
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:
         said = f"the coarsest mesh with an error estimate has about {grouped(float(f'{least:.2g}'))} unknowns"

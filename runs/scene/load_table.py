@@ -57,8 +57,7 @@ class LoadTable(Table):
             written = ", ".join(str(step) for step in self.steps) or "none"
             raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")
         if not full * (1.0 + SAME) >= steps[-1]:
-            raise InvalidProblem(
-                f"load.steps: must not exceed the load of {full:g} {unit}".rstrip()
-                + f", got {self.steps[-1]}; raise {kind} or drop the step"
-            )
+            most, got = (f"{value:g} {unit}".rstrip() for value in (full, steps[-1]))
+            rule = f"must not exceed the load of {most}, got {got}"
+            raise InvalidProblem(f"load.steps: {rule}; raise {kind} or drop the step")
         return (*(step / full for step in steps if step < full * (1.0 - SAME)), 1.0)

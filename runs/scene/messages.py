@@ -13,7 +13,7 @@ from runs.scene.effects import EFFECTS
 from runs.scene.units import NUMBER_AND_UNIT, Units, in_unit
 
 PROBLEM_FAULT = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)(?P<index>\[\d+\])?: (?P<rule>.*)", re.DOTALL)
-UNQUOTED = re.compile(r"(\w+)\s*=\s*([-+\d.]+\s*[A-Za-zµ]+)\s*(?:#.*)?")
+UNQUOTED = re.compile(r"(\w+)\s*=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-zµ][\w/*^·²]*)\s*(?:#.*)?")
 KEYS = re.compile(r"\w+\.\w+(, \w+\.\w+)+: ")
 EXAMPLES: dict[str, dict[str, Any]] = {
     "layer": {"thickness": "10 mm", "young": "1 MPa", "poisson": 0.48},
@@ -69,7 +69,7 @@ def of_toml(fault: str, text: str) -> str:
     place = re.search(r"line (\d+)", fault)
     line = text.splitlines()[int(place[1]) - 1].strip() if place and int(place[1]) <= len(text.splitlines()) else ""
     remedy = "see https://toml.io for the format"
-    if fault.startswith("Cannot overwrite"):
+    if fault.startswith(("Cannot overwrite", "Cannot declare")):
         remedy = "a key or a table is given twice: keep one"
     elif unquoted := UNQUOTED.fullmatch(line):
         remedy = f'write values with units in quotes: {unquoted[1]} = "{unquoted[2]}"'

@@ -151,15 +151,18 @@ LENGTHS = {
     "layer": ("thickness",),
     "balls": ("positions", "radius", "semi_axes", "tip_radius", "edge_radius"),
     "load": ("approach",),
+    "reciprocation": ("amplitude", "perturbation"),
+    "periodic": ("lengths",),
 }
-"""Keys of lengths, by table."""
+"""Keys of lengths, by table; load steps are lengths only under a given approach."""
 
 
 def bare_lengths(data: Mapping[str, Any]) -> tuple[str, ...]:
     """Return "[table] key = value" for the first length without unit of each key; 0 and infinity need none."""
     found = []
+    steps = ("steps",) if "approach" in data.get("load", {}) else ()
     for table, keys in LENGTHS.items():
-        for key in keys:
+        for key in (*keys, *(steps if table == "load" else ())):
             items = _items_of(data.get(table, {}).get(key))
             bare = (v for v in items if isinstance(v, int | float) and v != 0 and math.isfinite(v))
             found += [f"[{table}] {key} = {value:g}" for value in itertools.islice(bare, 1)]

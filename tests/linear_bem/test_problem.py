@@ -21,7 +21,7 @@ from linear_bem import (
     solve_contact,
     solve_height_field,
 )
-from linear_bem.depth import LARGE_STRAIN
+from linear_bem.depth import LARGE_STRAIN, depth_faults
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -85,17 +85,28 @@ def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
     solve(Problem(Layer(1.0, 0.3, math.inf), balls, one), 1e-2)
 
 
-def test_a_force_that_presses_through_a_layer_on_a_rigid_base_is_refused():
+def test_a_force_that_presses_through_a_layer_on_a_firm_base_is_refused():
     pair = (Ball((-60.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0))
-    layer, said = Layer(1.0, 0.3, 10.0), "must press a ball less deep than 2 times the thickness of a layer on a rigid"
-    for load in (Load("force", (1.0, 1e4)), Load("total_force", (2e4,))):
-        with pytest.raises(
-            InvalidProblem, match=rf"^load\.{load.kind}.*{said} base, 10 m, got 10000 N .* about \d+ m; c"
-        ):
-            solve(Problem(layer, pair, load))
+    layer, said = Layer(1.0, 0.3, 10.0), r"must press a ball less deep than 2 times the thickness of the layer on"
+    for load, ball in ((Load("force", (1.0, 1e4)), 1), (Load("total_force", (2e4,)), 0)):
+        for base, words in ((None, "a rigid"), (Elastic(1e5, 0.3), "its firm")):
+            match = rf"^load\.{load.kind}.*{said} {words} base, 10 m, got \d0000 N, under which ball {ball} goes"
+                rf"^load\.{load.kind}.*{said} {words} base, 10 m, got \d0000 N, under which ball {ball} goes about \d"
+            )
+            with pytest.raises(InvalidProblem, match=match):
+                solve(Problem(layer, pair, load, base))
     for load in (Load("force", (1e7, 1.0)), Load("approach", (2e3, 1.0))):
-        with pytest.raises(InvalidProblem, match=rf"^load\.{load.kind}\[0\]: must .* 100 times its radius, 20 m, got"):
+        with pytest.raises(InvalidProblem, match=rf"^load\.{load.kind}\[0\]: must .* 100 times .* radius, 20 m, got"):
             solve(Problem(Layer(1.0, 0.3, math.inf), pair, load))
+
+
+def test_a_force_is_not_refused_for_what_the_base_gives_or_another_ball_bears():
+    layer, light = Layer(1.0, 0.3, 0.05), (Ball((0.0, 0.0), 1.0),)
+    assert not depth_faults(Problem(layer, light, Load("force", (6.0,)), Elastic(1.0, 0.3)))
+    assert depth_faults(Problem(layer, light, Load("force", (6.0,))))
+    unlike = (Ball((0.0, 0.0), 10.0), Ball((20.0, 0.0), 0.05))  # a common approach: the small ball bears a hundredth
+    assert not depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (10.0,))))
+    assert depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (300.0,))))
 
 
 def test_a_depth_that_is_found_has_an_energy_and_its_derivative():

@@ -12,8 +12,8 @@ from runs.scene.units import Number, Numbers, Table
 class FiniteStrainTable(Table):
     """[finite_strain]: a hyperelastic ``law`` and its dimensionless parameters; strain energies: `linear_bem.law`.
 
-    The layer needs a finite thickness; approaches must be, or become under forces, less than 0.9 of it. A force must be
-    greater than 0 on every ball.
+    The layer needs a finite thickness; approaches must be less than 0.9 of it, and so must what the layer gives under
+    forces. A force must be greater than 0 on every ball.
     """
 
     law: str = "neo_hookean"
