@@ -91,8 +91,6 @@ def test_a_force_that_presses_through_a_layer_on_a_firm_base_is_refused():
     for load, ball in ((Load("force", (1.0, 1e4)), 1), (Load("total_force", (2e4,)), 0)):
         for base, words in ((None, "a rigid"), (Elastic(1e5, 0.3), "its firm")):
             match = rf"^load\.{load.kind}.*{said} {words} base, 10 m, got \d0000 N, under which ball {ball} goes"
-                rf"^load\.{load.kind}.*{said} {words} base, 10 m, got \d0000 N, under which ball {ball} goes about \d"
-            )
             with pytest.raises(InvalidProblem, match=match):
                 solve(Problem(layer, pair, load, base))
     for load in (Load("force", (1e7, 1.0)), Load("approach", (2e3, 1.0))):
