@@ -77,9 +77,10 @@ def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
         return []
     total = load.kind == "total_force"
     where, value = (f"load.{load.kind}", load.values[0]) if total else (f"load.force[{ball}]", load.values[ball])
+    young = f"the layer's young ({problem.layer.young:g} Pa)"
     return [
         f"{where}: must press a ball less deep than {limit}, got {value:g} N, under which ball {ball} goes about "
-        f"{depths[ball]:.2g} m deep; check the units of {load.kind} and of the layer's young"
+        f"{depths[ball]:.2g} m deep; check the units of {load.kind} and of {young}"
         + (", or add the substrate that gives way" if rigid else "")
     ]
 

@@ -66,6 +66,11 @@ def _faults_of(body: Indenter) -> list[str]:
             rule = "must be level at the axis: no pointed tip, whose pressure has no limit, and no tilt"
             remedy = "round a tip: np.sqrt(x**2 + y**2 + t**2) - t, or move the axis to the lowest point"
             return [f"balls.shape: {name} {rule}, got a slope of {steep:g} next to the axis; {remedy}"]
+        half = 0.5 * body.apex_radius
+        if not float(np.max(body.height(np.array([half, 0.0]), np.array([0.0, half])))) > 0.0:
+            return [
+                f"balls.shape: {name} must rise from its lowest point: it is flat up to {half:g} m, half the radius"
+            ]
     around = body.apex_radius * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
     lowest = float(np.min(body.height(around.real, around.imag)))
     if lowest < -APEX * body.apex_radius:

@@ -1,5 +1,6 @@
 """Height, slope and curvature of the indenter of one ball at points of the surface plane."""
 
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -46,7 +47,8 @@ def _check_apex(ball: Ball) -> None:
     if not abs(float(apex[0])) <= APEX * ball.radius:
         raise InvalidProblem(
             f"balls.shape: a profile must be 0 at the ball's axis, that of the ball at {ball.position} is "
-            f"{float(apex[0]):g} m there; subtract it, and lower the approach by as much"
+            f"{float(apex[0]):g} m there"
+            + ("; subtract it, and lower the approach by as much" if math.isfinite(apex[0]) else "")
         )
 
 

@@ -28,6 +28,8 @@ PATIENCE = 60.0
 """Default time limit of the advice [s]; effects that would exceed it are left out."""
 FINER = 1.5
 """Time of a solution for the advice over that of the less accurate solution from which it starts."""
+UNLIKE = 0.05
+"""Largest relative difference of approaches over radii at which balls count as equal for the fit of finite strain."""
 FRICTION = 0.3
 """Coefficient of friction for which a drift is quoted."""
 
@@ -131,6 +133,9 @@ class Adviser:
         beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
             beyond = [*beyond, "not all bodies are balls"]
+        alike = [each.approach / of.radius for each, of in zip(self.ahead.balls, self.problem.balls, strict=True)]
+        if max(alike) - min(alike) > UNLIKE * max(alike) or len({each.radius for each in self.problem.balls}) > 1:
+            beyond = [*beyond, "the balls or their approaches are unequal"]
         if self.law != FITTED_LAW:
             beyond = [*beyond, f"the law is {self.law}, not {FITTED_LAW}"]
         error = fit_error(approach, thickness, layer.poisson, distance / radius)

@@ -4,6 +4,8 @@ The linear model, the pairs and S_Q compare with Hooke's law of the layer: anoth
 an effect of finite strain. UFL evaluates psi at a few values of F; nothing is compiled.
 """
 
+from typing import Any
+
 import numpy as np
 import ufl
 
@@ -13,6 +15,9 @@ from linear_bem.problem import Problem
 
 STEP, ALIKE = 1e-3, 1e-3
 """Strain of the differences, whose error is of second order in it; largest accepted relative difference of moduli."""
+
+SHAKEN = 0.05
+"""Size of the entries of F - I for which rotations are tried."""
 
 
 def check_own_energy(problem: Problem) -> None:
@@ -36,8 +41,8 @@ def check_own_energy(problem: Problem) -> None:
         along, sheared = energy((0, 0)), energy((0, 1), (1, 0))
     except Exception as error:  # whatever a user's function raises
         raise InvalidProblem(
-            "finite_strain.law: psi(F) must be an expression of ufl with one value for every F near I, got "
-            f"{type(error).__name__}: {error}"
+            "finite_strain.law: psi(F) must be an expression of ufl with one finite value for every F near I (no "
+            f"tensor, no logarithm or root without value), got {type(error).__name__}: {error}"
         ) from error
     if not np.all(np.isfinite([along, sheared])):
         raise InvalidProblem(
@@ -58,3 +63,21 @@ def check_own_energy(problem: Problem) -> None:
             f"finite_strain.law: psi(F) must have the layer's moduli at small strain, young {layer.young:g} Pa and "
             f"poisson {layer.poisson:g}, got {young:.5g} Pa and {poisson:.5g}; change either"
         )
+    _check_invariance(psi)
+
+
+def _check_invariance(psi: Any) -> None:
+    """Raise `InvalidProblem` if an energy changes with rotations of the space or of the material."""
+    generator = np.random.default_rng(0)
+    for _ in range(3):
+        F = np.eye(3) + SHAKEN * generator.uniform(-1.0, 1.0, (3, 3))
+        R = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        R *= np.sign(np.linalg.det(R))
+        values = [float(psi(ufl.as_matrix(each.tolist()))) for each in (np.eye(3), F, R @ F, F @ R)]
+        size = abs(values[1] - values[0])
+        for turned, what in ((values[2], "objective, psi(R F) = psi(F)"), (values[3], "isotropic, psi(F R) = psi(F)")):
+            if not abs(turned - values[1]) <= ALIKE * size:
+                raise InvalidProblem(
+                    f"finite_strain.law: psi(F) must be {what} for every rotation R, got {turned:.6g} and "
+                    f"{values[1]:.6g} Pa for one"
+                )

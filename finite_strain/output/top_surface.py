@@ -68,9 +68,13 @@ def _triangles(squares: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _completed(reduction: Reduction, part: SurfaceFields) -> SurfaceFields:
     """Mirror the simulated part at its symmetry planes and turn it into the scene's frame."""
     count, signs = len(part.reference), reduction.mirror_signs()
+    places = part.reference[part.triangles]
+    (a, b), (c, d) = (places[:, 1] - places[:, 0])[:, :2].T, (places[:, 2] - places[:, 0])[:, :2].T
+    up = np.where((a * d > b * c)[:, None], part.triangles, part.triangles[:, ::-1])  # all normals point up
+    turns = [up if np.prod(s[:2]) > 0.0 else up[:, ::-1] for s in signs]
     return SurfaceFields(
         np.concatenate([reduction.scene_points(part.reference * s) for s in signs]),
         np.concatenate([reduction.scene_points(part.points * s) for s in signs]),
-        np.concatenate([part.triangles + k * count for k in range(len(signs))]),
+        np.concatenate([triangles + k * count for k, triangles in enumerate(turns)]),
         np.tile(part.pressure, len(signs)),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.depth import dent, large_strain_note
+from linear_bem.depth import CHECK_UNITS, dent, large_strain_note
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
 from linear_bem.grid.outline import edge_error, excess_edge
@@ -146,6 +146,7 @@ def solve_height_field(
         deepest = float(np.max(found.displacement[found.pressure > 0.0]))
         base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
         notes = large_strain_note(layer, deepest, base)
+    notes = tuple(note.replace(CHECK_UNITS, "check the units of heights, cell and layer") for note in notes)
     return replace(found, approach=found.approach + lowest, notes=notes)
 
 

@@ -236,7 +236,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
 
 def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], scale: Scale, scene: Scene) -> None:
-    ball = max(balls, key=lambda b: (math.hypot(*b["tangential_force"]), b["normal_force"]))
+    ball = balls[leading_ball(balls)]
     radius = math.sqrt(ball["contact_area"] / math.pi)
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
     places, place = [each.position for each in scene.problem.balls], tuple(ball["position"])

@@ -71,6 +71,8 @@ def of_toml(fault: str, text: str) -> str:
     remedy = "see https://toml.io for the format"
     if fault.startswith(("Cannot overwrite", "Cannot declare")):
         remedy = "a key or a table is given twice: keep one"
+    elif re.search(r"=\s*[-+]?\d+,\d", line):
+        remedy = "write decimals with a point: 0.5"
     elif unquoted := UNQUOTED.fullmatch(line):
         remedy = f'write values with units in quotes: {unquoted[1]} = "{unquoted[2]}"'
     return f"is not TOML: {fault}{f', which reads: {line}' if line else ''}; {remedy}"

@@ -19,7 +19,7 @@ from runs.scene.balls import BallsTable, per_ball
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
-from runs.scene.units import Length, Number, Pressure, Table, Units, Whole, bare_lengths
+from runs.scene.units import Length, Number, Pressure, Table, Units, Whole, unit_notes
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""
@@ -201,14 +201,10 @@ class Scene:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Notes where units may be missing: beside lengths with units, those without, and a very small modulus."""
-        if (units := Units.written(self.data)) is None:
-            return ()
-        young, bare = self.problem.layer.young, bare_lengths(self.data) if units.length.name != "m" else ()
+        young = self.problem.layer.young
         soft = f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?"
-        return (
-            *((soft,) if young < SOFTEST else ()),
-            *(f"{key} is in metres, as it has no unit; other lengths are in {units.length.name}" for key in bare),
-        )
+        is_soft = young < SOFTEST and Units.written(self.data) is not None
+        return (*((soft,) if is_soft else ()), *unit_notes(self.data))
 
     @contextmanager
     def naming_faults(self) -> Iterator[None]:
@@ -240,6 +236,8 @@ def read_scene(path: Path) -> Scene:
             problem = tables.problem()
         except InvalidProblem as error:
             texts += [messages.of_problem(t, data) for t in error.faults if not messages.concerns(t, doubtful)]
+            if not doubtful and any(word in text for text in error.faults for word in ("overlap", "thickness", "deep")):
+                texts += [f"a possible cause: {note}" for note in unit_notes(data)]
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
     effects = [effect.name for effect, _ in tables.effects()]

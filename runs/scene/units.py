@@ -77,7 +77,8 @@ def quantity(value: object, unit: str) -> float:
     kind, example = DIMENSIONS[unit]
     match = NUMBER_AND_UNIT.fullmatch(value)
     if match is None:
-        raise fault(f'must be {kind}: a number in {unit}, or a string such as "{example}"')
+        comma = "; write decimals with a point" if re.match(r"\s*[-+]?\d+,\d", value) else ""
+        raise fault(f'must be {kind}: a number in {unit}, or a string such as "{example}"{comma}')
     plain = float(match["number"])
     if match["unit"] is None:
         if math.isinf(plain):
@@ -90,7 +91,8 @@ def quantity(value: object, unit: str) -> float:
         given = _units().parse_units(name)
         matches = given.is_compatible_with(unit)
     except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
-        raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit') from error
+        power = ", powers are written with ^" if re.search(r"[A-Za-z]\d$", name) else ""
+        raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     converted = float((plain * given).to(unit).magnitude)
@@ -157,16 +159,18 @@ LENGTHS = {
 """Keys of lengths, by table; load steps are lengths only under a given approach."""
 
 
-def bare_lengths(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return "[table] key = value" for the first length without unit of each key; 0 and infinity need none."""
-    found = []
+def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return a note per key with a length without unit, beside lengths in another unit; 0 and infinity need none."""
+    units, found = Units.written(data), list[str]()
+    if units is None or units.length.name == "m":
+        return ()
     steps = ("steps",) if "approach" in data.get("load", {}) else ()
     for table, keys in LENGTHS.items():
         for key in (*keys, *(steps if table == "load" else ())):
             items = _items_of(data.get(table, {}).get(key))
             bare = (v for v in items if isinstance(v, int | float) and v != 0 and math.isfinite(v))
             found += [f"[{table}] {key} = {value:g}" for value in itertools.islice(bare, 1)]
-    return tuple(found)
+    return tuple(f"{key} is in metres, as it has no unit; other lengths are in {units.length.name}" for key in found)
 
 
 def _items_of(value: Any) -> Iterator[Any]:

@@ -64,9 +64,11 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
     for wrong, words in (
         (lambda F: 2 * psi(F), "got 2 Pa and 0.3"),
         (lambda F: psi(F) + ufl.tr(F), "no stress at F = I"),
-        (lambda F: F, "must be an expression of ufl with one value for every F near I, got"),
+        (lambda F: F, "an expression of ufl with one finite value for every F near I .*, got"),
         (lambda F: 3.0, "must grow with the strain, got 3 Pa near F = I"),
-        (lambda F: ufl.ln(ufl.det(F) - 2), "one value for every F near I, got"),
+        (lambda F: psi(F) + 0.1 * (F[0, 1] - F[1, 0]) ** 2, r"must be objective, psi\(R F\) = psi\(F\)"),
+        (lambda F: psi(F) + (ufl.dot(F.T, F)[0, 0] - 1) ** 3, r"must be isotropic, psi\(F R\) = psi\(F\)"),
+        (lambda F: ufl.ln(ufl.det(F) - 2), "one finite value for every F near I .*, got"),
         (lambda F: psi(F) + 0.0 * float("nan"), "must be finite near F = I"),
     ):
         with pytest.raises(InvalidProblem, match=words):

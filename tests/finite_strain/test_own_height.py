@@ -120,6 +120,15 @@ def test_a_function_that_cannot_be_differentiated_is_named_with_what_it_must_be(
         finite_strain.plan(pair(0.1, shape=function))
 
 
+def flat(x: Any, y: Any) -> Any:
+    return 0.0 * (x + y)
+
+
+def test_a_function_that_does_not_rise_is_refused() -> None:
+    with pytest.raises(UnsupportedProblem, match=r"balls\.shape: flat must rise from its lowest point"):
+        finite_strain.plan(pair(0.1, shape=flat))
+
+
 def test_a_run_of_an_own_function_is_never_resumed(tmp_path: Path) -> None:
     """Its name does not say what it computes."""
     plans = [coarse_plan(pair(0.1, shape=shape)) for shape in ("sphere", written_as_a_function)]

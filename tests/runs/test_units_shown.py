@@ -18,7 +18,7 @@ from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
 from runs.reporting import page_of
 from runs.reporting.folder import Folder
-from runs.scene.scene_file import Scene, read_scene
+from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.scene.units import Unit, Units
 
 SCENE = """title = "unlike \\u001b[31mballs [red]"
@@ -66,7 +66,11 @@ def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path
 
 def test_lengths_without_a_unit_beside_others_with_theirs_are_noted(tmp_path: Path) -> None:
     _, _, notes = choose(scene(tmp_path, SCENE.replace('["2.5 mm", "4 mm"]', "[0.0025, 0.004]")))
-    assert notes == ("[balls] radius = 0.0025 is in metres, as it has no unit; other lengths are in mm",)
+    note = "is in metres, as it has no unit; other lengths are in mm"
+    assert notes == (f"[balls] radius = 0.0025 {note}",)
+    with pytest.raises(InvalidScene) as caught:
+        scene(tmp_path, SCENE.replace('["2.5 mm", "4 mm"]', "[2.5, 4]"))
+    assert caught.value.faults[1:] == (f"a possible cause: [balls] radius = 2.5 {note}",)
 
 
 def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:
