@@ -151,7 +151,10 @@ class OwnMesh:
             counts = [len(tagged), len(np.setdiff1d(tagged, there)), len(np.setdiff1d(there, tagged))]
             number, outside, untagged = self.comm.allreduce(np.array(counts))
             if not number:
-                faults.append(f"{mesh}: no facet has the tag {TAGS[name]} ({name}), {self._found(self.facet_tags)}")
+                found = self._found(self.facet_tags)
+                faults.append(
+                    f"{mesh}: no facet has the tag {TAGS[name]} ({name}), {found}; tag those at z = {value:.6g} m"
+                )
             elif outside:
                 rule = "must be flat: balls press into a plane" if name == "top" else "must be flat"
                 faults.append(f"{mesh}: the {name} {rule} z = {value:.6g} m, {outside} of its {number} facets leave it")
@@ -200,7 +203,10 @@ class OwnMesh:
             under = ball.copies * int(np.sum(np.linalg.norm(top - ball.position, axis=1) <= radius))
             where = f"{self.name}: ball {ball.index} at ({ball.position[0]:.6g}, {ball.position[1]:.6g}) m"
             if room < CLEAR * radius:
-                faults.append(f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m")
+                faults.append(
+                    f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m; a mesh of a part of "
+                    "the scene ends at its plane of symmetry x = 0 or y = 0"
+                )
             elif under < LEAST_NODES:
                 faults.append(
                     f"{where} needs at least {LEAST_NODES} corners of elements under its contact, whose radius at full "

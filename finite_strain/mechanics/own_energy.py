@@ -16,6 +16,8 @@ from linear_bem.problem import Problem
 STEP, ALIKE = 1e-3, 1e-3
 """Strain of the differences, whose error is of second order in it; largest accepted relative difference of moduli."""
 
+NEARER, KINKED = 1e-2, 1e-2
+"""Second step of a second difference, over `STEP`, and the largest relative difference of smooth energies."""
 SHAKEN = 0.05
 """Size of the entries of F - I for which rotations are tried."""
 
@@ -27,10 +29,10 @@ def check_own_energy(problem: Problem) -> None:
         return
     layer = problem.layer
 
-    def energy(*entries: tuple[int, int]) -> np.ndarray:
-        """Return the energies at F = I + e with entries -STEP, 0 and STEP of e."""
+    def energy(*entries: tuple[int, int], step: float = STEP) -> np.ndarray:
+        """Return the energies at F = I + e with entries -step, 0 and step of e."""
         values = []
-        for e in (-STEP, 0.0, STEP):
+        for e in (-step, 0.0, step):
             F = np.eye(3)
             for place in entries:
                 F[place] += e
@@ -57,6 +59,13 @@ def check_own_energy(problem: Problem) -> None:
     wanted = layer.lame_first + 2.0 * layer.shear_modulus
     if abs(stress) > ALIKE * wanted:
         raise InvalidProblem(f"finite_strain.law: psi(F) must have no stress at F = I, got {stress:.4g} Pa")
+    near = energy((0, 0), step=NEARER * STEP)
+    bend = (near[2] - 2.0 * near[1] + near[0]) / (NEARER * STEP) ** 2
+    if abs(bend - bends[0]) > KINKED * abs(bends[0]):
+        raise InvalidProblem(
+            f"finite_strain.law: psi(F) must have second derivatives at F = I, got {bends[0]:.5g} Pa over strains of "
+            f"{STEP:g} and {bend:.5g} Pa over {NEARER * STEP:g}; add nothing like a root of a squared strain"
+        )
     if abs(shear - layer.shear_modulus) > ALIKE * layer.shear_modulus or abs(bends[0] - wanted) > ALIKE * wanted:
         young, poisson = shear * (3.0 * lame + 2.0 * shear) / (lame + shear), lame / (2.0 * (lame + shear))
         raise InvalidProblem(

@@ -171,8 +171,8 @@ TERMS = {
 
 
 def error_terms(accuracy: Mapping[str, Any]) -> str:
-    """Return the terms of the error of T at full load: "discretisation 0.3 %, solver 1e-04 %"."""
-    return ", ".join(f"{TERMS.get(k, k)} {100.0 * share:.1g} %" for k, share in (accuracy.get("terms") or {}).items())
+    """Return the terms of the error of T at full load: "discretisation 0.31 %, solver 1e-04 %"."""
+    return ", ".join(f"{TERMS.get(k, k)} {100.0 * share:.2g} %" for k, share in (accuracy.get("terms") or {}).items())
 
 
 def count(number: int, what: str) -> str:

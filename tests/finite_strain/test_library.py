@@ -65,6 +65,7 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
         (lambda F: 2 * psi(F), "got 2 Pa and 0.3"),
         (lambda F: psi(F) + ufl.tr(F), "no stress at F = I"),
         (lambda F: F, "an expression of ufl with one finite value for every F near I .*, got"),
+        (lambda F: psi(F) + 1e-3 * ufl.sqrt((ufl.det(F) - 1) ** 2), "must have second derivatives at F = I, got"),
         (lambda F: 3.0, "must grow with the strain, got 3 Pa near F = I"),
         (lambda F: psi(F) + 0.1 * (F[0, 1] - F[1, 0]) ** 2, r"must be objective, psi\(R F\) = psi\(F\)"),
         (lambda F: psi(F) + (ufl.dot(F.T, F)[0, 0] - 1) ** 3, r"must be isotropic, psi\(F R\) = psi\(F\)"),
