@@ -204,8 +204,8 @@ class OwnMesh:
             where = f"{self.name}: ball {ball.index} at ({ball.position[0]:.6g}, {ball.position[1]:.6g}) m"
             if room < CLEAR * radius:
                 faults.append(
-                    f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m; a mesh of a part of "
-                    "the scene ends at its plane of symmetry x = 0 or y = 0"
+                    f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m; a mesh of a part "
+                    "of the scene ends at its plane of symmetry x = 0 or y = 0"
                 )
             elif under < LEAST_NODES:
                 faults.append(
