@@ -16,6 +16,8 @@ APEX = 1e-12
 """Largest height at the axis, over the radius, that counts as roundoff in a user's body."""
 POINTED = 1e-3
 """Slope at a distance of 1e-9 radii from the axis that only a pointed tip or a tilt exceeds."""
+SAGGING = 1e-6
+"""Second difference along a ray, over the largest one, that counts as roundoff in a convex height."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
 """numpy functions in `SLOPES`, for messages; np.where is excluded, as no error estimate would notice its jumps."""
 
@@ -66,11 +68,13 @@ def _faults_of(body: Indenter) -> list[str]:
             rule = "must be level at the axis: no pointed tip, whose pressure has no limit, and no tilt"
             remedy = "round a tip: np.sqrt(x**2 + y**2 + t**2) - t, or move the axis to the lowest point"
             return [f"balls.shape: {name} {rule}, got a slope of {steep:g} next to the axis; {remedy}"]
-        half = 0.5 * body.apex_radius
-        if not float(np.max(body.height(np.array([half, 0.0]), np.array([0.0, half])))) > 0.0:
-            return [
-                f"balls.shape: {name} must rise from its lowest point: it is flat up to {half:g} m, half the radius"
-            ]
+        rays = 0.5 * body.apex_radius * np.outer(np.exp(2j * np.pi * np.arange(8) / 8.0), np.linspace(0.0, 1.0, 26))
+        heights = body.height(rays.ravel().real, rays.ravel().imag).reshape(rays.shape)
+        bends = np.diff(heights, 2)
+        if not heights.max() > 0.0 or np.min(bends) < -SAGGING * np.abs(bends).max():
+            rule = "must rise from the axis, ever steeper (convex), up to half the radius"
+            worst = np.unravel_index(np.argmin(bends), bends.shape)
+            return [f"balls.shape: {name} {rule}, got another slope {abs(rays[worst[0], worst[1] + 1]):.3g} m away"]
     around = body.apex_radius * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
     lowest = float(np.min(body.height(around.real, around.imag)))
     if lowest < -APEX * body.apex_radius:

@@ -108,7 +108,7 @@ class _Cells:
             if not np.any(mine):
                 raise NotConverged(
                     "grid contact: a ball under a prescribed force lost its contact during the iteration; "
-                    "press the balls less deep or closer to equal depth"
+                    "press the balls less deep or closer to equal depth; an own profile must be convex"
                 )
             approaches[members] += np.average(misfit[mine], weights=None if self.equal else self.area[mine])
 

@@ -124,9 +124,14 @@ def flat(x: Any, y: Any) -> Any:
     return 0.0 * (x + y)
 
 
-def test_a_function_that_does_not_rise_is_refused() -> None:
-    with pytest.raises(UnsupportedProblem, match=r"balls\.shape: flat must rise from its lowest point"):
-        finite_strain.plan(pair(0.1, shape=flat))
+def levelling_off(x: Any, y: Any) -> Any:
+    return 0.05 * (1.0 - np.exp(-10.0 * (x**2 + y**2)))
+
+
+@pytest.mark.parametrize("function", [flat, levelling_off])
+def test_a_function_that_does_not_rise_ever_steeper_is_refused(function: Any) -> None:
+    with pytest.raises(UnsupportedProblem, match=rf"balls\.shape: {function.__name__} must rise from the axis"):
+        finite_strain.plan(pair(0.1, shape=function))
 
 
 def test_a_run_of_an_own_function_is_never_resumed(tmp_path: Path) -> None:
