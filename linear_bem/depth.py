@@ -32,7 +32,7 @@ CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
 
 
 def depth_faults(problem: Problem) -> list[str]:
-    """Return the fault of a load that presses through a layer on a firm base, or a round ball absurdly deep.
+    """Return the fault of a load that presses through a layer on a rigid base, or a round ball absurdly deep.
 
     Under forces approaches are estimated, of single round balls. Found approaches, or those beyond the given ones in a
     table, may exceed the layer's thickness: `large_strain_note` says so.
@@ -66,11 +66,10 @@ def _of_approaches(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
 def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     h, load = problem.layer.thickness, problem.load
     rigid = problem.substrate is None and h < math.inf
-    depths, own = (np.where(is_round, values, 0.0) for values in _expected(problem, radii))
-    deepest, lost = int(np.argmax(own)), int(np.argmax(depths / radii))
-    if own[deepest] >= THROUGH * h > 0.0:
-        ball, base = deepest, "a rigid" if rigid else "its firm"
-        limit = f"{THROUGH:g} times the thickness of the layer on {base} base, {h:g} m"
+    depths = np.where(is_round, _expected(problem, radii), 0.0)
+    deepest, lost = int(np.argmax(depths)), int(np.argmax(depths / radii))
+    if rigid and depths[deepest] >= THROUGH * h:
+        ball, limit = deepest, f"{THROUGH:g} times the thickness of the layer on a rigid base, {h:g} m"
     elif depths[lost] >= ABSURD * radii[lost]:
         ball, limit = lost, f"{ABSURD:g} times its radius, {radii[lost]:g} m"
     else:
@@ -85,11 +84,11 @@ def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     ]
 
 
-def _expected(problem: Problem, radii: Array) -> tuple[Array, Array]:
-    """Return the approach (balls,) [m] of single balls under given forces, and what of it the layer gives (balls,)."""
+def _expected(problem: Problem, radii: Array) -> Array:
+    """Return the approach (balls,) [m] of single balls under given forces."""
     layer, base, values = problem.layer, problem.substrate, np.array(problem.load.values)
     forces = np.broadcast_to(values / (radii.size / values.size), radii.shape)
-    depths, forces, widths = estimates(layer, base, radii, "normal_force", forces)
+    depths = estimates(layer, base, radii, "normal_force", forces)[0]
     if problem.load.kind == "total_force" and depths.min() < depths.max():  # one approach, whose forces add up
 
         def excess(approach: float) -> float:
@@ -97,12 +96,8 @@ def _expected(problem: Problem, radii: Array) -> tuple[Array, Array]:
                 np.sum(estimates(layer, base, radii, "approach", np.full(radii.shape, approach))[1]) - values[0]
             )
 
-        common = np.full(radii.shape, brentq(excess, depths.min(), depths.max()))
-        depths, forces, widths = estimates(layer, base, radii, "approach", common)
-    dents = np.zeros(radii.shape)
-    if base is not None:
-        dents = 0.75 * forces / (base.contact_modulus * np.maximum(widths, layer.thickness))
-    return depths, np.where(depths - dents >= UNSURE * depths, depths - dents, 0.0)
+        depths = np.full(radii.shape, brentq(excess, depths.min(), depths.max()))
+    return depths
 
 
 def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:

@@ -13,7 +13,7 @@ from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, HIGHEST, ORDER, PATH_FINDER, STEP
-from finite_strain.planning.run_plan import RunPlan
+from finite_strain.planning.run_plan import LATEST, RunPlan
 from linear_bem.counts import grouped
 from linear_bem.law import Hyperfoam, Ogden
 
@@ -32,7 +32,7 @@ RANKS = 2
 def first_error(plan: RunPlan) -> float:
     """Return the error of T that `FIRST` will reach: large if contacts come near the sides of their blocks."""
     box, problem = plan.box(FIRST), plan.problem
-    room = min(1.0 - zone.contact_radius / zone.half_width for zone in box.zones)
+    room = min(1.0 - min(zone.contact_radius / zone.half_width, LATEST) for zone in box.zones)
     constant = REACHED * (ALONE_REACHED if problem.size == 1 else 1.0)
     constant *= MIXED_REACHED if "mixed" in describe_forms(problem).values() else 1.0
     return float(constant * plan.deepest ** (2.0 / 3.0) / (room * (len(box.levels()[0]) - 1) ** 2))

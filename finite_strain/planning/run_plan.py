@@ -1,11 +1,12 @@
 """The plan of a finite-element run: symmetry, load steps, the box to mesh, and the number of unknowns."""
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 
-from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, with_expressions
+from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, known_shape, with_expressions
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -187,17 +188,13 @@ def plan_run(
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     expected = load.expected()
+    if load.forces_given and problem.finite_strain is not None:  # under approaches bodies that overlap are refused
+        _check_apart(problem, expected)
     reduction, given = (reduce_scene(problem), None) if fit is None else fit(problem, expected)
     plan = RunPlan(
         problem, reduction, goals, tangential_force, budget or Budget(), numerics, tuple(expected),
         choose_extent(problem, expected, tangential_force), given,
     )  # fmt: skip
-    wide = [] if given else [zone for zone in plan.box(FIRST).zones if zone.contact_radius >= zone.half_width]
-    if wide:
-        raise UnsupportedProblem(
-            f"load.{problem.load.kind}, balls.positions: a contact about {wide[0].contact_radius:.3g} m in radius does "
-            f"not fit between the balls, where it has {wide[0].half_width:.3g} m; press less, or move the balls apart"
-        )
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:
         said = f"the coarsest mesh with an error estimate has about {grouped(float(f'{least:.2g}'))} unknowns"
@@ -209,6 +206,19 @@ def plan_run(
             "these distances; take a thinner layer or nearer balls, use linear_bem, or set accuracy.unknowns"
         )
     return plan
+
+
+def _check_apart(problem: Problem, expected: Sequence[Indentation]) -> None:
+    """Raise `UnsupportedProblem` if the expected contacts of two round balls meet."""
+    radii = [0.0 if edge_of(known_shape(b)) else e.contact_radius for b, e in zip(problem.balls, expected, strict=True)]
+    for i, j in itertools.combinations(range(problem.size), 2):
+        distance = math.dist(problem.balls[i].position, problem.balls[j].position)
+        if radii[i] + radii[j] >= distance:
+            raise UnsupportedProblem(
+                f"load.{problem.load.kind}, balls.positions: the contacts of balls {i} and {j}, about {radii[i]:.3g} "
+                f"and {radii[j]:.3g} m in radius, would meet at a distance of {distance:.3g} m; press less, or move "
+                "the balls apart"
+            )
 
 
 def model_of(problem: Problem) -> str:

@@ -148,15 +148,15 @@ def test_a_force_that_presses_through_the_layer_is_planned_as_the_deepest_approa
     assert [state.approach for state in plan.expected] == pytest.approx([LARGEST_APPROACH * 1.16] * 2, rel=1e-4)
     assert forecast(plan)["seconds"] > 0.0
     with pytest.raises(InvalidProblem, match=r"^load\.force\[0\]: must press a ball less deep than 2 times"):
-        plan_run(problem.with_load("force", (50.0, 50.0)), 0.1, "finite_strain")
+        plan_run(replace(problem, substrate=None).with_load("force", (50.0, 50.0)), 0.1, "finite_strain")
     soft = replace(problem, substrate=Elastic(1.0, 0.48)).with_load("force", (1.0, 1.0))  # the base gives most of it
     expected = plan_run(soft, 0.1, "finite_strain").expected
     assert expected == tuple(alone(soft, ball, normal_force=1.0) for ball in soft.balls)
 
 
-def test_contacts_wider_than_the_place_between_balls_are_refused() -> None:
+def test_forces_under_which_contacts_would_meet_are_refused() -> None:
     problem = pair(0.1, thickness=3.0, shape="paraboloid").with_load("force", (4.0, 4.0))
-    with pytest.raises(UnsupportedProblem, match=r"^load\.force, balls\.positions: a contact about 1\.\d+ m in radius"):
+    with pytest.raises(UnsupportedProblem, match=r"^load\.force, balls\.positions: the contacts of balls 0 and 1"):
         plan_run(replace(problem, finite_strain=FiniteStrain()), 0.1, "finite_strain")
 
 

@@ -126,6 +126,6 @@ def test_lengths_of_a_cell_are_reported_in_the_scenes_unit(
         text = text.replace("[accuracy]\ntangential_force = 1e-2\n", "")
     with pytest.raises(InvalidScene) as caught:
         read_scene(written(tmp_path, text))
-    (fault,) = caught.value.faults
+    fault = caught.value.faults[0]
     assert says[bool(more) and len(says) > 1] in fault
     assert " m;" not in fault
