@@ -11,14 +11,15 @@ from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
 from runs.evolution.drift import Drift
+from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.evolving import TABLES, balls_of, start
-from runs.evolution.forces import DirectForces
+from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.evolution.outcome import COARSER
 from runs.evolution.pair_table import DEPTHS
 from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, PAIR_ACCURACY, kinds, point_loads, table_of
 from runs.look_ahead import MEMORY, measured
-from runs.models import MODELS, ONE, TWO, Model, as_command, planned_runs
+from runs.models import COMMAND_SECONDS, MODELS, ONE, TWO, Model, as_command, planned_runs
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
@@ -27,14 +28,16 @@ STEPS, CROWD, COARSE, FINER = 5.5, 600.0, 1e-4, 1.0 / 3.0
 more slowly; exponent of the tolerance. Six paths of 25 to 200 balls took 0.4 to 1.4 times as many steps, one of 30 took
 ten times as many; 1000 balls took 1400 where they gather, but 120 to 1100 where they keep apart."""
 PATIENCE = 3.0
-"""Time [s] that a path is followed to count and time its steps."""
+"""Time [s] that a path is followed to count its steps, by point loads, and to time them, by the run's own forces."""
 LATER, TOUCHING = 1.0, 40
 """Extra time of later steps over the time of the first ones, when fewer balls touch; number of balls from which it
 applies (for fewer balls, in proportion)."""
-EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 20.0
-"""Evaluations of the forces per step; time of the full model next to a solved state over that of a first solution, for
-more than `IN_ONE_FILE` balls (for fewer it is measured: 0.01 to 0.04); number of times that the search for an
-equilibrium evaluates T at two values of each coordinate."""
+EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 8.0
+"""For direct forces: evaluations per step, and time of one next to a solved state over that of a first solution, where
+more than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates
+T at two values of each coordinate."""
+OVERHEAD = 0.8
+"""Time [s] of a command without finite elements beside its parts, on the reference machine: imports and files."""
 PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
 """Time of the pictures [s]: constant part, per ball that is drawn individually, and per path."""
 
@@ -65,17 +68,18 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
         usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
         steps = max(steps, min(usual, steps * sliding.end / path.sigma))
     later = 1.0 if path.ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
-    evaluation = _evaluation(scene, problem, solution) if direct and steps else 0.0
-    step = EVALUATIONS * evaluation if direct else later * path.seconds / max(path.steps, 1)
+    step, nearby = later * path.seconds / max(path.steps, 1), 0.0
+    if direct:
+        step, nearby = _direct(scene, problem, solution) if steps else (0.0, 0.0)
     # a coarser path is for the error of the positions
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
     parts = {
         "table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"],
         "paths": paths * steps * step,
-        # the full model, and by it the forces if they are direct
-        "check": (4.0 if direct else 2.0) * solution if model.name != "finite_strain" and size <= MEASURED else 0.0,
-        "equilibrium": SEARCH * 4.0 * drawn * evaluation if "rolling_resistance" not in scene.drift else 0.0,
+        # the full model, and once more for the first state if the forces are direct
+        "check": (3.0 if direct else 2.0) * solution if model.name != "finite_strain" and size <= MEASURED else 0.0,
+        "equilibrium": SEARCH * 4.0 * drawn * nearby if "rolling_resistance" not in scene.drift else 0.0,
         "pictures": slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble),
     }
     alone = sum(parts.values())
@@ -83,7 +87,7 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     if table is not None:
         cost = table | {"processor_seconds": alone, "seconds": alone - parts["table"] + table["seconds"]}
     counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": path.ended}
-    return {**counted, "parts": parts, **as_command(cost)}
+    return {**counted, "parts": parts, **as_command(cost, OVERHEAD if table is None else COMMAND_SECONDS)}
 
 
 def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) -> str:
@@ -130,15 +134,32 @@ def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
 
 def _path(scene: Scene, problem: Problem) -> Followed:
     """Follow the first path by point loads, until the patience ends."""
-    sliding, balls = scene.reciprocation, balls_of(scene)
-    assert sliding is not None
     depths = np.array(DEPTHS) * max(problem.load.values)
 
     def estimated(ball: Ball) -> list[float]:
         return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths))
 
+    return _followed(scene, problem, point_loads(problem, balls_of(scene).cell, estimated))
+
+
+def _direct(scene: Scene, problem: Problem, solution: float) -> tuple[float, float]:
+    """Return the times [s] of a step by the full model and of its forces next to a state that it has solved."""
+    if problem.size > IN_ONE_FILE:
+        return EVALUATIONS * WARM * solution, WARM * solution
+    forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
+    path = _followed(scene, problem, forces)
+    forces(problem.positions)
+    begun = time.process_time()
+    forces(problem.positions * (1.0 + DIFFERENCE))
+    return path.seconds / max(path.steps, 1), time.process_time() - begun
+
+
+def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
+    """Follow the first path by ``forces`` until the patience ends; the time of the first state does not count."""
+    sliding, balls = scene.reciprocation, balls_of(scene)
+    assert sliding is not None
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
-    drift = Drift(point_loads(problem, balls.cell, estimated), balls, tolerance, sliding.rest)
+    drift = Drift(forces, balls, tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
     next(moments)
     begun, spent = time.process_time(), 0.0
@@ -147,17 +168,3 @@ def _path(scene: Scene, problem: Problem) -> Followed:
         if spent > PATIENCE and not moment.resting:
             return Followed(drift.steps, spent, moment.sigma, ended=False)
     return Followed(drift.steps, spent, sliding.end, ended=True)
-
-
-def _evaluation(scene: Scene, problem: Problem, solution: float) -> float:
-    """Return the time [s] of the full model for T next to a state that it has already solved."""
-    if problem.size > IN_ONE_FILE:
-        return WARM * solution
-    sliding = scene.reciprocation
-    assert sliding is not None
-    forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
-    x = start(balls_of(scene), problem.positions, sliding, 0)
-    forces(x)
-    begun = time.process_time()
-    forces(x * (1.0 + 1e-3))
-    return time.process_time() - begun

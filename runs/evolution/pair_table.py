@@ -176,7 +176,8 @@ class PairTable:
             if ranks.is_root():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(self.path, to_json(self.data))
-                left = f", about {duration(seconds * self.missing)} left" if self.missing else ""
+                # one ball alone is solved at all depths: its time says nothing about that of a pair
+                left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""
                 print_status(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}{left}")
 
         if states.single is None:

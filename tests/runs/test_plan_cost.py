@@ -59,16 +59,18 @@ def test_direct_forces_are_planned_with_the_search_for_an_equilibrium(monkeypatc
     model, direct = MODELS["linear_bem"], dataclasses.replace(given, drift=drift)
     path = expectation.Followed(10, 1e-3, given.reciprocation.end, ended=True)
     monkeypatch.setattr(expectation, "_path", lambda *_: path)
+    timed = expectation.Followed(6, 3.0, 0.1 * path.sigma, ended=False)
+    monkeypatch.setattr(expectation, "_followed", lambda *_: timed)
     parts = expectation.expectation(direct, model, direct.problem, 10.0)["parts"]
     assert parts["table"] == 0.0
-    assert parts["check"] == 40.0
-    assert 0.0 < parts["equilibrium"] < 20.0 * 4 * 2 * 5.0  # next to a known state T takes less than half of a solution
-    # in ten steps forces are evaluated 46 times
-    assert parts["paths"] == pytest.approx((1.0 + 0.1 ** (1 / 3)) * 46 * parts["equilibrium"] / 160.0)
+    assert parts["check"] == 30.0
+    assert 0.0 < parts["equilibrium"] < 8.0 * 4 * 2 * 5.0  # next to a known state T takes less than half of a solution
+    # ten steps, by point loads, of half a second each, by direct forces
+    assert parts["paths"] == pytest.approx((1.0 + 0.1 ** (1 / 3)) * 10 * 0.5)
     monkeypatch.setattr(expectation, "IN_ONE_FILE", 1)  # not solved for the plan
     many = expectation.expectation(direct, model, direct.problem, 10.0)["parts"]
     assert many["equilibrium"] == 0.0
-    assert many["paths"] == pytest.approx(46 * 3.5)
+    assert many["paths"] == pytest.approx(46 * 3.5)  # in ten steps forces are evaluated 46 times
 
 
 def test_a_run_takes_the_time_of_its_own_ranks() -> None:
