@@ -28,6 +28,7 @@ from linear_bem.indenter import Cone, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
+from linear_bem.profiles import unit_notes
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
@@ -121,7 +122,8 @@ def solve_contact(
     require_memory(problem)
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
-    notes = (*_large_strain_notes(contacts), *(answer.notes or small_force_note(contacts, answer.error, accuracy)))
+    of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
+    notes = (*unit_notes(problem), *_large_strain_notes(contacts), *of_error)
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)

@@ -58,7 +58,10 @@ def check_own_energy(problem: Problem) -> None:
     shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0
     wanted = layer.lame_first + 2.0 * layer.shear_modulus
     if abs(stress) > ALIKE * wanted:
-        raise InvalidProblem(f"finite_strain.law: psi(F) must have no stress at F = I, got {stress:.4g} Pa")
+        raise InvalidProblem(
+            f"finite_strain.law: psi(F) must have no stress at F = I, got {stress:.4g} Pa; subtract a term with the "
+            "same stress there, as mu ln J in mu/2 (I1 - 3) - mu ln J"
+        )
     near = energy((0, 0), step=NEARER * STEP)
     bend = (near[2] - 2.0 * near[1] + near[0]) / (NEARER * STEP) ** 2
     if abs(bend - bends[0]) > KINKED * abs(bends[0]):

@@ -239,8 +239,9 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     ball = balls[leading_ball(balls)]
     radius = math.sqrt(ball["contact_area"] / math.pi)
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
-    places, place = [each.position for each in scene.problem.balls], tuple(ball["position"])
-    whose = f", on ball {places.index(place)}" if len(places) > 1 and place in places else ""
+    problem, place = scene.problem, tuple(ball["position"])
+    places = [each.position for each in (*problem.balls, *problem.in_cell().balls)]  # a part of a cell is moved into it
+    whose = f", on ball {places.index(place) % problem.size}" if problem.size > 1 and place in places else ""
     say(f"expected by the linear model{whose}:", "bold")
     say(
         f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "

@@ -67,6 +67,8 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
 @look()
 def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write structure.png and .svg: cluster size and coordination, and hexatic order, over cycles."""
+    from matplotlib.ticker import LogFormatter  # noqa: PLC0415  (slow to load)
+
     cycle = np.array([row["cycle"] for row in rows])
 
     def column(name: str) -> Array:
@@ -76,6 +78,8 @@ def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     clusters.plot(cycle, column("cluster_mean"), color=BLUE, label="balls in the cluster of a ball, mean")
     clusters.plot(cycle, 1.0 + column("coordination"), color=ORANGE, label="1 + contacts of a ball, mean")
     clusters.set(xlabel="cycles", yscale="log")
+    clusters.yaxis.set_major_formatter(LogFormatter())
+    clusters.yaxis.set_minor_formatter(LogFormatter())
     clusters.legend()
     order.plot(cycle, column("hexatic_local"), color=GREEN, label="mean of |psi_6|")
     order.plot(cycle, column("hexatic_global"), color=PURPLE, label="|mean of psi_6|")

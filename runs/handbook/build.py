@@ -58,8 +58,8 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     (sources / "live_widget.html").write_text(widget.html(), encoding="utf-8")
     if run_tutorials:
         for tutorial in tutorials():
-            text = Tutorial(tutorial, sources.parent / "work").run()
             copy = sources / "tutorials" / tutorial.name
+            text = Tutorial(tutorial, sources.parent / "work", copy.parent).run()
             copy.with_suffix(".ipynb").write_text(notebook(text), encoding="utf-8")
             copy.write_text(f"{text}\n{{download}}`This page as a notebook <{copy.stem}.ipynb>`\n", encoding="utf-8")
     originals = {sources / page: ROOT / name for name, page in ELSEWHERE.items()}

@@ -12,7 +12,8 @@ FENCED = re.compile(
     r"^```(?P<language>toml|sh|python)\n(?P<code>.*?)^```$(?P<printed>(?:\n+^```(?:text|none)\n.*?^```$)*)", re.S | re.M
 )
 FENCE = re.compile(r"^```.*\n?", re.M)
-LINK = re.compile(r"\[([^\]]*)\]\((?!https?:)[^)]*\)")
+LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?!https?:)[^)]*\)")
+PICTURE = re.compile(r'!\[([^\]]*)\]\(\S+ "([^"]*)"\)')
 ROLE = re.compile(r"\{[a-z:]+\}(`[^`]*`)")
 
 
@@ -32,7 +33,8 @@ def notebook(page: str) -> str:
 
 
 def _cell(kind: str, text: str) -> dict[str, Any]:
-    plain = ROLE.sub(r"\1", LINK.sub(r"\1", text)).strip() if kind == "markdown" else text.rstrip()
+    own = PICTURE.sub(r"![\1](\2)", text)  # as the cells before write it
+    plain = ROLE.sub(r"\1", LINK.sub(r"\1", own)).strip() if kind == "markdown" else text.rstrip()
     return {"cell_type": kind, "metadata": {}, "source": plain.splitlines(keepends=True)}
 
 

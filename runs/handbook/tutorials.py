@@ -1,12 +1,14 @@
 """Runs the tutorials: writes their files, runs their commands and Python blocks in order, and inserts the output.
 
 In a page, a fenced block ``toml`` whose first line is ``# NAME.toml`` is a file of that name; ``sh`` holds commands,
-``python`` a separate script. An empty block ``output`` after one of these is filled with its output.
-``sh`` blocks with the first line ``# not run here`` are not run.
+``python`` a separate script. An empty block ``output`` after one of these is filled with its output. A block
+``picture`` becomes a picture that the blocks before it have written: its first line is the file, its second describes
+it. ``sh`` blocks with the first line ``# not run here`` are not run.
 """
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -15,7 +17,7 @@ from itertools import groupby
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(?P<language>toml|sh|python|output|picture)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 NOT_RUN = "# not run here"
 WIDTH = 200
 """Width of the blocks' terminal in columns; pages wrap sentences themselves."""
@@ -29,10 +31,11 @@ class TutorialFailed(Exception):
 
 @dataclass
 class Tutorial:
-    """One page, run in ``folder``; pages with the same folder share their runs."""
+    """One page, run in ``folder``; pages with the same folder share their runs. ``pictures`` receives its pictures."""
 
     page: Path
     folder: Path
+    pictures: Path
 
     def run(self) -> str:
         """Return the page with the output of its blocks; raises `TutorialFailed`."""
@@ -53,9 +56,17 @@ class Tutorial:
                 self._printed = self._stdout([sys.executable, "-c", text], block)
             case "output":
                 return _shown(self._printed)
+            case "picture":
+                return self._picture(*text.splitlines())
             case _:
                 return block[0].replace(NOT_RUN + "\n", "")
         return block[0]
+
+    def _picture(self, file: str, description: str) -> str:
+        """Return the picture, whose title is its file in the run's folder."""
+        copy = self.pictures / f"{self.page.stem}-{Path(file).name}"
+        shutil.copy(self.folder / file, copy)
+        return f'![{description}]({copy.name} "{file}")'
 
     def _stdout(self, command: list[str], block: re.Match[str]) -> str:
         done = subprocess.run(

@@ -52,7 +52,8 @@ class LoadTable(Table):
         try:
             steps = quantities(list(self.steps), unit)
         except PydanticCustomError as error:
-            raise InvalidProblem(f"load.steps: must hold values {what}: {error.message()}") from None
+            remedy = "" if unit else "; write steps = [0.25, 0.5]"
+            raise InvalidProblem(f"load.steps: must hold values {what}: {error.message()}{remedy}") from None
         if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
             written = ", ".join(str(step) for step in self.steps) or "none"
             raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")

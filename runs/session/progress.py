@@ -18,6 +18,8 @@ LAST_OF_SEARCH = 0.9
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
 SMALL_STRAIN = "small strain"
 """Last words of a mesh's name where its states at small strain are solved."""
+SOON = 0.5
+"""Time left [s] below which no estimate is printed: after a saved mesh the next one may not be planned yet."""
 EVERY = 2.0
 """Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")
@@ -155,8 +157,8 @@ class Progress:
 
     def _times(self) -> str:
         """Return the time passed and left: "12 s in all, about 40 s left"."""
-        left = self.clock.left
-        return f"{duration(self.clock.elapsed)} in all" + (f", about {duration(left)} left" if left else "")
+        left = self.clock.left or 0.0
+        return f"{duration(self.clock.elapsed)} in all" + (f", about {duration(left)} left" if left > SOON else "")
 
     def _line(self, step: Step) -> str:
         balls = [ball.to_dict() for ball in step.balls]

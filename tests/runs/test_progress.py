@@ -104,7 +104,12 @@ def run(expected: tuple[float, ...]) -> None:
         progress.step_done(STEP, lambda: None)
 
 
-def test_lines_tell_the_time_passed_and_left(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lines_tell_the_time_passed_and_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run((10.0, 30.0))
+    assert "0.0 s left" not in capsys.readouterr().err
+    monkeypatch.setattr("runs.session.progress.SOON", 0.0)
     run((10.0, 30.0))
     coarse, later, main, step = capsys.readouterr().err.splitlines()
     assert coarse.startswith("coarse mesh: 50 % of the load   0.0 s in all, about 40 s left")

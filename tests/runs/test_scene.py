@@ -87,6 +87,7 @@ def test_load_steps_of_unlike_loads_are_plain_fractions(tmp_path: Path) -> None:
     unlike = PAIR.replace('approach = "1.5 mm"', 'approach = ["1 mm", "2 mm"]\nsteps = ["0.5 mm"]')
     (fault,) = faults(tmp_path, unlike)
     assert "[load] steps: must hold values between 0 and 1, fractions of the unlike loads" in fault
+    assert fault.endswith("write steps = [0.25, 0.5]")
 
 
 def test_lists_hold_one_value_per_ball(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ TUTORIALS_OF_SECONDS = ("many_balls", "pair_on_rubber", "rough_or_layered")
 
 @pytest.mark.parametrize("name", TUTORIALS_OF_SECONDS)
 def test_a_tutorial_runs_as_printed(name: str, tmp_path: Path) -> None:
-    page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
+    page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path, tmp_path).run()
     assert "```output" not in page
     assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)), "a block printed nothing"
 
@@ -28,7 +28,7 @@ def test_a_tutorial_that_fails_names_page_and_line(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# Title\n\n```sh\nthirdbody solve no_such_scene.toml\n```\n", encoding="utf-8")
     with pytest.raises(TutorialFailed, match=r"page\.md:3: exit code 2"):
-        Tutorial(page, tmp_path / "work").run()
+        Tutorial(page, tmp_path / "work", tmp_path).run()
 
 
 @pytest.mark.slow
@@ -36,7 +36,7 @@ def test_the_tutorials_at_finite_strain_share_one_run(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     pytest.importorskip("meshio")
     for name in ("how_deep", "post_processing"):
-        page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
+        page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path, tmp_path).run()
         assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
 
 
@@ -44,7 +44,7 @@ def test_the_tutorials_at_finite_strain_share_one_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["own_law_or_body", "own_mesh"])
 def test_a_tutorial_with_finite_elements_runs_as_printed(name: str, tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
-    page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path).run()
+    page = Tutorial(PAGES / "tutorials" / f"{name}.md", tmp_path, tmp_path).run()
     assert all(re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE))
 
 
@@ -52,7 +52,7 @@ def test_tables_scroll_and_sentences_wrap_and_a_notebook_joins_them(tmp_path: Pa
     page = tmp_path / "page.md"
     lines = ["one", "", "a  b", "\u2500\u2500\u2500\u2500", "1  2", "", "two", "", "three"]
     page.write_text(f"```python\nprint({chr(10).join(lines)!r})\n```\n\n```output\n```\n", encoding="utf-8")
-    text = Tutorial(page, tmp_path / "work").run()
+    text = Tutorial(page, tmp_path / "work", tmp_path).run()
     found = re.findall(r"^```(text|none)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     assert [kind for kind, _ in found] == ["text", "none", "text"]
     assert found[2][1].split() == ["two", "three"]
@@ -61,7 +61,7 @@ def test_tables_scroll_and_sentences_wrap_and_a_notebook_joins_them(tmp_path: Pa
 
 
 def test_the_tutorial_of_nine_balls_gathers_them(tmp_path: Path) -> None:
-    page = Tutorial(PAGES / "tutorials" / "nine_balls.md", tmp_path).run()
+    page = Tutorial(PAGES / "tutorials" / "nine_balls.md", tmp_path, tmp_path).run()
     assert "```output" not in page
     assert (tmp_path / "out" / "nine_balls-evolve-linear_bem" / "evolution.gif").stat().st_size > 0
 
@@ -73,7 +73,7 @@ def test_a_tutorial_is_a_notebook_with_what_its_blocks_printed(tmp_path: Path) -
         "```sh\ncat a.toml\n```\n\n```output\n```\n\n```python\nprint(6 * 7)\n```\n\n```output\n```\n\nEnd.\n",
         encoding="utf-8",
     )
-    written = json.loads(notebook(Tutorial(page, tmp_path / "work").run()))
+    written = json.loads(notebook(Tutorial(page, tmp_path / "work", tmp_path).run()))
     kinds = [cell["cell_type"] for cell in written["cells"]]
     assert kinds == ["markdown", "code", "code", "code", "markdown"]
     said, file, shell, python_, _ = ("".join(cell["source"]) for cell in written["cells"])
@@ -94,6 +94,15 @@ def test_printed_tables_scroll_and_printed_sentences_wrap(tmp_path: Path) -> Non
         "```output\n```\n\n```python\nprint('A sentence about a ball.')\n```\n\n```output\n```\n",
         encoding="utf-8",
     )
-    filled = Tutorial(page, tmp_path / "work").run()
+    filled = Tutorial(page, tmp_path / "work", tmp_path).run()
     assert "```none\nResult(linear_bem" in filled
     assert "```text\nA sentence about a ball." in filled
+
+
+def test_a_picture_is_copied_and_a_notebook_shows_the_one_of_its_run(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```sh\nmkdir out; touch out/a.png\n```\n\n```picture\nout/a.png\nA view\n```\n", encoding="utf-8")
+    text = Tutorial(page, tmp_path / "work", tmp_path).run()
+    assert '![A view](page-a.png "out/a.png")' in text
+    assert (tmp_path / "page-a.png").exists()
+    assert "![A view](out/a.png)" in notebook(text)

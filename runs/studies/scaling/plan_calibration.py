@@ -16,6 +16,7 @@ from pathlib import Path
 
 from linear_bem.law import Ogden
 from linear_bem.problem import Ball, FiniteStrain, Problem
+from runs.process.machine import slowness
 from runs.studies.framework.pair import THICK, pair, pressed
 
 ROUGH = 0.3
@@ -64,7 +65,7 @@ def measure(name: str) -> dict[str, float]:
 
 
 def planned(name: str) -> dict[str, float]:
-    """Return the planned values of a case in one process."""
+    """Return the planned values of a case in one process on the reference machine of the plans' constants."""
     from finite_strain.planning.forecast import first_error, forecast  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
@@ -90,6 +91,7 @@ def main() -> None:
         for _ in range(2):
             output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
         found, plan = json.loads(output.splitlines()[-1]), planned(name)
+        plan["seconds"] *= slowness()  # on this machine, as the command says it
         ratios = " | ".join(f"{plan[key] / found[key]:.2f}" for key in found)
         print(
             f"| {name} | {found['unknowns']:.0f} | {found['seconds']:.1f} | {found['memory'] / 1e6:.0f} | {ratios} |",
