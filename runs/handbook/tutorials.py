@@ -64,7 +64,7 @@ class Tutorial:
 
     def _picture(self, file: str, description: str) -> str:
         """Return the picture, whose title is its file in the run's folder."""
-        copy = self.pictures / f"{self.page.stem}-{Path(file).name}"
+        copy = self.pictures / f"{self.page.stem}-{file.replace('/', '-')}"
         shutil.copy(self.folder / file, copy)
         return f'![{description}]({copy.name} "{file}")'
 

@@ -101,8 +101,11 @@ def test_printed_tables_scroll_and_printed_sentences_wrap(tmp_path: Path) -> Non
 
 def test_a_picture_is_copied_and_a_notebook_shows_the_one_of_its_run(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("```sh\nmkdir out; touch out/a.png\n```\n\n```picture\nout/a.png\nA view\n```\n", encoding="utf-8")
+    made = "```sh\nmkdir out more; touch out/a.png more/a.png\n```\n\n"
+    shown = "```picture\nout/a.png\nA view\n```\n\n```picture\nmore/a.png\nAnother\n```\n"
+    page.write_text(made + shown, encoding="utf-8")
     text = Tutorial(page, tmp_path / "work", tmp_path).run()
-    assert '![A view](page-a.png "out/a.png")' in text
-    assert (tmp_path / "page-a.png").exists()
+    assert '![A view](page-out-a.png "out/a.png")' in text
+    assert '![Another](page-more-a.png "more/a.png")' in text
+    assert {file.name for file in tmp_path.glob("*.png")} == {"page-out-a.png", "page-more-a.png"}
     assert "![A view](out/a.png)" in notebook(text)
