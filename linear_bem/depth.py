@@ -19,9 +19,9 @@ At 0.43 finite strain already makes T of touching balls 1.8 times as large (stud
 COMPARED_UP_TO = 1.2
 """Approach over a sphere's radius up to which T is compared with finite strain (study `strengthening`, foam)."""
 UNSURE = 0.25
-"""Share of an approach that `dent` may miss: where it leaves the layer less, nothing is said."""
+"""Relative error of `dent`: no note is given where the layer's share of an approach is smaller than this."""
 LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
-"""How the note begins that says so, and what it says of a depth that no small strain could explain."""
+"""First words of the note on large strains, and its words on approaches that layer and base cannot give."""
 THROUGH = 2.0
 """Approach of a single ball over the thickness of a layer on a rigid base from which a force is refused. At finite
 strain, forces that press to 0.87 of the thickness give 1.03 to 1.35 of it here (neo-Hookean layers of 0.6 and 1 R,
@@ -34,8 +34,8 @@ CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
 def depth_faults(problem: Problem) -> list[str]:
     """Return the fault of a load that presses through a layer on a rigid base, or a round ball absurdly deep.
 
-    Under forces approaches are estimated, of single round balls. Found approaches, or those beyond the given ones in a
-    table, may exceed the layer's thickness: `large_strain_note` says so.
+    Under forces the approaches of single round balls are estimated. Approaches that result from forces, or from the
+    extrapolation of a pair table, may exceed the layer's thickness: `large_strain_note` says so.
     """
     is_round = np.array([isinstance(ball.indenter, Sphere | Paraboloid) for ball in problem.balls])
     radii = np.array([ball.radius for ball in problem.balls])
@@ -54,7 +54,7 @@ def _of_approaches(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     if problem.substrate is None and depths[ball] >= h > 0.0:
         return [
             f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, {h:g} m, got "
-            f"{depths[ball]:g} m; press less deep, or add the substrate that gives way"
+            f"{depths[ball]:g} m; reduce the approach, or add the substrate that gives way"
         ]
     return [
         f"load.approach[{ball}]: must be less than {ABSURD:g} times the ball's radius, {radii[ball]:g} m, got "

@@ -9,12 +9,9 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.dual import APEX, slope
 from linear_bem.errors import InvalidProblem
-from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
-from linear_bem.problem import Ball, Problem
+from linear_bem.indenter import Indenter, Paraboloid, Sphere
+from linear_bem.problem import Ball
 
-USUAL = (1e-3, 10.0)
-"""Height of a profile at a distance of half the radius, over the radius, outside which its unit is doubted; 1/8 for a
-paraboloid."""
 Value = TypeVar("Value", float, Array)
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
@@ -102,18 +99,3 @@ def mean_height(ball: Ball, radius: float) -> float:
     angle = 2.0 * np.pi * (np.arange(16) + 0.5) / 16.0
     x0, y0 = ball.position
     return float(np.mean(height(ball)(x0 + radius * np.cos(angle), y0 + radius * np.sin(angle))))
-
-
-def unit_notes(problem: Problem) -> tuple[str, ...]:
-    """Return a note on the first own profile that is far flatter or steeper than its ball's radius, if any."""
-    for number, ball in enumerate(problem.balls):
-        if isinstance(ball.indenter, Indenter) and not isinstance(ball.indenter, HeightFunction):
-            continue
-        with np.errstate(all="ignore"):  # it may end before
-            raised = mean_height(ball, 0.5 * ball.radius)
-        if math.isfinite(raised) and not USUAL[0] * ball.radius <= raised <= USUAL[1] * ball.radius:
-            return (
-                f"the own profile of ball {number} is {raised:.3g} m high at half its radius of {ball.radius:g} m from "
-                "the axis; check that it takes and returns metres",
-            )
-    return ()

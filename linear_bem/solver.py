@@ -24,11 +24,10 @@ from linear_bem.error_estimate import (
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
-from linear_bem.indenter import Cone, Paraboloid, Sphere
+from linear_bem.indenter import Cone, HeightFunction, Indenter, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.problem import Problem
-from linear_bem.profiles import unit_notes
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
@@ -123,10 +122,23 @@ def solve_contact(
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
     of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
-    notes = (*unit_notes(problem), *_large_strain_notes(contacts), *of_error)
+    notes = (*_wide_notes(contacts), *_large_strain_notes(contacts), *of_error)
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
+
+
+def _wide_notes(contacts: Contacts) -> tuple[str, ...]:
+    """Return a note on the first own profile whose contact is wider than its ball, as if one were in another unit."""
+    radii = np.sqrt(contacts.contact_areas / np.pi)
+    for number, (ball, radius) in enumerate(zip(contacts.problem.balls, radii, strict=True)):
+        own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
+        if own and radius > ball.radius:
+            return (
+                f"the contact of ball {number} is wider than the ball: a radius of {radius:.3g} m, against its radius "
+                f"of {ball.radius:g} m; if that is not intended, check the units in its own profile and of the radius",
+            )
+    return ()
 
 
 def _large_strain_notes(contacts: Contacts) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def top(version: Annotated[bool, typer.Option("--version", help="Print the versi
 
 @contextlib.contextmanager
 def read(file: Path) -> Iterator[Scene]:
-    """Read a scene, whose faults found later name the file; show the elapsed time if reading takes long."""
+    """Read a scene; errors found in it later name the file, too. Show the elapsed time if reading takes long."""
     with waiting(f"reading {file}") if ranks.is_root() else contextlib.nullcontext():
         scene = read_scene(file)
     with scene.naming_faults():

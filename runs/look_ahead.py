@@ -1,4 +1,4 @@
-"""The linear solution behind a plan: of all balls or of some, with time and memory of the solution of all."""
+"""Solves all balls or some by the linear model, for a plan, and estimates time and memory of all."""
 
 import dataclasses
 import time
@@ -18,8 +18,8 @@ from runs.display.numbers import leading_ball
 from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
 
 CLOSE, ABOUT = 7, 5
-"""Number of balls up to which advice considers the whole scene; with more balls, it considers the second number: the
-ball with the largest T and its nearest neighbours."""
+"""Number of balls up to which advice is on the whole scene; number of balls in the advice on larger scenes: the ball
+with the largest T and its nearest neighbours."""
 FEW, MANY = 12, 120
 """Balls about the middle that a plan solves if the scene has more; `MANY` if more than `CHECKED` balls are loaded.
 Without the sample, time is proportional to the number of balls."""

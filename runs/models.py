@@ -54,7 +54,7 @@ class Run:
 
 
 TWO, ONE = "two idle cores (mpirun -n 2)", "one (without mpirun)"
-"""What the times of a plan are for."""
+"""Words for the two numbers of cores for which a plan gives times."""
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
 """Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
 with the linear model; memory [bytes]."""
@@ -106,12 +106,15 @@ def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run
     """Return a solver of a linear model that solves every load fraction of its run independently."""
 
     def along(problem: Problem, run: Run) -> Result:
-        steps = []
+        steps, seconds, iterations = [], 0.0, 0
         for fraction in load_path(problem) if run.steps is None else run.steps:
             values = [fraction * value for value in problem.load.values]
             result = solve(problem.with_load(problem.load.kind, values), run)
             steps.append(Step(result.balls, {"fraction": fraction}))
-        return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps))
+            seconds += result.solved.seconds
+            iterations += result.solved.iterations
+        solved = dataclasses.replace(result.solved, seconds=seconds, iterations=iterations)
+        return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps), solved=solved)
 
     return along
 
@@ -198,7 +201,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
         )
     nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
     if nowhere:
-        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model has it yet; remove the table")
+        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model supports it; remove the table")
     if asked is None:
         model = next(m for m in MODELS.values() if wanted <= m.effects and m.called_for_by <= wanted)
         return model, scene.problem, scene.doubts

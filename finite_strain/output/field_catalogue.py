@@ -19,21 +19,17 @@ class Field:
     meaning: str
 
 
-_RECOVERED = (
-    "its values in the cells that share a node, averaged over those of a region by the volume that they have there; "
-    "where layer and substrate meet, the layer's"
-)
-_ALIKE = "averaged like the Cauchy stress"
+_RECOVERED = "at a node the mean over its cells, weighted by volume; where layer and substrate meet, the layer's"
 CATALOGUE = {
     "displacement": Field("m", "Vector", (3,), "displacement of the material point, as solved for"),
     "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress, z upwards, tension > 0; {_RECOVERED}"),
     "von_mises": Field("Pa", "Scalar", (), "von Mises' equivalent stress of the written Cauchy stress"),
     "pressure": Field("Pa", "Scalar", (), "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
     "volume_ratio": Field(
-        "1", "Scalar", (), f"J, deformed over undeformed volume (at small strain 1 + trace of the strain); {_ALIKE}"
+        "1", "Scalar", (), f"J, deformed over undeformed volume (at small strain 1 + trace of the strain); {_RECOVERED}"
     ),
     "principal_stretches": Field(
-        "1", "Vector", (3,), f"principal stretches, largest first (at small strain 1 + principal strains); {_ALIKE}"
+        "1", "Vector", (3,), f"principal stretches, largest first (at small strain 1 + principal strains); {_RECOVERED}"
     ),
     "contact_pressure": Field(
         "Pa", "Scalar", (),

@@ -1,6 +1,6 @@
 """Estimates of processor time and memory of a run before it starts, as powers of its number of unknowns n.
 
-Times are fitted to each mesh of 45 runs by one process, those of ``python -m runs.studies.scaling.plan_calibration``
+Times are fitted to each mesh of 45 runs by one process, those of ``python -m tests.runs.plan_calibration``
 and similar ones (2 to 45 thousand unknowns, 0.05 R to 0.4 R deep); they are met within a factor 1.7, whole runs within
 1.45. Forms are assumed compiled (the first run of a kind takes half a minute more). Memory is that of the calibration's
 cases: elements' data grow as n, factors by nested dissection as n^(4/3).

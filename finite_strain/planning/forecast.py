@@ -21,8 +21,8 @@ REACHED, MIXED_REACHED, ALONE_REACHED = 0.11, 0.5, 0.4
 """Constant of `first_error`, from 117 runs of 0.02 R to 1.4 R, including the studies `stability` and `strengthening`;
 factors on it in the mixed form, and for one ball, whose force or approach counts."""
 SCATTER, LEAST = 0.58, 0.02
-"""Standard deviation of the logarithm of the error reached over `first_error`, measured by `plan_errors` of
-``runs.studies.scaling``; least probability at which another number of meshes is reported."""
+"""Standard deviation of the logarithm of the error reached over `first_error`, measured by ``python -m
+tests.runs.plan_errors``; least probability at which another number of meshes is reported."""
 HIGHER = 0.27
 """Error of order 4 over that of order 3: the median of 30 runs, half of them within 0.14 and 0.46."""
 RANKS = 2

@@ -60,8 +60,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
         notes = (*notes, f"the expected values are those of the {part.size} balls about the middle alone")
     advice: list[Advice] = []
     inputs = None
+    leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
     if advises:
-        leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
         advice, inputs, more = _advice(scene, problem, part, ahead, leading, _patience(problem, seconds, begun))
         notes = (*notes, *more)
     document = {
@@ -72,6 +72,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
         "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
         "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
+        "leading_ball": leading,
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
         "warnings": _warnings(problem, ahead),
@@ -227,6 +228,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
 
         memories = {key: memory_words(value) for key, value in evolution.items() if "memory_bytes" in key}
         say(sentence(evolution, document["models"][0]["model"], memories))
+    whose = f", on ball {document['leading_ball']}" if scene.problem.size > 1 else ""
+    say(f"expected by the linear model{whose}:", "bold")
     _look_ahead(say, document["linear_estimate"], scale, scene)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]
@@ -239,10 +242,6 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
     ball = balls[leading_ball(balls)]
     radius = math.sqrt(ball["contact_area"] / math.pi)
     ratio = math.hypot(*ball["tangential_force"]) / ball["normal_force"] if ball["normal_force"] > 0.0 else 0.0
-    problem, place = scene.problem, tuple(ball["position"])
-    places = [each.position for each in (*problem.balls, *problem.in_cell().balls)]  # a part of a cell is moved into it
-    whose = f", on ball {places.index(place) % problem.size}" if problem.size > 1 and place in places else ""
-    say(f"expected by the linear model{whose}:", "bold")
     say(
         f"  D = {scale.both(ball['approach'])}, Q = {scale.units.force(ball['normal_force'])}, "
         f"contact radius {scale.units.length(radius, 3)}, |T| / Q = {number(ratio, 3)}{_sense(scene, balls, ball)}"

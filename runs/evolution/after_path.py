@@ -1,4 +1,4 @@
-"""The results that need the complete path, one after the other: those that are saved are not computed again."""
+"""Computes the results that need the complete path, one after the other; saved ones are used again."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ KEYS = ("direct_check", "balls", "position_error", "equilibrium", "pair_equilibr
 
 
 def saved(earlier: Mapping[str, Any]) -> Document:
-    """Return what a saved document has of them; its balls are the full model's only if that was asked."""
+    """Return those that a saved document has; without a direct check its balls are not the full model's."""
     return {key: earlier[key] for key in KEYS if key in earlier and (key != "balls" or earlier.get("direct_check"))}
 
 

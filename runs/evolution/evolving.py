@@ -1,4 +1,4 @@
-"""The command ``evolve``: the balls of a scene drift for its cycles, and the run folder keeps their path."""
+"""The command ``evolve``: moves the balls of a scene over its cycles, and saves their path in the run folder."""
 
 import platform
 import time
@@ -41,7 +41,7 @@ TABLES = Path("out/pair-tables")
 
 
 def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
-    """Let the balls of ``scene`` drift, save the run and print its outcome."""
+    """Compute the motion of the balls of ``scene``, save the run and print its result."""
     conduct(open_session(scene, asked, options), lambda s: Evolution(s, tables).complete(), showing.show)
 
 
@@ -121,11 +121,11 @@ class Evolution:
         began = time.process_time()
         earlier = self.session.saved
         before = float(earlier.get("solved", {}).get("seconds", 0.0))
-        below = self._common(earlier)
-        record = Record.from_dict(earlier, self.balls, self._folder, below)
+        usable_to = self._usable_to(earlier)
+        record = Record.from_dict(earlier, self.balls, self._folder, usable_to)
         complete = record.ended(self.end)
         found = after_path.saved(earlier) if complete else {}
-        members = {m["seed"]: m for m in earlier.get("ensemble", []) if below == np.inf or _rests(m, below)}
+        members = {m["seed"]: m for m in earlier.get("ensemble", []) if usable_to == np.inf or _rests(m, usable_to)}
         if earlier.get("path"):
             self._tell(self._goes_on(record, complete=complete))
 
@@ -164,10 +164,10 @@ class Evolution:
             raise
         return document(True) | ends, record
 
-    def _common(self, earlier: Mapping[str, Any]) -> float:
-        """Return sigma [m] below which a path saved for another number of cycles equals this one; else infinity.
+    def _usable_to(self, earlier: Mapping[str, Any]) -> float:
+        """Return sigma [m] up to which the saved path can be used; infinity if it is for the same number of cycles.
 
-        Its last step is left out, because the number of cycles cuts that step short.
+        Else its last step is left out, because the number of cycles cuts that step short.
         """
         given = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
         was = earlier.get("cycles", given)  # older versions saved the scene alone

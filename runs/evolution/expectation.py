@@ -11,13 +11,20 @@ from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
 from runs.evolution.drift import Drift
-from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.evolving import TABLES, balls_of, start
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.hard_balls import IN_ONE_FILE
 from runs.evolution.outcome import COARSER
 from runs.evolution.pair_table import DEPTHS
-from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, PAIR_ACCURACY, kinds, point_loads, table_of
+from runs.evolution.providers import (
+    DIRECT_ACCURACY,
+    DIRECT_DIFFERENCE,
+    MEASURED,
+    PAIR_ACCURACY,
+    kinds,
+    point_loads,
+    table_of,
+)
 from runs.look_ahead import MEMORY, measured
 from runs.models import COMMAND_SECONDS, MODELS, ONE, TWO, Model, as_command, planned_runs
 from runs.process.machine import slowness
@@ -30,8 +37,8 @@ ten times as many; 1000 balls took 1400 where they gather, but 120 to 1100 where
 PATIENCE = 3.0
 """Time [s] that a path is followed to count its steps, by point loads, and to time them, by the run's own forces."""
 LATER, TOUCHING = 1.0, 40
-"""Extra time of later steps over the time of the first ones, when fewer balls touch; number of balls from which it
-applies (for fewer balls, in proportion)."""
+"""For pair forces: extra time of later steps over the time of the first ones, when fewer balls touch; number of balls
+from which it applies (for fewer balls, in proportion)."""
 EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 8.0
 """For direct forces: evaluations per step, and time of one next to a solved state over that of a first solution, where
 more than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates
@@ -148,9 +155,11 @@ def _direct(scene: Scene, problem: Problem, solution: float) -> tuple[float, flo
         return EVALUATIONS * WARM * solution, WARM * solution
     forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
     path = _followed(scene, problem, forces)
-    forces(problem.positions)
+    x, aside = problem.positions, np.zeros((problem.size, 2))
+    aside[0, 0] = DIRECT_DIFFERENCE * balls_of(scene).smallest
+    forces(x)
     begun = time.process_time()
-    forces(problem.positions * (1.0 + DIFFERENCE))
+    forces(x + aside)
     return path.seconds / max(path.steps, 1), time.process_time() - begun
 
 

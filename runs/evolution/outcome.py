@@ -40,7 +40,7 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
     if not found["at_rest"]:
         return (
             f"still moving after {cycles:.4g} cycles, to go on raise [reciprocation] cycles and run the same command "
-            f"again; {found['speed']:.2g} of its load drives the fastest ball ({left})"
+            f"again; the fastest ball is driven by {found['speed']:.2g} of its load ({left})"
         )
     holds = [count(contacts, "contact")] if contacts else []
     if rolling > 0.0:
@@ -86,7 +86,7 @@ def position_error(
 
 
 def _interpolation_error(sigma: Array, x: Array) -> float:
-    """Return a bound of the linear interpolation error between kept moments [m], from every second moment."""
+    """Estimate the error of linear interpolation between kept moments [m] by leaving out every second one."""
     if len(x) < 3:
         return 0.0
     skipped = positions_at(sigma[1:-1:2], sigma[::2], x[::2])
@@ -94,7 +94,7 @@ def _interpolation_error(sigma: Array, x: Array) -> float:
 
 
 def momentum(moments: Sequence[Moment]) -> float:
-    """Return the largest |sum of T| over the largest |T| on the path: the weighted centroid's drift."""
+    """Return the largest |sum of T| over the largest |T| on the path; 0 in an exact model."""
     forces = (moment.state.tangential for moment in moments)
     sizes = ((float(np.hypot(*force.sum(axis=0))), float(np.max(np.hypot(*force.T)))) for force in forces)
     return max((total / largest for total, largest in sizes if largest > 0.0), default=0.0)
@@ -161,7 +161,7 @@ def direct_check(
 
 
 def without_pressures(problem: Problem, moment: Moment, full: Sequence[Mapping[str, Any]] = ()) -> list[Document]:
-    """Return the balls of a state with known forces and unknown pressures, which are null.
+    """Return the balls of a state as in a result, with null for pressures and areas: only forces are known.
 
     The error of T is at least its largest difference from the ``full`` linear model's balls, where these are given.
     """

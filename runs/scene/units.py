@@ -156,7 +156,7 @@ LENGTHS = {
     "reciprocation": ("amplitude", "perturbation"),
     "periodic": ("lengths",),
 }
-"""Keys of lengths, by table; load steps are lengths only under a given approach."""
+"""Keys of lengths, by table; load steps are lengths only under one approach of all balls."""
 
 
 def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
@@ -164,7 +164,8 @@ def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
     units, found = Units.written(data), list[str]()
     if units is None or units.length.name == "m":
         return ()
-    steps = ("steps",) if "approach" in data.get("load", {}) else ()
+    alike = len(set(_items_of([data.get("load", {}).get("approach", [])]))) == 1
+    steps = ("steps",) if alike else ()
     for table, keys in LENGTHS.items():
         for key in (*keys, *(steps if table == "load" else ())):
             items = _items_of(data.get(table, {}).get(key))

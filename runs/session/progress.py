@@ -19,7 +19,8 @@ COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(
 SMALL_STRAIN = "small strain"
 """Last words of a mesh's name where its states at small strain are solved."""
 SOON = 0.5
-"""Time left [s] below which no estimate is printed: after a saved mesh the next one may not be planned yet."""
+"""Time left [s] below which no estimate is printed. After a saved mesh the next one is not planned yet, and the
+estimate would be 0."""
 EVERY = 2.0
 """Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")

@@ -254,10 +254,14 @@ def test_bodies_stand_no_closer_than_they_are_wide(body, apart):
 
 def test_an_own_profile_in_another_unit_than_its_radius_is_doubted() -> None:
     def noted(shape) -> list[str]:
-        problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 2e-3, shape),), Load("force", (1e-9,)))
-        return [note for note in solve(problem).solved.notes if "own profile" in note]
+        problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 2e-3, shape),), Load("approach", (1e-4,)))
+        return [note for note in solve(problem).solved.notes if "wider than the ball" in note]
 
-    assert noted(lambda x, y: (x**2 + y**2) / 4e-3) == []
-    (note,) = noted(lambda x, y: (x**2 + y**2) / 4.0)  # radius in mm, lengths in m
-    assert "ball 0 is 2.5e-07 m high" in note
-    assert "metres" in note
+    def ends(x, y):  # a table that knows no more than this
+        if np.max(x**2 + y**2) > 1e-6:
+            raise ValueError("outside the table")
+        return (x**2 + y**2) / 4e-3
+
+    assert noted(lambda x, y: (x**2 + y**2) / 4e-3) == noted(ends) == []
+    (note,) = noted(lambda x, y: (x**2 + y**2) / 4.0)  # its radius of curvature is 2 m
+    assert "ball 0 is wider than the ball: a radius of 0.0141 m, against its radius of 0.002 m" in note

@@ -111,7 +111,7 @@ def test_sentences_of_the_end() -> None:
     assert "the rolling resistance of 0.004 of the load holds the balls" in outcome.rest_sentence(rest, 0, 5.0, 4e-3)
     assert "1 contact holds the balls" in outcome.rest_sentence(rest, 1, 5.0)
     moving = {"at_rest": False, "speed": 5.9e-5, "force_over_load": 3.1e-3}
-    assert "5.9e-05 of its load drives the fastest ball" in outcome.rest_sentence(moving, 0, 100.0)
+    assert "the fastest ball is driven by 5.9e-05 of its load" in outcome.rest_sentence(moving, 0, 100.0)
     begin = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0], [3.0, 4.0]])
     alone = {"contacts": 0, "groups": [1, 1, 1, 1], "positions": (2.0 * begin).tolist()}
     length = Unit("mm", 1e-3)

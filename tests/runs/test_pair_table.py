@@ -89,7 +89,9 @@ def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest
     again.complete()
     assert calls == [2, 2, 3, 4]
     whole = pair_table.PairTable(problem, "linear_bem", dies_after(999), tmp_path / "other", {})
-    whole.complete()
+    said: list[str] = []
+    whole.complete(said.append)
+    assert ["left" in line for line in said] == [False, *[True] * 5, False]  # one ball tells nothing about pairs
     x = np.array([[-1.1, 0.0], [1.1, 0.3]])
     assert again.forces()(x).tangential == pytest.approx(whole.forces()(x).tangential, rel=1e-14)
     assert len(list(tmp_path.glob("*.json"))) == 1

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from finite_strain.planning.cost import Mesh
-from runs.studies.scaling.plan_calibration import CASES, planned
-from runs.studies.scaling.plan_errors import judged, scene
+from tests.runs.plan_calibration import CASES, planned
+from tests.runs.plan_errors import judged, scene
 
 MEASURED = {
     "one": (6150, 4.4, 374e6),
@@ -23,7 +23,7 @@ MEASURED = {
     "order 4": (32643, 35.6, 1804e6),
     "triangle": (38951, 58, 1548e6),
 }
-"""Unknowns, processor time [s] and memory [bytes] by the command of `runs.studies.scaling.plan_calibration`."""
+"""Unknowns, processor time [s] and memory [bytes] by the command of `tests.runs.plan_calibration`."""
 
 
 @pytest.mark.parametrize("name", MEASURED)

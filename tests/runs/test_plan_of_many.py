@@ -13,6 +13,7 @@ from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from runs import look_ahead
 from runs.commands import plan
+from runs.display.numbers import leading_ball
 from runs.models import MODELS, Run
 from runs.scene.scene_file import read_scene
 
@@ -71,6 +72,30 @@ def test_a_plan_solves_the_balls_about_the_middle_for_all(
     assert len(forces) == 10
     assert sum(forces) == pytest.approx(0.5 if load.startswith("total") else 0.15)
     assert any("10 balls about the middle" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("shift", [0.0, 100.0], ids=["inside", "outside"])
+def test_a_plan_names_the_ball_of_its_expectation_in_a_cell(
+    shift: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(look_ahead, "FEW", 10)
+    file, cell = tmp_path / "row.toml", np.array([40.0, 10.0])
+    places = [[x + shift, y] for x, y in PLACES]
+    text = TEXT.format(places=places, load="approach = 0.1") + f"[periodic]\nlengths = {cell.tolist()}\n"
+    file.write_text(text, encoding="utf-8")
+    plan.plan_scene(read_scene(file), None, advises=False, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    leading = found["linear_estimate"][leading_ball(found["linear_estimate"])]
+    away = np.array(leading["position"]) - places[found["leading_ball"]]
+    assert np.abs(away - cell * np.round(away / cell)) == pytest.approx(0.0, abs=1e-9)
+    plan.plan_scene(read_scene(file), None, advises=False, as_json=False)
+    assert f"on ball {found['leading_ball']}:" in capsys.readouterr().out
+
+
+def test_the_work_of_all_load_steps_of_the_linear_model_counts() -> None:
+    pair = dataclasses.replace(ROW, balls=ROW.balls[:2], load=Load("approach", (0.1,) * 2))
+    both, first, last = (MODELS["linear_bem"].solve(pair, Run(1e-2, steps=s)) for s in ((0.5, 1.0), (0.5,), (1.0,)))
+    assert both.solved.iterations == first.solved.iterations + last.solved.iterations
 
 
 @pytest.mark.parametrize("cell", ["", "[periodic]\nlengths = [40.0, 10.0]\n"], ids=["free", "cell"])

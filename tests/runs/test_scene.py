@@ -88,6 +88,9 @@ def test_load_steps_of_unlike_loads_are_plain_fractions(tmp_path: Path) -> None:
     (fault,) = faults(tmp_path, unlike)
     assert "[load] steps: must hold values between 0 and 1, fractions of the unlike loads" in fault
     assert fault.endswith("write steps = [0.25, 0.5]")
+    advised = read_scene(write(tmp_path, unlike.replace('["0.5 mm"]', "[0.25, 0.5]")))
+    assert advised.steps == (0.25, 0.5, 1.0)
+    assert not any("steps" in note for note in advised.doubts)
 
 
 def test_lists_hold_one_value_per_ball(tmp_path: Path) -> None:

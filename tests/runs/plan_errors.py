@@ -1,4 +1,4 @@
-"""Measures `first_error` on random scenes: ``python -m runs.studies.scaling.plan_errors FIRST LAST [small]``.
+"""Measures `first_error` on random scenes: ``python -m tests.runs.plan_errors FIRST LAST [small]``.
 
 Scene number n is the same each time. Each is solved on two meshes (half a minute), with ``small`` at small strain;
 scenes of more than `MOST` unknowns are left out. Printed are the expected and the reached errors, and at the end their

@@ -1,4 +1,4 @@
-"""Checks `finite_strain.planning.cost`: ``python -m runs.studies.scaling.plan_calibration [CASE ...]``.
+"""Checks `finite_strain.planning.cost`: ``python -m tests.runs.plan_calibration [CASE ...]``.
 
 Every case runs twice, each time in a separate process: the first run compiles the forms. Printed are unknowns,
 processor time and peak memory of the second run, and the ratios of planned to measured values and errors.
@@ -87,7 +87,7 @@ def main() -> None:
     print(f"| {titles} |")
     print("|---|---|---|---|---|---|---|---|")
     for name in sys.argv[1:] or CASES:
-        command = [sys.executable, "-m", "runs.studies.scaling.plan_calibration", "--measure", name]
+        command = [sys.executable, "-m", "tests.runs.plan_calibration", "--measure", name]
         for _ in range(2):
             output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
         found, plan = json.loads(output.splitlines()[-1]), planned(name)
