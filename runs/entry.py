@@ -1,17 +1,31 @@
-"""The console script: starts the command line, or names the packages that it lacks."""
+"""The console script: starts the command line, or says which packages are absent or do not fit together."""
 
 import sys
 
+OURS = ("runs", "linear_bem", "finite_strain", "meshes")
+
 
 def main() -> None:
-    """Run `runs.cli`; where its packages are absent, name them and the command that brings them."""
+    """Run `runs.cli`; where packages are absent or do not fit together, say which, and how to mend that."""
     try:
         from runs.cli import main as run  # noqa: PLC0415  (may be absent)
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.split(".")[0] in ("runs", "linear_bem", "finite_strain", "meshes"):
+    except ImportError as error:
+        if error.name is None or error.name.split(".")[0] in OURS:
             raise
-        sys.exit(
-            f"thirdbody: error: the command line needs the package {error.name}, which {sys.executable} does not have: "
-            'pip install "thirdbody[cli]" (from the checkout: pip install ".[cli]"); `import linear_bem` works without'
-        )
+        sys.exit(f"thirdbody: error: {_absent(error.name) if isinstance(error, ModuleNotFoundError) else _unfit(error)}")
     run()
+
+
+def _absent(name: str) -> str:
+    return (
+        f"the command line needs the package {name}, which {sys.executable} does not have: "
+        'pip install "thirdbody[cli]" (from the checkout: pip install ".[cli]"); `import linear_bem` works without'
+    )
+
+
+def _unfit(error: ImportError) -> str:
+    return (
+        f"packages of {sys.executable} do not fit together: {error}. A later pip may have brought a numpy, scipy or "
+        "h5py that hides the system's; `bash runs/setup.sh` takes them out of the checkout's .venv again (elsewhere: "
+        f"{sys.executable} -m pip uninstall numpy scipy h5py)"
+    )

@@ -227,7 +227,18 @@ wanted = project["dependencies"] + [line for extra in extras for line in project
 requirements = [line for line in wanted if re.match(r"[\w.-]+", line)[0].lower() not in ours]
 (venv / "constraints.txt").write_text("\n".join(constraints) + "\n")
 (venv / "requirements.txt").write_text("\n".join(requirements) + "\n")
+# what users install into .venv later keeps to them, too
+(venv / "pip.conf").write_text(f"[install]\nconstraint = {(venv / 'constraints.txt').as_uri()}\n")
 PYTHON
+}
+
+# Sets hiding: packages in .venv that hide those of the system.
+find_hiding() {
+  local name folder=$venv/lib/python$python_version/site-packages
+  hiding=()
+  for name in numpy scipy h5py mpi4py petsc4py; do
+    if [[ -d $folder/$name ]]; then hiding+=("$name"); fi
+  done
 }
 
 stop_for_pip() {
@@ -243,6 +254,11 @@ stop_for_pip() {
 
 install_project() {
   local pip=(env PIP_USER=0 "$venv/bin/python" -m pip install --no-input --disable-pip-version-check)
+  find_hiding
+  if ((${#hiding[@]})); then
+    logged "taking out of .venv what hides the packages that DOLFINx was built for: ${hiding[*]}" \
+      env PIP_USER=0 "$venv/bin/python" -m pip uninstall --yes "${hiding[@]}" || stop_for_pip "the system's packages"
+  fi
   write_requirements "${extras[@]}" || stop "cannot read the dependencies from $checkout/pyproject.toml." "Restore it:  git checkout pyproject.toml"
   logged "installing Python packages: $(sed 's/[^A-Za-z0-9_.-].*//' "$venv/requirements.txt" | paste -sd' ')" \
     "${pip[@]}" -c "$venv/constraints.txt" -r "$venv/requirements.txt" || stop_for_pip "the Python packages"
@@ -319,8 +335,9 @@ is_ready() {
   [[ $1 == packages ]] && return
   [[ -x /usr/bin/python3 && -x $venv/bin/python && -x $venv/bin/thirdbody ]] || return
   check_python
+  find_hiding
   hash=$(fingerprint)
-  [[ -e $venv/.thirdbody-$hash-$1 ]]
+  ((${#hiding[@]} == 0)) && [[ -e $venv/.thirdbody-$hash-$1 ]]
 }
 
 make_ready() {
