@@ -30,7 +30,7 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
-from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable, ThirdBodyError
+from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
 from meshes.groups import number_groups
 from meshes.layer import gmsh_session
 
@@ -222,9 +222,15 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
                 gmsh.open(str(path))
                 number_groups()
             except InvalidProblem as error:
-                failure = error
+                failure = InvalidProblem(
+                    *(text.replace("mesh: the file", f"mesh: the file {path}", 1) for text in error.faults)
+                )
             except Exception as error:
-                failure = ThirdBodyError(f"mesh file {path} cannot be read: {error}")
+                said = str(error).removesuffix(" ()")
+                failure = InvalidProblem(
+                    f"mesh: gmsh cannot read the file {path}: {said}; write it by gmsh.write, in the .msh format of "
+                    "version 4.1 or 2.2"
+                )
         failure = comm.bcast(failure, root=0)
         if failure:
             raise failure

@@ -24,6 +24,7 @@ from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
+from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import describe_forms
 from finite_strain.mpi import on_all, on_root
 from finite_strain.observer import Observer
@@ -115,7 +116,7 @@ class Refinement:
         if self._reach(answered) < self.plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
             stopped = self.records[-1].stopped
-            reasons = [why] if stopped in why else [stopped, why]
+            reasons = [*([why] if stopped in why else [stopped, why]), *softening(self.plan.problem)]
             raise NotConverged(f"{'; '.join(filter(None, reasons))}{kept}")
         return self._result(answered, why)
 

@@ -94,8 +94,9 @@ class FiniteStrain:
         law, texts = law_of(self.law, {}) if isinstance(self.law, str) else (self.law, [])
         if isinstance(law, Law):
             texts = law.faults(poisson)
-        elif not texts and not callable(law):
-            texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}"]
+        elif not texts and (isinstance(law, type) or not callable(law)):
+            remedy = "; give its parameters, as Gent(limit=30.0)" if isinstance(law, type) else ""
+            texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}{remedy}"]
         return [f"finite_strain.{text}" for text in texts]
 
 

@@ -15,7 +15,8 @@ def number_groups() -> None:
     for dimension, what in ((3, "volumes"), (2, "faces")):
         tags = [tag for _, tag in model.getPhysicalGroups(dimension)]
         if not tags:
-            raise InvalidProblem(f"mesh: the file has no physical groups of {what}; name them ({', '.join(TAGS)})")
+            asked = "layer and, if there is one, substrate" if dimension == 3 else "top and bottom"
+            raise InvalidProblem(f"mesh: the file has no physical groups of {what}; add groups with the names {asked}")
         parts = [model.getEntitiesForPhysicalGroup(dimension, tag).tolist() for tag in tags]
         twice = [part for part, count in Counter(chain(*parts)).items() if count > 1]
         if twice:

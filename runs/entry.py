@@ -12,7 +12,8 @@ def main() -> None:
     except ImportError as error:
         if error.name is None or error.name.split(".")[0] in OURS:
             raise
-        sys.exit(f"thirdbody: error: {_absent(error.name) if isinstance(error, ModuleNotFoundError) else _unfit(error)}")
+        words = _absent(error.name) if isinstance(error, ModuleNotFoundError) else _unfit(error)
+        sys.exit(f"thirdbody: error: {words}")
     run()
 
 

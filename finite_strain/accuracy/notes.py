@@ -3,6 +3,7 @@
 import math
 
 from finite_strain.force.distortion import is_resolved
+from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Answer, Record
 from finite_strain.planning.run_plan import RunPlan
@@ -33,7 +34,7 @@ def relative_to(record: Record) -> str:
 
 def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> list[str]:
     """Return the notes on a discretisation's answers; ``why``: reason for the run's end, ``seconds``: its time [s]."""
-    notes, last = form_notes(plan.problem), record.steps[-1]
+    notes, last = form_notes(plan.problem) + softening(plan.problem), record.steps[-1]
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     if is_near_zero(record) and record.scale > 0.0:
         known = dict.fromkeys(f"{100 * b.tangential_force_error / size:.2g} %" for size, b in bounds if size > 0.0)

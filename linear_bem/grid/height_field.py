@@ -22,6 +22,8 @@ from linear_bem.media import Elastic, Layer, SurfaceResponse, without_empty_laye
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
+STEEP = 10.0
+"""Root mean square slope of heights above which a note doubts their unit."""
 LEAST_GAP = 1e-9
 """Smallest mean gap over the mean height above the lowest one; a smaller gap is complete contact to roundoff."""
 
@@ -147,7 +149,15 @@ def solve_height_field(
         base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
         notes = large_strain_note(layer, deepest, base)
     notes = tuple(note.replace(CHECK_UNITS, "check the units of heights, cell and layer") for note in notes)
-    return replace(found, approach=found.approach + lowest, notes=notes)
+    return replace(found, approach=found.approach + lowest, notes=(*_steep_note(heights, cell), *notes))
+
+
+def _steep_note(heights: Array, cell: float) -> tuple[str, ...]:
+    """Return a note on heights whose slopes no small strain permits, as if heights and cell were in unlike units."""
+    slope = math.sqrt(sum(float(np.mean(np.diff(heights, axis=axis) ** 2)) for axis in (0, 1))) / cell
+    if slope <= STEEP:
+        return ()
+    return (f"the root mean square slope of the heights is {slope:.3g}; check the units of heights and cell",)
 
 
 def _solve_grids(

@@ -42,7 +42,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if drifts:  # full solutions only check the forces of the drift
         accuracy = scene.tangential_force or ROUGH
         if "periodic" in scene.drift:
-            whole = dataclasses.replace(problem, periodic=Periodic(scene.drift["periodic"].lengths))
+            cell = Periodic(scene.drift["periodic"].lengths)
+            whole = dataclasses.replace(problem, periodic=cell, finite_strain=None)
     with waiting("the linear model on some of the balls, for this plan"):
         found = ahead_of(whole, accuracy)
     part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
@@ -173,7 +174,7 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))
     except UnsupportedProblem as error:
         return {"refused": messages.of_problem(str(error), scene.data)}
-    shown = ("load_steps", "seconds", "processor_seconds", "perhaps")
+    shown = ("load_steps", "unknowns", "memory_bytes", "seconds", "processor_seconds", "perhaps")
     return plain({key: path[key] for key in shown if key in path})
 
 

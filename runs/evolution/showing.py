@@ -19,6 +19,8 @@ from runs.session.session import Session
 
 LISTED = 20
 """Largest number of balls whose final state is printed."""
+AT = 1e-6
+"""Distance of the end from an equilibrium, over the radius, that counts as none."""
 LONG = 1e4
 """Path in the scene's unit of length from which it is printed in metres."""
 
@@ -109,6 +111,13 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         for (contacts, groups), ending in sorted(ends.items(), reverse=True):
             sizes = ", ".join(str(size) for size in groups)
             lines.append(f"{ending} of {len(members)} members end with {contacts} contacts in clusters of {sizes}")
+        at_rest = [m["cycles_end"] for m in members if m["at_rest"]]
+        gathered = [m["cycles_one_group"] for m in members if m["cycles_one_group"] is not None]
+        for words, cycles in (("are in one cluster", gathered), ("are at rest", at_rest)):
+            if len(cycles) > 1:
+                spread = f"{np.mean(cycles):.3g} ± {np.std(cycles, ddof=1):.2g} cycles"
+                span = f"{min(cycles):.3g} to {max(cycles):.3g}"
+                lines.append(f"{len(cycles)} of {len(members)} members {words} after {spread} ({span})")
     return lines
 
 
@@ -138,4 +147,5 @@ def _balance(found: Mapping[str, Any], smallest: float, length: Unit) -> str:
     free = (
         f"{count(found['free_motions'], 'free relative motion')}{rates}" if found["free_motions"] else "no free motion"
     )
-    return f"the path ends {away} R from an equilibrium: {found['verdict']} ({free})"
+    where = "at" if found["distance_from_end"] < AT * smallest else f"{away} R from"
+    return f"the path ends {where} an equilibrium: {found['verdict']} ({free})"

@@ -49,16 +49,20 @@ class LoadTable(Table):
         full = loads.pop() if alike else 1.0
         unit = "" if not alike else "m" if kind == "approach" else "N"
         what = f"of {kind}" if unit else "between 0 and 1, fractions of the unlike loads"
+        written = ", ".join(str(step) for step in self.steps) or "none"
         try:
             steps = quantities(list(self.steps), unit)
         except PydanticCustomError as error:
             remedy = "" if unit else "; write steps = [0.25, 0.5]"
-            raise InvalidProblem(f"load.steps: must hold values {what}: {error.message()}{remedy}") from None
+            raise InvalidProblem(
+                f"load.steps: must hold values {what}: {error.message()}, got {written}{remedy}"
+            ) from None
         if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
-            written = ", ".join(str(step) for step in self.steps) or "none"
             raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")
         if not full * (1.0 + SAME) >= steps[-1]:
             most, got = (f"{value:g} {unit}".rstrip() for value in (full, steps[-1]))
             rule = f"must not exceed the load of {most}, got {got}"
-            raise InvalidProblem(f"load.steps: {rule}; raise {kind} or drop the step")
+            bare = any(not isinstance(step, str) for step in self.steps) and unit
+            meant = f", or write its unit: bare numbers are in {unit}" if bare else ""
+            raise InvalidProblem(f"load.steps: {rule}; raise {kind} or drop the step{meant}")
         return (*(step / full for step in steps if step < full * (1.0 - SAME)), 1.0)

@@ -288,5 +288,5 @@ def _similar_files(path: Path) -> str:
         names = [p.name for p in path.parent.glob("*.toml")]
     except OSError:
         return ""
-    close = difflib.get_close_matches(path.name, names, n=1)
+    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.75)
     return f"; did you mean {path.parent / close[0]}?" if close else ""

@@ -21,6 +21,8 @@ NUMBER_AND_UNIT = re.compile(
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
 """Names with small exponents: pint would evaluate any expression, even 9**9**9."""
+COMMON = ("m", "cm", "mm", "um", "nm", "Pa", "kPa", "MPa", "GPa", "N", "mN", "kN", "deg", "rad")
+"""Units that are suggested for a name that differs from them in its capitals alone."""
 DIMENSIONS = {
     "m": ("a length", "10 mm"),
     "Pa": ("a pressure", "57.4 kPa"),
@@ -92,6 +94,8 @@ def quantity(value: object, unit: str) -> float:
         matches = given.is_compatible_with(unit)
     except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
         power = ", powers are written with ^" if re.search(r"[A-Za-z]\d$", name) else ""
+        meant = next((each for each in COMMON if each.lower() == name.lower()), None)
+        power = f', did you mean "{meant}"?' if meant else power
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')

@@ -16,8 +16,8 @@ pytest.importorskip("dolfinx")
 import ufl
 
 import finite_strain
-from finite_strain.mechanics.own_energy import check_own_energy
-from linear_bem import FiniteStrain, Hyperfoam, InvalidProblem, UnsupportedProblem
+from finite_strain.mechanics.own_energy import check_own_energy, softening
+from linear_bem import FiniteStrain, Gent, Hyperfoam, InvalidProblem, UnsupportedProblem
 from tests.finite_strain.scenes import in_form, relatively, single
 from tests.launch import mpirun
 
@@ -74,6 +74,15 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
     ):
         with pytest.raises(InvalidProblem, match=words):
             check_own_energy(with_law(wrong))
+
+
+def test_an_own_energy_that_falls_with_the_shear_is_named() -> None:
+    def fading(F: Any) -> Any:  # mu/2 (s - 5 s^2), s = shear^2: falls beyond sqrt(0.1)
+        return psi(F) - 5.0 * MU / 2.0 * (ufl.tr(ufl.dot(F.T, F)) - 3.0 - 2.0 * ufl.ln(ufl.det(F))) ** 2
+
+    assert softening(with_law(psi)) == softening(with_law(Gent(30.0))) == []
+    (said,) = softening(with_law(fading))
+    assert "a simple shear grows beyond 0.34" in said
 
 
 def test_what_has_no_mixed_form_is_refused_it() -> None:

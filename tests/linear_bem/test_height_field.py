@@ -69,6 +69,14 @@ def test_a_contact_deep_in_a_thin_layer_says_that_small_strain_does_not_hold():
     assert solve_height_field(Layer(2.0, 0.45, math.inf), None, heights, cell, approach=0.14).notes == ()
 
 
+def test_heights_in_another_unit_than_their_cell_are_doubted():
+    heights, cell = paraboloid(64)
+    layer = Layer(1.0, 0.3, np.inf)
+    assert solve_height_field(layer, None, heights, cell, approach=0.05).notes == ()
+    (note,) = solve_height_field(layer, None, 1e3 * heights, cell, approach=0.5).notes
+    assert note.startswith("the root mean square slope of the heights is 40")
+
+
 def test_separate_summits_are_all_found():
     heights, cell = paraboloid(64, 2.0)
     x = 2.0 * ((np.arange(64) + 0.5) / 64 - 0.5)

@@ -75,7 +75,7 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
 
 def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
     balls, layer = (Ball((0.0, 0.0), 20.0), Ball((60.0, 0.0), 20.0)), Layer(1.0, 0.3, 10.0)
-    said = r"^load\.approach\[1\]: must be less than the thickness of a layer on a rigid base, 10 m, got 12 m; press"
+    said = r"^load\.approach\[1\]: must be less than the thickness of a layer on a rigid base, 10 m, got 12 m; reduce"
     through = Problem(layer, balls, Load("approach", (10.0, 12.0)))
     with pytest.raises(InvalidProblem, match=said) as caught:
         solve(through)

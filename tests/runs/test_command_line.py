@@ -144,6 +144,17 @@ def test_without_the_packages_of_the_command_line_the_script_names_them(tmp_path
     assert "Traceback" not in done.stderr
 
 
+def test_packages_that_do_not_fit_together_end_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "numpy").mkdir()
+    (tmp_path / "numpy" / "__init__.py").write_text("__version__ = '9'\n")
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from runs.entry import main; main()"
+    done = python("-c", code, cwd=ROOT)
+    assert done.returncode == 1
+    assert "do not fit together" in done.stderr
+    assert "pip uninstall numpy" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("command", "load_steps", "saves"),
     [("plan", "", False), ("solve", "", False), ("solve", "steps = [1e-3, 2.66666e-3]", True), ("study", "", True)],

@@ -92,6 +92,18 @@ def test_a_plan_names_the_ball_of_its_expectation_in_a_cell(
     assert f"on ball {found['leading_ball']}:" in capsys.readouterr().out
 
 
+def test_a_drift_in_a_cell_at_finite_strain_is_planned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("gmsh")
+    file = tmp_path / "pair.toml"
+    drift = "[reciprocation]\namplitude = 8.0\ncycles = 1\nfriction = 0.3\n"
+    text = TEXT.format(places=[[-1.5, 0.0], [1.5, 0.0]], load="approach = 0.2") + drift
+    file.write_text(text + "[finite_strain]\n[periodic]\nlengths = [12.0, 12.0]\n", encoding="utf-8")
+    plan.plan_scene(read_scene(file), None, advises=False, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    assert found["models"][0]["model"] == "finite_strain"
+    assert found["evolution"]["runs"] > 1
+
+
 def test_the_work_of_all_load_steps_of_the_linear_model_counts() -> None:
     pair = dataclasses.replace(ROW, balls=ROW.balls[:2], load=Load("approach", (0.1,) * 2))
     both, first, last = (MODELS["linear_bem"].solve(pair, Run(1e-2, steps=s)) for s in ((0.5, 1.0), (0.5,), (1.0,)))
