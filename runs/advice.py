@@ -132,12 +132,12 @@ class Adviser:
         change = strengthening_at_force(approach, thickness, layer.poisson, distance / radius) - 1.0
         beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
-            beyond = [*beyond, "not all bodies are balls"]
+            beyond = [*beyond, "balls alone"]
         alike = [each.approach / of.radius for each, of in zip(self.ahead.balls, self.problem.balls, strict=True)]
         if max(alike) - min(alike) > UNLIKE * max(alike) or len({each.radius for each in self.problem.balls}) > 1:
-            beyond = [*beyond, "the balls or their approaches are unequal"]
+            beyond = [*beyond, "equal balls and approaches"]
         if self.law != FITTED_LAW:
-            beyond = [*beyond, f"the law is {self.law}, not {FITTED_LAW}"]
+            beyond = [*beyond, f"the law {FITTED_LAW} (here {self.law})"]
         error = fit_error(approach, thickness, layer.poisson, distance / radius)
         matters = None
         if not beyond and abs(change) - error > self.accuracy:
@@ -149,8 +149,8 @@ class Adviser:
         said = f"finite strain {verb} T by {by} at equal force, by a fit"
         if beyond:
             said = (
-                f"finite strain {verb} T by an unknown amount of either sign: {'; '.join(beyond)}, outside the range "
-                "of the fit; `thirdbody compare` computes it"
+                f"finite strain {verb} T by an unknown amount, in either direction: the fit is for {', '.join(beyond)}"
+                "; `thirdbody compare` computes it"
             )
         do = "" if present else "; add [finite_strain]"
         if matters is False:
@@ -230,7 +230,7 @@ class Adviser:
 
         whole = within(rings[-1])
         size = math.hypot(*whole)
-        nearest, change = rings[-1], 0.0
+        nearest, change, left = rings[-1], 0.0, 0.0
         for ring in rings[-2::-1]:
             left = math.dist(within(ring), whole) / size
             if left > self.accuracy:
@@ -238,7 +238,9 @@ class Adviser:
             nearest, change = ring, left
         radius = self.problem.balls[self.ball].radius
         if nearest == rings[-1]:
-            yield Advice("neighbours", True, None, None, True, "all neighbours matter, even the farthest")
+            yield Advice(
+                "neighbours", True, None, None, True, f"even the farthest neighbours change T by {percent(left)}"
+            )
         else:
             text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {percent(change)} in all"
             yield Advice("neighbours", True, change, None, False, text)

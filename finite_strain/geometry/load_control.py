@@ -164,9 +164,9 @@ class PrescribedForce(PrescribedLoad):
         base = "" if self.problem.substrate is None else ", without the dent of the substrate"
         full = max(self.problem.load.values)
         return (
-            f"load.{kind}: finite elements take forces that press less deep than about {LARGEST_APPROACH:g} of the "
-            f"layer's thickness, {h:g} m{base}, got {full:g} N, of which {fraction:.2g} already gives {given:.3g} m; "
-            f"check the units of {kind} and of the layer's young, or press less"
+            f"load.{kind}: finite elements take forces that press to less than about {LARGEST_APPROACH:g} of the "
+            f"layer's thickness, {h:g} m{base}, got {full:g} N, {100.0 * fraction:.2g} % of which presses to {given:.3g} m; "
+            f"check the units of {kind} and of the layer's young, or reduce the {kind.replace('_', ' ')}"
         )
 
     def on(self, reduction: Reduction) -> LoadControl:

@@ -75,23 +75,23 @@ def as_data() -> dict[str, Any]:
 def outside(
     approach: float, thickness: float, distance: float, poisson: float, stiffness: float = math.inf
 ) -> list[str]:
-    """Return which parameters of a scene are outside the range of the fits, in words.
+    """Return the ranges of the fits that exclude a scene, each with the scene's value: "D up to 0.5 R (here 1 R)".
 
     Lengths are over R, ``stiffness`` is the substrate's modulus over the layer's.
     """
     faults = []
     if approach > LARGEST_APPROACH * (1.0 + ROUNDOFF):
-        faults.append(f"D = {approach:.2g} R is more than {LARGEST_APPROACH:g} R")
+        faults.append(f"D up to {LARGEST_APPROACH:g} R (here {approach:.2g} R)")
     least, most = 1.0 - ROUNDOFF, 1.0 + ROUNDOFF
     if not any(low * least <= thickness <= high * most for low, high in THICKNESSES.values()):
         ranges = " or ".join(f"{low:g} to {high:g} R" for low, high in THICKNESSES.values())
-        faults.append(f"h = {thickness:.3g} R is not {ranges}")
+        faults.append(f"h = {ranges} (here {thickness:.3g} R)")
     if not DISTANCES[0] * least <= distance <= DISTANCES[1] * most:
-        faults.append(f"L = {distance:.3g} R is not {DISTANCES[0]:g} to {DISTANCES[1]:g} R")
+        faults.append(f"L = {DISTANCES[0]:g} to {DISTANCES[1]:g} R (here {distance:.3g} R)")
     if not POISSONS[0] * least <= poisson <= POISSONS[1] * most:
-        faults.append(f"nu = {poisson:g} is not {POISSONS[0]:g} to {POISSONS[1]:g}")
+        faults.append(f"nu = {POISSONS[0]:g} to {POISSONS[1]:g} (here {poisson:g})")
     if stiffness < STIFF * least:
-        faults.append(f"the substrate is {stiffness:.3g} times as stiff as the layer, not {STIFF:g} or more")
+        faults.append(f"a substrate {STIFF:g} times as stiff as the layer or more (here {stiffness:.3g})")
     return faults
 
 

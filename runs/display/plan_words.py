@@ -70,7 +70,8 @@ def word(key: str, value: Any) -> str:
         return ", ".join(f"{NAMES.get(k, k)} {word(k, v)}" for k, v in value.items())
     if isinstance(value, list):
         pair = len(value) == 2 and all(isinstance(v, int | float) for v in value)
-        return " to ".join(map(number, value)) if pair else ", ".join(word("", v) for v in value) or "none"
+        between = "; " if any(isinstance(v, Mapping) for v in value) else ", "
+        return " to ".join(map(number, value)) if pair else between.join(word("", v) for v in value) or "none"
     return grouped(value) if isinstance(value, int) else number(value) if isinstance(value, float) else str(value)
 
 

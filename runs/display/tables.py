@@ -158,7 +158,7 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     meshes = "; ".join(f"{mesh_words(mesh)}: {grouped(mesh['unknowns'])} unknowns" for mesh in accuracy["meshes"])
     what = accuracy["relative_to"]["what"]
     symbol = {"the normal force": "Q", "the approach": "D"}.get(what, "T")
-    whole = f" of {what}" if symbol == "T" and what != LARGEST_T else ""
+    whole = f" of {what}, as T is smaller," if symbol == "T" and what != LARGEST_T else ""
     known = f"{symbol} is known to {100.0 * accuracy['reached']:.2g} %{whole} at full load"
     return [f"{known}: {terms}", f"meshes: {meshes}"]
 
