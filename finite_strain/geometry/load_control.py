@@ -165,7 +165,8 @@ class PrescribedForce(PrescribedLoad):
         full = max(self.problem.load.values)
         return (
             f"load.{kind}: finite elements take forces that press to less than about {LARGEST_APPROACH:g} of the "
-            f"layer's thickness, {h:g} m{base}, got {full:g} N, {100.0 * fraction:.2g} % of which presses to {given:.3g} m; "
+            f"layer's thickness, {h:g} m{base}, got {full:g} N, {100.0 * fraction:.2g} % of which press to "
+            f"{given:.3g} m; "
             f"check the units of {kind} and of the layer's young, or reduce the {kind.replace('_', ' ')}"
         )
 

@@ -74,11 +74,16 @@ friction = 0.1
             'approach = "1.5 mm"',
             "approach = 0.5",
             [
-                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; press",
+                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; reduce",
                 'a bare number is in metres: write "0.5 mm" if it is in mm',
             ],
         ),
-        (DRIFT, '"1.5 mm"', '["1 mm", "12 mm"]', ["[load] approach of ball 1: must be less", "got 12 mm; press less"]),
+        (
+            DRIFT,
+            '"1.5 mm"',
+            '["1 mm", "12 mm"]',
+            ["[load] approach of ball 1: must be less", "got 12 mm; reduce the approach"],
+        ),
         (DRIFT, '"60 mm"', "1e300", ["[periodic] lengths: must be at most 8e+09 mm"]),
         (DRIFT, '"80 mm"', '"1e300 m"', ["[reciprocation] amplitude: must be at most 1e+30 m, got 1e+300 m"]),
         (DRIFT, "0.1", "1e-300", ["[reciprocation] friction: must be at least 1e-30, got 1e-300; check"]),
