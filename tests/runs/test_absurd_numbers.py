@@ -74,7 +74,7 @@ friction = 0.1
             'approach = "1.5 mm"',
             "approach = 0.5",
             [
-                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; reduce",
+                "[load] approach: must be less than the thickness of a layer on a rigid base, 10 mm, got 500 mm; ",
                 'a bare number is in metres: write "0.5 mm" if it is in mm',
             ],
         ),
