@@ -1,6 +1,9 @@
 """Sphinx's settings; `runs.handbook.build` prepares the sources."""
 
 from importlib.metadata import version as installed
+from typing import Any
+
+from pygments.lexers.special import TextLexer
 
 project = "thirdbody"
 author = "The thirdbody developers"
@@ -26,3 +29,8 @@ autosummary_generate = False
 napoleon_use_rtype = False
 templates_path: list[str] = []
 exclude_patterns: list[str] = []
+
+
+def setup(app: Any) -> None:
+    """Let pages whose tutorials were not run show the blocks of their pictures as text."""
+    app.add_lexer("picture", TextLexer)

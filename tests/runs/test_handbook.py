@@ -79,7 +79,7 @@ def test_every_command_and_path_that_the_pages_name_exists() -> None:
         text = page.read_text(encoding="utf-8")
         for name in re.findall(r"(?:^|`)thirdbody ([a-z]\w*)", text, flags=re.MULTILINE):
             assert name in commands, f"{page.name} names `thirdbody {name}`"
-        for path in re.findall(r"(?<![\w/.])((?:runs|tests|linear_bem|finite_strain|meshes)/[\w./]*)", text):
+        for path in re.findall(r"(?<![\w/.-])((?:runs|tests|linear_bem|finite_strain|meshes)/[\w./]*)", text):
             assert (ROOT / path).exists(), f"{page.name}: {path}"
         for link in re.findall(r"\]\((\.\./[^)#]*)", text):
             if not (page.parent / link).resolve().is_relative_to(PAGES):
