@@ -100,7 +100,8 @@ def test_no_value_of_a_page_is_broken_over_two_lines() -> None:
 def test_code_on_the_pages_is_as_narrow_as_the_page() -> None:
     pages = [*PAGES.rglob("*.md"), ROOT / "README.md", ROOT / "linear_bem" / "README.md"]
     for page in pages:  # the rest of a wider line is out of sight until the reader scrolls
-        for block in re.findall(r"^```(?!picture)\w.*?^```", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL):
+        text = page.read_text(encoding="utf-8")
+        for block in re.findall(r"^```(?!picture)\w.*?^```", text, flags=re.MULTILINE | re.DOTALL):
             for line in block.splitlines():
                 assert len(line) <= 106, f"{page.name}: {line}"
 
