@@ -57,13 +57,14 @@ fi
 workers=$(env -u OMP_NUM_THREADS nproc) # nproc would take that variable for the number of cores
 # Files with slow tests start first (tests/conftest.py), so that the last ones are short.
 parallel=(-n $((workers < 4 ? workers : 4)) --dist loadfile --no-loadscope-reorder --durations 15)
-drawing=tests/runs/test_rendering.py
-if (($#)); then
+drawing=tests/runs/test_rendering.py some=''
+for word; do [[ $word == -* || ! -e ${word%%::*} ]] || some=1; done
+if [[ $some ]]; then
   check pytest .venv/bin/python -m pytest "${parallel[@]}" "$@"
 else
   # VTK runs in a separate process: after a finite-element solution in the same process, it ended in a segmentation fault
-  begin pictures .venv/bin/python -m pytest "$drawing"
-  check pytest .venv/bin/python -m pytest "${parallel[@]}" --ignore "$drawing"
+  begin pictures .venv/bin/python -m pytest "$@" "$drawing"
+  check pytest .venv/bin/python -m pytest "${parallel[@]}" --ignore "$drawing" "$@"
 fi
 for name in "${!jobs[@]}"; do
   check "$name" end_of "$name"
