@@ -8,6 +8,7 @@ import logging
 import math
 import os
 import re
+import signal
 import time
 import warnings
 from collections.abc import Iterator
@@ -59,6 +60,9 @@ if np.issubdtype(PETSc.ScalarType, np.complexfloating):
         "finite_strain needs a real build of PETSc, found a complex one: install python3-dolfinx-real"
     )
 
+with suppress(ValueError):  # not in the main thread
+    # Python's own handler again: under PETSc's a closed pipe ends the process, instead of a BrokenPipeError
+    signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
 
 # distutils logs the compiler's command lines while a form is compiled for the first time
 logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
@@ -220,15 +224,13 @@ def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
         if comm.rank == 0:
             try:
                 gmsh.open(str(path))
-                number_groups()
+                number_groups(path)
             except InvalidProblem as error:
-                failure = InvalidProblem(
-                    *(text.replace("mesh: the file", f"mesh: the file {path}", 1) for text in error.faults)
-                )
+                failure = error
             except Exception as error:
                 said = str(error).removesuffix(" ()")
                 failure = InvalidProblem(
-                    f"mesh: gmsh cannot read the file {path}: {said}; write it by gmsh.write, in the .msh format of "
+                    f"mesh: gmsh cannot read {path}: {said}; write it by gmsh.write, in the .msh format of "
                     "version 4.1 or 2.2"
                 )
         failure = comm.bcast(failure, root=0)

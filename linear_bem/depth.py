@@ -19,7 +19,7 @@ At 0.43 finite strain already makes T of touching balls 1.8 times as large (stud
 COMPARED_UP_TO = 1.2
 """Approach over a sphere's radius up to which T is compared with finite strain (study `strengthening`, foam)."""
 UNSURE = 0.25
-"""Relative error of `dent`: no note is given where the layer's share of an approach is smaller than this."""
+"""Relative error of `dent`. If the layer takes a smaller share of the approach than this, no note is given."""
 LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
 """First words of the note on large strains, and its words on approaches that layer and base cannot give."""
 THROUGH = 2.0

@@ -95,7 +95,8 @@ class FiniteStrain:
         if isinstance(law, Law):
             texts = law.faults(poisson)
         elif not texts and (isinstance(law, type) or not callable(law)):
-            remedy = "; give its parameters, as Gent(limit=30.0)" if isinstance(law, type) else ""
+            is_class = isinstance(law, type) and issubclass(law, Law)
+            remedy = f"; give an object, such as {law.__name__}(...)" if is_class else ""
             texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}{remedy}"]
         return [f"finite_strain.{text}" for text in texts]
 

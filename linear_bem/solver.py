@@ -44,6 +44,8 @@ STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
 is exceeded, up to that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
 """Largest number of balls that go to grids if polynomials do not converge."""
+NARROW = 3.0
+"""Approach over the contact radius of an own profile from which a note doubts its units."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
@@ -122,21 +124,28 @@ def solve_contact(
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
     of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
-    notes = (*_wide_notes(contacts), *_large_strain_notes(contacts), *of_error)
+    notes = (*_own_profile_notes(contacts), *_large_strain_notes(contacts), *of_error)
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 
 
-def _wide_notes(contacts: Contacts) -> tuple[str, ...]:
-    """Return a note on the first own profile whose contact is wider than its ball, as if one were in another unit."""
+def _own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
+    """Return a note on the first own profile that looks as if its heights and the ball's radius were in unlike units.
+
+    Its contact is then wider than the ball, or far narrower than its approach.
+    """
     radii = np.sqrt(contacts.contact_areas / np.pi)
-    for number, (ball, radius) in enumerate(zip(contacts.problem.balls, radii, strict=True)):
+    for number, (ball, radius, approach) in enumerate(
+        zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
+    ):
         own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
-        if own and radius > ball.radius:
+        beside = f"exceeds the ball's radius, {ball.radius:g} m" if radius > ball.radius else ""
+        beside = f"is less than 1/{NARROW:g} of its approach" if approach > NARROW * radius else beside
+        if own and beside:
             return (
-                f"the contact of ball {number} is wider than the ball: a radius of {radius:.3g} m, against its radius "
-                f"of {ball.radius:g} m; if that is not intended, check the units in its own profile and of the radius",
+                f"the contact radius of ball {number}, {radius:.3g} m, {beside}; unless intended, check the units of "
+                "its profile and of its radius",
             )
     return ()
 

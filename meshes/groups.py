@@ -2,6 +2,7 @@
 
 from collections import Counter
 from itertools import chain
+from pathlib import Path
 
 import gmsh
 
@@ -9,18 +10,21 @@ from linear_bem.errors import InvalidProblem
 from meshes.box import TAGS
 
 
-def number_groups() -> None:
-    """Renumber the physical groups of gmsh's model whose names are in `TAGS` accordingly; raises `InvalidProblem`."""
+def number_groups(file: Path) -> None:
+    """Renumber the physical groups of gmsh's model whose names are in `TAGS` accordingly.
+
+    Raises `InvalidProblem`, which names the ``file``.
+    """
     model, found = gmsh.model, []
     for dimension, what in ((3, "volumes"), (2, "faces")):
         tags = [tag for _, tag in model.getPhysicalGroups(dimension)]
         if not tags:
             asked = "layer and, if there is one, substrate" if dimension == 3 else "top and bottom"
-            raise InvalidProblem(f"mesh: the file has no physical groups of {what}; add groups with the names {asked}")
+            raise InvalidProblem(f"mesh: {file} has no physical groups of {what}; add groups with the names {asked}")
         parts = [model.getEntitiesForPhysicalGroup(dimension, tag).tolist() for tag in tags]
         twice = [part for part, count in Counter(chain(*parts)).items() if count > 1]
         if twice:
-            raise InvalidProblem(f"mesh: {what} {twice} are in two physical groups; put each into one")
+            raise InvalidProblem(f"mesh: {file}: {what} {twice} are in two physical groups; put each into one")
         names = [model.getPhysicalName(dimension, tag) for tag in tags]
         found += list(zip([dimension] * len(tags), tags, names, parts, strict=True))
     if all(TAGS.get(name, tag) == tag for _, tag, name, _ in found):

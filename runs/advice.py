@@ -132,7 +132,7 @@ class Adviser:
         change = strengthening_at_force(approach, thickness, layer.poisson, distance / radius) - 1.0
         beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
-            beyond = [*beyond, "balls alone"]
+            beyond = [*beyond, "spheres and paraboloids only"]
         alike = [each.approach / of.radius for each, of in zip(self.ahead.balls, self.problem.balls, strict=True)]
         if max(alike) - min(alike) > UNLIKE * max(alike) or len({each.radius for each in self.problem.balls}) > 1:
             beyond = [*beyond, "equal balls and approaches"]
@@ -150,8 +150,8 @@ class Adviser:
         if beyond:
             said = (
                 f"finite strain {verb} T by an unknown amount, in either direction: the fit is for {', '.join(beyond)}"
-                "; `thirdbody compare` computes it"
             )
+            said += "" if {"reciprocation", "periodic"} & {*self.effects} else "; `thirdbody compare` computes it"
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; the scene can do without" if present else "; not needed"
@@ -239,7 +239,7 @@ class Adviser:
         radius = self.problem.balls[self.ball].radius
         if nearest == rings[-1]:
             yield Advice(
-                "neighbours", True, None, None, True, f"even the farthest neighbours change T by {percent(left)}"
+                "neighbours", True, left, None, True, f"even the farthest neighbours change T by {percent(left)}"
             )
         else:
             text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {percent(change)} in all"

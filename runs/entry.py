@@ -10,7 +10,7 @@ def main() -> None:
     try:
         from runs.cli import main as run  # noqa: PLC0415  (may be absent)
     except ImportError as error:
-        if error.name is None or error.name.split(".")[0] in OURS:
+        if (error.name or "").split(".")[0] in OURS:
             raise
         words = _absent(error.name) if isinstance(error, ModuleNotFoundError) else _unfit(error)
         sys.exit(f"thirdbody: error: {words}")
@@ -28,5 +28,5 @@ def _unfit(error: ImportError) -> str:
     return (
         f"packages of {sys.executable} do not fit together: {error}. A later pip may have brought a numpy, scipy or "
         "h5py that hides the system's; `bash runs/setup.sh` takes them out of the checkout's .venv again (elsewhere: "
-        f"{sys.executable} -m pip uninstall numpy scipy h5py)"
+        f'{sys.executable} -m pip install --force-reinstall "thirdbody[cli]")'
     )

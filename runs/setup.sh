@@ -228,7 +228,8 @@ requirements = [line for line in wanted if re.match(r"[\w.-]+", line)[0].lower()
 (venv / "constraints.txt").write_text("\n".join(constraints) + "\n")
 (venv / "requirements.txt").write_text("\n".join(requirements) + "\n")
 # what users install into .venv later keeps to them, too
-(venv / "pip.conf").write_text(f"[install]\nconstraint = {(venv / 'constraints.txt').as_uri()}\n")
+words = "# what the system has must not come from pip; h5py<0 and gmsh<0: never, Debian has them under no such name\n"
+(venv / "pip.conf").write_text(f"{words}[install]\nconstraint = {(venv / 'constraints.txt').as_uri()}\n")
 PYTHON
 }
 
@@ -237,7 +238,7 @@ find_hiding() {
   local name folder=$venv/lib/python$python_version/site-packages
   hiding=()
   for name in numpy scipy h5py mpi4py petsc4py; do
-    if [[ -d $folder/$name ]]; then hiding+=("$name"); fi
+    if [[ -e $folder/$name/__init__.py ]]; then hiding+=("$name"); fi
   done
 }
 
@@ -257,7 +258,8 @@ install_project() {
   find_hiding
   if ((${#hiding[@]})); then
     logged "taking out of .venv what hides the packages that DOLFINx was built for: ${hiding[*]}" \
-      env PIP_USER=0 "$venv/bin/python" -m pip uninstall --yes "${hiding[@]}" || stop_for_pip "the system's packages"
+      env PIP_USER=0 "$venv/bin/python" -m pip uninstall --yes "${hiding[@]}" ||
+      stop_with_log "pip could not take them out." "Make .venv again:  rm -rf '$venv'"
   fi
   write_requirements "${extras[@]}" || stop "cannot read the dependencies from $checkout/pyproject.toml." "Restore it:  git checkout pyproject.toml"
   logged "installing Python packages: $(sed 's/[^A-Za-z0-9_.-].*//' "$venv/requirements.txt" | paste -sd' ')" \
@@ -285,9 +287,7 @@ if MPI.COMM_WORLD.size != 2:
     sys.exit(f"mpirun started {MPI.COMM_WORLD.size} ranks that see each other, not 2: it does not belong to the MPI of mpi4py")
 if PETSc.ScalarType != numpy.float64:
     sys.exit("PETSc is built for complex numbers; as root: update-alternatives --auto petsc")' && return
-  if log_says 'not from the system' && log_says "comes from $venv/"; then
-    stop_with_log "packages in .venv hide those that DOLFINx was built for." "Take them out of .venv:  '$venv/bin/python' -m pip uninstall NAME" "Then run this again."
-  elif log_says 'not from the system'; then
+  if log_says 'not from the system'; then
     stop_with_log "another Python's packages hide those that DOLFINx was built for." "Perhaps:  unset PYTHONPATH" "Then run this again."
   fi
   stop_with_log "installed, but it does not work: see the lines above." "If .venv is damaged:  rm -rf '$venv' and run this again"

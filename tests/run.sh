@@ -4,8 +4,8 @@
 #   bash tests/run.sh [options of pytest; paths are those of the checkout]
 #
 # All checks run even if one fails; then the exit code is non-zero. The test files are distributed over one process per
-# core, four at most (-n 0: one after another in this process, for a debugger). mypy and the tests of pictures run in
-# parallel to them, in one process each; their output is shown at the end.
+# core, four at most (-n 0: one after another in this process, for a debugger). mypy runs in parallel to them; its output is
+# shown at the end.
 set -euo pipefail
 # shellcheck source=runs/setup.sh
 . "$(dirname -- "${BASH_SOURCE[0]}")/../runs/setup.sh"
@@ -57,15 +57,7 @@ fi
 workers=$(env -u OMP_NUM_THREADS nproc) # nproc would take that variable for the number of cores
 # Files with slow tests start first (tests/conftest.py), so that the last ones are short.
 parallel=(-n $((workers < 4 ? workers : 4)) --dist loadfile --no-loadscope-reorder --durations 15)
-drawing=tests/runs/test_rendering.py some=''
-for word; do [[ $word == -* || ! -e ${word%%::*} ]] || some=1; done
-if [[ $some ]]; then
-  check pytest .venv/bin/python -m pytest "${parallel[@]}" "$@"
-else
-  # VTK runs in a separate process: after a finite-element solution in the same process, it ended in a segmentation fault
-  begin pictures .venv/bin/python -m pytest "$@" "$drawing"
-  check pytest .venv/bin/python -m pytest "${parallel[@]}" --ignore "$drawing" "$@"
-fi
+check pytest .venv/bin/python -m pytest "${parallel[@]}" "$@"
 for name in "${!jobs[@]}"; do
   check "$name" end_of "$name"
 done

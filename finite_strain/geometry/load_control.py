@@ -164,8 +164,8 @@ class PrescribedForce(PrescribedLoad):
         base = "" if self.problem.substrate is None else ", without the dent of the substrate"
         full = max(self.problem.load.values)
         return (
-            f"load.{kind}: finite elements take forces that press to less than about {LARGEST_APPROACH:g} of the "
-            f"layer's thickness, {h:g} m{base}, got {full:g} N, {100.0 * fraction:.2g} % of which press to "
+            f"load.{kind}: finite elements take forces whose approach{base} stays below about {LARGEST_APPROACH:g} of "
+            f"the layer's thickness ({h:g} m), got {full:g} N, of which {100.0 * fraction:.2g} % already give "
             f"{given:.3g} m; "
             f"check the units of {kind} and of the layer's young, or reduce the {kind.replace('_', ' ')}"
         )

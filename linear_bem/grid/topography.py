@@ -20,8 +20,9 @@ def read_heights(path: str | PathLike[str]) -> tuple[Array, float, bool]:
         from SurfaceTopography import read_topography  # noqa: PLC0415  (only to read measured surfaces)
     except ModuleNotFoundError as error:
         raise UnsupportedProblem(
-            f"read_heights: {path}: needs the library SurfaceTopography (pip install SurfaceTopography), {error}; or "
-            "pass heights as an array to solve_height_field"
+            f"read_heights: {path}: needs the library SurfaceTopography, {error}; install it with this project in an "
+            "environment of its own (pip install . SurfaceTopography): it needs a newer numpy than Debian's DOLFINx; "
+            "or pass heights as an array to solve_height_field"
         ) from error
     measured = read_topography(str(path))
     faults = []

@@ -178,7 +178,8 @@ def _numpy(report: Report, python: str) -> Finding:
     numpy, dolfinx = report.packages["numpy"], report.packages["dolfinx"]
     if numpy.error:
         return Finding("numpy", "none", numpy.error, _install("python3-numpy"))
-    found, remedy = f"{numpy.version}, {numpy.folder}", f"{python} -m pip uninstall -y numpy"
+    wheels = [name for name in ("numpy", "scipy") if _is_wheel(report.packages[name])]
+    found, remedy = f"{numpy.version}, {numpy.folder}", f"{python} -m pip uninstall -y {' '.join(wheels)}"
     if "numpy" in dolfinx.error and not numpy.of_debian:
         return Finding("numpy", found, "not the numpy that DOLFINx was built for", remedy)
     if dolfinx.of_debian and not numpy.of_debian:
@@ -187,9 +188,15 @@ def _numpy(report: Report, python: str) -> Finding:
     return Finding("numpy", found)
 
 
+def _is_wheel(package: Package) -> bool:
+    return not package.error and not package.of_debian
+
+
 def _package(name: str, report: Report, python: str) -> Finding:
     this, dolfinx = report.packages[name], report.packages["dolfinx"]
     has_system = os.path.realpath(python) == os.path.realpath(SYSTEM_PYTHON)
+    if "numpy" in this.error and _is_wheel(report.packages["numpy"]):
+        return Finding(name, "none", this.error, "that of numpy, above")
     if this.error:
         return Finding(name, "none", this.error, _install(PACKAGES[name]) if has_system else OVER_SYSTEM_PYTHON)
     version = this.version or _distribution_version(name)

@@ -168,7 +168,7 @@ def _model_plan(
 
 
 def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
-    """Return load steps and time of ``compare``, or why it refuses: its small first load step needs a finer mesh."""
+    """Return load steps, size and times of ``compare``, or why it refuses: its small first step needs a finer mesh."""
     assert model.plan is not None
     try:
         path = as_command(model.plan(problem, scene.tangential_force, scene.budget, None))

@@ -158,8 +158,10 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     meshes = "; ".join(f"{mesh_words(mesh)}: {grouped(mesh['unknowns'])} unknowns" for mesh in accuracy["meshes"])
     what = accuracy["relative_to"]["what"]
     symbol = {"the normal force": "Q", "the approach": "D"}.get(what, "T")
-    whole = f" of {what}, as T is smaller," if symbol == "T" and what != LARGEST_T else ""
-    known = f"{symbol} is known to {100.0 * accuracy['reached']:.2g} %{whole} at full load"
+    error = f"{100.0 * accuracy['reached']:.2g} %"
+    known = f"{symbol} is known to {error} at full load"
+    if symbol == "T" and what != LARGEST_T:
+        known = f"at full load the error of T is {error} of {what} (T itself is smaller)"
     return [f"{known}: {terms}", f"meshes: {meshes}"]
 
 

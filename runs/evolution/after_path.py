@@ -16,7 +16,7 @@ KEYS = ("direct_check", "balls", "position_error", "equilibrium", "pair_equilibr
 
 
 def saved(earlier: Mapping[str, Any]) -> Document:
-    """Return those that a saved document has; without a direct check its balls are not the full model's."""
+    """Return the saved values of `KEYS`; `balls` only after a direct check, as others have no pressures."""
     return {key: earlier[key] for key in KEYS if key in earlier and (key != "balls" or earlier.get("direct_check"))}
 
 

@@ -37,8 +37,8 @@ ten times as many; 1000 balls took 1400 where they gather, but 120 to 1100 where
 PATIENCE = 3.0
 """Time [s] that a path is followed to count its steps, by point loads, and to time them, by the run's own forces."""
 LATER, TOUCHING = 1.0, 40
-"""For pair forces: extra time of later steps over the time of the first ones, when fewer balls touch; number of balls
-from which it applies (for fewer balls, in proportion)."""
+"""For pair forces, later steps take longer, as more balls touch: extra time over that of the first steps; number of
+balls from which all of it counts (below, in proportion)."""
 EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 8.0
 """For direct forces: evaluations per step, and time of one next to a solved state over that of a first solution, where
 more than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates

@@ -115,8 +115,8 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         gathered = [m["cycles_one_group"] for m in members if m["cycles_one_group"] is not None]
         for words, cycles in (("are in one cluster", gathered), ("are at rest", at_rest)):
             if len(cycles) > 1:
-                spread = f"{np.mean(cycles):.3g} ± {np.std(cycles, ddof=1):.2g} cycles"
-                span = f"{min(cycles):.3g} to {max(cycles):.3g}"
+                spread = f"{number(np.mean(cycles), 3)} ± {number(np.std(cycles, ddof=1), 2)} cycles"
+                span = f"{number(min(cycles), 3)} to {number(max(cycles), 3)}"
                 lines.append(f"{len(cycles)} of {len(members)} members {words} after {spread} ({span})")
     return lines
 

@@ -94,7 +94,8 @@ def quantity(value: object, unit: str) -> float:
         matches = given.is_compatible_with(unit)
     except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
         power = ", powers are written with ^" if re.search(r"[A-Za-z]\d$", name) else ""
-        meant = next((each for each in COMMON if each.lower() == name.lower()), None)
+        alike = (each for each in COMMON if _units().is_compatible_with(each, unit))
+        meant = next((each for each in alike if each.lower() == name.lower()), None)
         power = f', did you mean "{meant}"?' if meant else power
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
@@ -160,7 +161,7 @@ LENGTHS = {
     "reciprocation": ("amplitude", "perturbation"),
     "periodic": ("lengths",),
 }
-"""Keys of lengths, by table; load steps are lengths only under one approach of all balls."""
+"""Keys of lengths, by table; load steps are lengths only if all balls have the same approach."""
 
 
 def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
@@ -168,7 +169,10 @@ def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
     units, found = Units.written(data), list[str]()
     if units is None or units.length.name == "m":
         return ()
-    alike = len(set(_items_of([data.get("load", {}).get("approach", [])]))) == 1
+    try:
+        alike = len({quantity(value, "m") for value in _items_of([data.get("load", {}).get("approach", [])])}) == 1
+    except PydanticCustomError:
+        alike = False
     steps = ("steps",) if alike else ()
     for table, keys in LENGTHS.items():
         for key in (*keys, *(steps if table == "load" else ())):

@@ -82,7 +82,37 @@ def test_an_own_energy_that_falls_with_the_shear_is_named() -> None:
 
     assert softening(with_law(psi)) == softening(with_law(Gent(30.0))) == []
     (said,) = softening(with_law(fading))
-    assert "a simple shear grows beyond 0.34" in said
+    assert "in simple shear from about 0.34 on" in said
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.8, 1.0, 2.0, 30.0])
+def test_an_own_energy_may_have_no_value_beyond_a_limit(limit: float, capfd: pytest.CaptureFixture[str]) -> None:
+    def first(F: Any) -> Any:
+        return ufl.tr(F.T * F) - 3 - 2 * ufl.ln(ufl.det(F))
+
+    def gent(F: Any) -> Any:
+        return -MU * limit / 2 * ufl.ln(1 - first(F) / limit) + LAME / 2 * (ufl.det(F) - 1) ** 2
+
+    def isochoric(F: Any) -> Any:
+        J = ufl.det(F)
+        stretch = (J ** (-2 / 3) * ufl.tr(F.T * F) - 3) / limit
+        return -MU * limit / 2 * ufl.ln(1 - stretch) + (LAME / 2 + MU / 3) * (J - 1) ** 2
+
+    def rooted(F: Any) -> Any:
+        return MU * limit * (1 - ufl.sqrt(1 - first(F) / limit)) + LAME / 2 * (ufl.det(F) - 1) ** 2
+
+    for law in (gent, isochoric, rooted):
+        check_own_energy(with_law(law))
+        assert softening(with_law(law)) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_own_energy_that_resists_rotations_at_large_strain_alone_is_refused() -> None:
+    def held(F: Any) -> Any:
+        return psi(F) + 100.0 * (F[0, 1] - F[1, 0]) ** 8
+
+    with pytest.raises(InvalidProblem, match="must be objective"):
+        check_own_energy(with_law(held))
 
 
 def test_what_has_no_mixed_form_is_refused_it() -> None:
@@ -94,9 +124,12 @@ def test_what_has_no_mixed_form_is_refused_it() -> None:
         finite_strain.plan(replace(single(0.1, poisson=0.5), finite_strain=FiniteStrain(psi)))
 
 
-@pytest.mark.parametrize("law", ["hook", 3.0, None])
-def test_no_law_is_refused(law: Any) -> None:
-    with pytest.raises(InvalidProblem, match=r"finite_strain\.law: must be"):
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [("hook", ""), (3.0, "got 3.0$"), (None, ""), (Gent, r"; give an object, such as Gent\(")],
+)
+def test_no_law_is_refused(law: Any, words: str) -> None:
+    with pytest.raises(InvalidProblem, match=rf"finite_strain\.law: must be.*{words}"):
         with_law(law)
 
 

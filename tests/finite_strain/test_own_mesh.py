@@ -209,6 +209,31 @@ def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:
     assert fitted(problem, block(**lines))[1].digest != digests[0]  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("groups", "words"),
+    [
+        ((), "has no physical groups of volumes; add groups with the names layer"),
+        ((((3, "layer"), 1),), "has no physical groups of faces; add groups with the names top and bottom"),
+        ((((3, "layer"), 1), ((3, "rest"), 1)), r"volumes \[1\] are in two physical groups; put each into one"),
+        (None, "write it by gmsh.write"),
+    ],
+)
+def test_what_is_wrong_in_a_mesh_file_is_said_with_its_name(groups: Any, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "block.msh"
+    if groups is None:
+        file.write_text("no mesh\n", encoding="utf-8")
+    else:
+        with gmsh_session():
+            gmsh.model.occ.addBox(0.0, 0.0, -1.0, 1.0, 1.0, 1.0)
+            gmsh.model.occ.synchronize()
+            for (dimension, name), entity in groups:
+                gmsh.model.setPhysicalName(dimension, gmsh.model.addPhysicalGroup(dimension, [entity]), name)
+            gmsh.model.mesh.generate(3)
+            gmsh.write(str(file))
+    with pytest.raises(InvalidProblem, match=f"mesh: .*{file}.*{words}"):
+        compat.read_mesh(file, COMM)
+
+
 def test_cells_curved_by_more_than_order_2_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "own.msh"
     with gmsh_session():

@@ -255,7 +255,7 @@ def test_bodies_stand_no_closer_than_they_are_wide(body, apart):
 def test_an_own_profile_in_another_unit_than_its_radius_is_doubted() -> None:
     def noted(shape) -> list[str]:
         problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 2e-3, shape),), Load("approach", (1e-4,)))
-        return [note for note in solve(problem).solved.notes if "wider than the ball" in note]
+        return [note for note in solve(problem).solved.notes if "contact radius of ball" in note]
 
     def ends(x, y):  # a table that knows no more than this
         if np.max(x**2 + y**2) > 1e-6:
@@ -264,4 +264,6 @@ def test_an_own_profile_in_another_unit_than_its_radius_is_doubted() -> None:
 
     assert noted(lambda x, y: (x**2 + y**2) / 4e-3) == noted(ends) == []
     (note,) = noted(lambda x, y: (x**2 + y**2) / 4.0)  # its radius of curvature is 2 m
-    assert "ball 0 is wider than the ball: a radius of 0.0141 m, against its radius of 0.002 m" in note
+    assert "of ball 0, 0.0141 m, exceeds the ball's radius, 0.002 m; unless intended, check the units" in note
+    (note,) = noted(lambda x, y: (x**2 + y**2) / 4e-6)
+    assert "of ball 0, 1.41e-05 m, is less than 1/3 of its approach" in note

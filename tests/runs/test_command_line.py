@@ -151,8 +151,33 @@ def test_packages_that_do_not_fit_together_end_in_one_sentence(tmp_path: Path) -
     done = python("-c", code, cwd=ROOT)
     assert done.returncode == 1
     assert "do not fit together" in done.stderr
-    assert "pip uninstall numpy" in done.stderr
+    assert "pip install --force-reinstall" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_dolfinx_that_cannot_be_imported_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "dolfinx").mkdir()
+    (tmp_path / "dolfinx" / "__init__.py").write_text("raise ValueError('numpy.dtype size changed')\n")
+    scene = Path(__file__).with_name("light_pair.toml")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv = ['thirdbody', 'solve', {str(scene)!r}, "
+        f"'--out', {str(tmp_path / 'run')!r}]; from runs.entry import main; main()"
+    )
+    done = python("-c", code, cwd=ROOT)
+    assert done.returncode == 1
+    assert "numpy.dtype size changed; `thirdbody doctor` names the remedy" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_closed_pipe_is_an_error_that_python_raises_even_beside_petsc() -> None:
+    pytest.importorskip("dolfinx")
+    code = (
+        "import os, finite_strain.compat\n"
+        "end, entrance = os.pipe()\n"
+        "os.close(end)\n"
+        "try:\n    os.write(entrance, b'x')\nexcept BrokenPipeError:\n    print('raised')"
+    )
+    assert python("-c", code, cwd=ROOT).stdout == "raised\n"
 
 
 @pytest.mark.parametrize(

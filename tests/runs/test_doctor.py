@@ -93,12 +93,20 @@ def among(**packages: Package) -> Report:
 
 
 def test_wheels_beside_debians_dolfinx_are_faults() -> None:
-    report = among(dolfinx=DEBIAN, h5py=WHEEL, numpy=WHEEL)
+    report = among(dolfinx=DEBIAN, h5py=WHEEL, numpy=WHEEL, scipy=DEBIAN)
     assert "fails once DOLFINx is loaded" in fault(_package("h5py", report, "python"))
     assert "python -m pip uninstall -y h5py" in fault(_package("h5py", report, "python"))
     assert "python -m pip uninstall -y numpy" in fault(_numpy(report, "python"))
     assert not fault(_package("h5py", among(dolfinx=DEBIAN, h5py=DEBIAN), "python"))
-    assert not fault(_numpy(among(dolfinx=DEBIAN, numpy=DEBIAN), "python"))
+    assert not fault(_numpy(among(dolfinx=DEBIAN, numpy=DEBIAN, scipy=DEBIAN), "python"))
+
+
+def test_what_another_numpy_breaks_is_mended_by_its_removal() -> None:
+    broken = Package(error="ValueError: numpy.dtype size changed, may indicate binary incompatibility")
+    report = among(dolfinx=broken, petsc4py=broken, numpy=WHEEL, scipy=WHEEL)
+    assert "python -m pip uninstall -y numpy scipy" in fault(_numpy(report, "python"))
+    for name in ("dolfinx", "petsc4py"):
+        assert "apt-get" not in fault(_package(name, report, "python"))
 
 
 def test_an_old_or_complex_build_is_a_fault() -> None:

@@ -73,7 +73,7 @@ def test_balls_beside_another_body_are_outside_the_fit_of_pairs() -> None:
     balls = (*pair(0.1).balls, Ball((6.0, 0.0), shape=Cone(0.3, 1.0)))
     found = advice(Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (0.1,) * 3)))["finite_strain"]
     assert found.change is None
-    assert "the fit is for balls alone" in found.text
+    assert "the fit is for spheres and paraboloids only" in found.text
 
 
 def test_the_fit_meets_what_is_known_within_its_error() -> None:

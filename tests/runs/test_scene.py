@@ -126,6 +126,8 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ("poisson = 0.48", "", ["[layer] poisson", "missing"]),
         ('young = "57.4 kPa"', 'young = "57.4 mm"', ["[layer] young", "must be a pressure", "is a length"]),
         ('young = "57.4 kPa"', 'young = "57.4 kFoo"', ["[layer] young", '"kFoo" is not a unit']),
+        ('young = "57.4 kPa"', 'young = "57.4 mpa"', ["[layer] young", '"mpa" is not a unit, did you mean "MPa"']),
+        ('approach = "1.5 mm"', 'approach = "1.5 mpa"', ["[load] approach", '"mpa" is not a unit, got']),
         ('young = "57.4 kPa"', 'young = "57.4"', ["[layer] young", "with its unit"]),
         ('young = "57.4 kPa"', 'young = "__import__(1)"', ["[layer] young", "must be a pressure"]),
         ('young = "57.4 kPa"', 'young = "9 Pa**9**9**9"', ["[layer] young", "must be a pressure"]),
