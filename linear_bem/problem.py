@@ -95,8 +95,9 @@ class FiniteStrain:
         if isinstance(law, Law):
             texts = law.faults(poisson)
         elif not texts and (isinstance(law, type) or not callable(law)):
-            is_class = isinstance(law, type) and issubclass(law, Law)
-            remedy = f"; give an object, such as {law.__name__}(...)" if is_class else ""
+            remedy = ""
+            if isinstance(law, type) and issubclass(law, Law):
+                remedy = f"; give an object, such as {law.__name__}(...)"
             texts = [f"law: must be a name, a law or an energy psi(F), got {law!r}{remedy}"]
         return [f"finite_strain.{text}" for text in texts]
 

@@ -12,7 +12,7 @@ def main() -> None:
     except ImportError as error:
         if (error.name or "").split(".")[0] in OURS:
             raise
-        words = _absent(error.name) if isinstance(error, ModuleNotFoundError) else _unfit(error)
+        words = _absent(str(error.name)) if isinstance(error, ModuleNotFoundError) else _unfit(error)
         sys.exit(f"thirdbody: error: {words}")
     run()
 
