@@ -58,10 +58,10 @@ def test_wide_contacts_begin_at_degree_six_and_small_forces_with_sharper_pairs(
 
 @pytest.mark.parametrize("base", [None, Elastic(1000.0, 0.3)], ids=["rigid", "elastic"])
 def test_a_thin_layer_takes_no_higher_degree_than_its_error_asks_for(monkeypatch, base):
-    at_approach = thin(150, "approach", base)
+    at_approach = thin(105, "approach", base)
     with monkeypatch.context() as patch:
         patch.setattr(pairs_and_mesh, "RULES", ())
-        patch.setattr(sampled_solution, "DEGREES", (8,))
+        patch.setattr(sampled_solution, "DEGREES", (6,))
         sharp = solve(at_approach, 1e-5)
     at_force = replace(at_approach, load=Load("force", tuple(ball.normal_force for ball in sharp.balls)))
     for problem in (at_approach, at_force):  # the same state
