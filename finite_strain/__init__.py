@@ -74,8 +74,8 @@ def solve(
         The budget: wall time of the run, and unknowns of its finest mesh; by default no bound on the time, and
         120 000 unknowns.
     steps
-        Rising load fractions with output; by default full load alone. None stands for six equal steps of the
-        approach.
+        Rising fractions of the load with output, the last one 1 (full load); by default full load alone. None stands
+        for six equal steps of the approach.
     numerics
         Numerical parameters that studies vary.
     solver_options

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -47,15 +48,17 @@ def _faults_of(body: Indenter) -> list[str]:
         name, as_it_is = getattr(body.function, "__name__", "f"), "it"
     aside = np.array([0.01 * body.apex_radius])
     at = Dual(aside, np.ones(1), np.zeros(1))
+    other = "another function"
     try:
         expression = isinstance(body.height(at, at), Dual)
-    except Exception:  # whatever a user's function raises
+    except Exception as error:  # whatever a user's function raises
         body.height(aside, aside)  # raises again if the function itself is faulty
-        expression = False
+        found = re.search(r"<ufunc '(\w+)'>", str(error))
+        other, expression = f"np.{found[1]}" if found else other, False
     if not expression:
         return [
             f"balls.shape: {name} must be an expression of + - * / **, abs and {FUNCTIONS}, which finite elements can "
-            "differentiate, got another function; np.where may jump: write a kink by np.maximum or np.minimum; the "
+            f"differentiate, got {other}; np.where may jump: write a kink by np.maximum or np.minimum; the "
             f"linear model takes {as_it_is}"
         ]
     apex = float(np.ravel(body.height(np.zeros(1), np.zeros(1)))[0])

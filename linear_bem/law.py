@@ -179,7 +179,10 @@ def law_of(name: str, numbers: Mapping[str, Any]) -> tuple[Law | None, list[str]
         return None, [f'law: must be one of {", ".join(LAWS)}, got "{name}"']
     takes = [f.name for f in fields(LAWS[name])]
     known = f'law "{name}", which takes {" and ".join(takes) or "no numbers"}'
-    texts = [f"{key}: is not a number of {known}; leave it out" for key in numbers if key not in takes]
+    texts = []
+    for key in (key for key in numbers if key not in takes):
+        owners = " or ".join(f'"{law.name}"' for law in LAWS.values() if key in [f.name for f in fields(law)])
+        texts.append(f"{key}: is not a number of {known}; leave it out" + (f", or take {owners}" if owners else ""))
     texts += [f"{key}: is missing for {known}" for key in takes if key not in numbers]
     return (None, texts) if texts else (LAWS[name](**numbers), [])
 

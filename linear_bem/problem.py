@@ -71,6 +71,10 @@ class Load:
     kind: LoadKind
     values: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        if isinstance(self.values, list | np.ndarray):
+            object.__setattr__(self, "values", tuple(self.values))
+
 
 @dataclass(frozen=True)
 class FiniteStrain:
@@ -227,6 +231,11 @@ class Problem:
             for key, (kind, example) in PARTS.items()
             if not isinstance(getattr(self, key), kind) and (key in ("layer", "load") or getattr(self, key) is not None)
         ]
+        if isinstance(self.substrate, Layer):
+            faults.append(
+                f"substrate: must be a half-space, Elastic(young, poisson), got a layer {self.substrate.thickness:g} m "
+                "thick; a SurfaceResponse describes a stack of layers"
+            )
         if faults:
             return faults
         numbers: dict[str, object] = {"layer.thickness": self.layer.thickness}
@@ -241,7 +250,8 @@ class Problem:
         if self.periodic is not None:
             faults += self.periodic.faults()
         if not _are_numbers(self.load.values):
-            faults.append(f"load.{self.load.kind}: must be a tuple of numbers, got {self.load.values!r:.80}")
+            wanted = 'must be Load(kind, values) with one number per ball, such as Load("approach", (1e-4, 1e-4))'
+            faults.append(f"load: {wanted}, got {self.load.kind!r:.40}, {self.load.values!r:.80}")
         return faults
 
     def _ball_faults(self) -> list[str]:
@@ -257,6 +267,9 @@ class Problem:
                 faults.append(f'balls.shape: must be "paraboloid" or "sphere", got "{ball.shape}"')
             elif not isinstance(ball.shape, str | Indenter) and not callable(ball.shape):
                 faults.append(f"balls.shape: must be a name, an indenter or a profile f(x, y), got {ball.shape!r}")
+            elif isinstance(ball.shape, type):
+                got = f"got the class {ball.shape.__name__}; give an object, such as {ball.shape.__name__}(...)"
+                faults.append(f"balls.shape: must be a name, an indenter or a profile f(x, y), {got}")
             if isinstance(ball.shape, Indenter) and not math.isclose(ball.radius, ball.shape.apex_radius):
                 faults.append(
                     f"balls.radius[{i}]: must be {ball.shape.apex_radius:g} m, which the shape states, got "

@@ -169,7 +169,11 @@ class Result:
     @classmethod
     def from_json(cls, text: str) -> Result:
         """Return the result that `to_json` wrote."""
-        return cls.from_dict(json.loads(text))
+        try:
+            return cls.from_dict(json.loads(text))
+        except json.JSONDecodeError as error:
+            said = f"from_json: must be the text that to_json wrote, got {text[:60]!r}: {error}"
+            raise InvalidProblem(f"{said}; of a file: Result.from_json(Path(file).read_text())") from error
 
     def __repr__(self) -> str:
         """Return one short line: model, number of balls, the largest T with its error."""

@@ -18,6 +18,7 @@ from linear_bem.error_estimate import (
     least_error,
     missed_pulls,
     pulls,
+    quantities,
     reference_force,
     route_difference,
     small_force_note,
@@ -27,7 +28,7 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, HeightFunction, Indenter, Paraboloid, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
-from linear_bem.problem import Problem
+from linear_bem.problem import Ball, Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
@@ -44,6 +45,8 @@ STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
 is exceeded, up to that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
 """Largest number of balls that go to grids if polynomials do not converge."""
+POINTED_SLOPE = 1e-3
+"""Slope right beside the axis that only a pointed tip exceeds."""
 NARROW = 3.0
 """Approach over the contact radius of an own profile from which a note doubts its units."""
 CHANCE = 1e-2
@@ -131,15 +134,17 @@ def solve_contact(
 
 
 def _own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
-    """Return a note on the first own profile that looks as if its heights and the ball's radius were in unlike units.
+    """Return a note on the first own profile that is pointed, or seems to be in another unit than the ball's radius.
 
-    Its contact is then wider than the ball, or far narrower than its approach.
+    In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
     radii = np.sqrt(contacts.contact_areas / np.pi)
     for number, (ball, radius, approach) in enumerate(
         zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
     ):
         own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
+        if own and _is_pointed(ball):
+            return (f"the profile of ball {number} is pointed at its axis: its peak pressure has no limit",)
         beside = f"exceeds the ball's radius, {ball.radius:g} m" if radius > ball.radius else ""
         beside = f"is less than 1/{NARROW:g} of its approach" if approach > NARROW * radius else beside
         if own and beside:
@@ -150,13 +155,22 @@ def _own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
     return ()
 
 
+def _is_pointed(ball: Ball) -> bool:
+    """Return whether an own profile has a tip: a slope right beside its axis, in all directions."""
+    near = 1e-9 * ball.radius
+    x, y = near * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    body = ball.indenter
+    heights = body.height(x, y) if isinstance(body, Indenter) else body(x, y)
+    return bool(np.min(np.asarray(heights)) > POINTED_SLOPE * near)
+
+
 def _large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
     """Return notes where small strain does not hold: too deep for the layer, or for a round ball."""
     problem, approaches = contacts.problem, contacts.approaches
     notes = large_strain_note(problem.layer, float(np.max(approaches)), _given_by_base(contacts))
     if any(MEANINGLESS in note for note in notes):
         return notes
-    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 ball radii" for note in notes)
+    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
     round_balls = [k for k, ball in enumerate(problem.balls) if isinstance(ball.indenter, Sphere | Paraboloid)]
     deepest = max((approaches[k] / problem.balls[k].radius for k in round_balls), default=0.0)
     return deep + ball_depth_note(deepest)
@@ -176,6 +190,7 @@ def _given_by_base(contacts: Contacts) -> float:
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
+    best: _Refined | None = None
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
     if sample is not None or len(guess.touching) > CHECKED:
         try:
@@ -192,16 +207,17 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         or problem.size > GRID_FIRST
         or not (_steep(problem, guess) or _wide(kernel, guess))
     ):
-        answer = _by_polynomials(problem, kernel, wanted, guess, report)
-        if answer is not None:
-            return answer
+        smooth = _by_polynomials(problem, kernel, wanted, guess, report)
+        if isinstance(smooth, Estimated):
+            return smooth
+        best = smooth
     if kernel.cell is not None:
         raise UnsupportedProblem(
             "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
             "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
             "or drop the effect"
         )
-    return _on_grids(problem, kernel, wanted, guess, report)
+    return _on_grids(problem, kernel, wanted, guess, report, best)
 
 
 def _enough(wanted: float) -> float:
@@ -223,17 +239,29 @@ class _Refined:
         """Return the larger of both errors over the requested ones."""
         return max(self.reached / wanted, self.settled / _enough(wanted))
 
-    def note(self, limit: str, wanted: float) -> str:
+    def estimated(self, wanted: float) -> Estimated:
+        """Return contacts of the best degree, with a note."""
+        return Estimated(self.contacts, self.error, self.errors, self.notes("highest usable degree", wanted))
+
+    def notes(self, limit: str, wanted: float) -> tuple[str, ...]:
+        """Return a note if an error of T, forces or approaches is above the one asked for; ``limit`` ended it."""
+        values, touching = quantities(self.contacts), self.contacts.normal_forces > 0.0
+        shares = [float(np.max(self.errors[k][touching] / values[k][touching])) for k in ("normal_force", "approach")]
+        if self.reached <= wanted and max(shares) <= _enough(wanted):
+            return ()
         return (
-            f"{limit} reached: T was requested to {wanted:.0e} of its size and is estimated to {self.reached:.0e}, "
-            f"forces and approaches to {self.settled:.0e}"
+            f"{limit} reached: the error of T is {self.reached:.1e} of its size, {wanted:.1e} was asked for, that of "
+            f"forces and approaches {max(shares):.1e}, {_enough(wanted):.1e} was asked for",
         )
 
 
 def _by_polynomials(
     problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report
-) -> Estimated | None:
-    """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices, else None."""
+) -> Estimated | _Refined | None:
+    """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices.
+
+    Otherwise the best degree for a comparison with grids, None if there is none.
+    """
     candidates: list[_Refined] = []
     before: SmoothContacts | None = None
     many = len(guess.touching) > DENSE or kernel.cell is not None
@@ -271,14 +299,14 @@ def _by_polynomials(
     best = next((found for found in candidates if is_certified(found.contacts)), None)
     if best is None:
         return None
-    if best.excess(wanted) <= WORTH_KEEPING or (best.reached <= 1e-3 and best.settled <= _enough(wanted)):
-        note = best.note("highest usable degree", wanted)
-        return Estimated(best.contacts, best.error, best.errors, (note,))
-    return None
+    suffices = best.excess(wanted) <= WORTH_KEEPING or (best.reached <= 1e-3 and best.settled <= _enough(wanted))
+    return best.estimated(wanted) if suffices else best
 
 
-def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report) -> Estimated:
-    """Return contacts on the coarsest sufficient grid, or on the finest that fits."""
+def _on_grids(
+    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report, smooth: _Refined | None
+) -> Estimated:
+    """Return contacts on the coarsest sufficient grid; if none suffices, the better of finest grid and polynomials."""
     last: _Refined | None = None
     levels, fits = grid_levels(problem, kernel, guess, report), "fits"
     while True:
@@ -302,12 +330,16 @@ def _on_grids(problem: Problem, kernel: LayeredKernel, wanted: float, guess: Sta
             return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
-    error, note = last.error, last.note(f"finest grid that {fits}", wanted)
+    if smooth is not None and smooth.excess(wanted) <= last.excess(wanted):
+        return smooth.estimated(wanted)
+    error, notes = last.error, last.notes(f"finest grid that {fits}", wanted)
     if not np.all(np.isfinite(error)):
         error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
-        note = f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}"
-    return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, (note,))
+        notes = (
+            f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}",
+        )
+    return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, notes)
 
 
 def _steep(problem: Problem, guess: Start) -> bool:

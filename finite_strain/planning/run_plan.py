@@ -187,6 +187,11 @@ def plan_run(
     goals = load.answered_fractions() if steps is None else tuple(steps)
     if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
+    if goals[-1] < 1.0 - 1e-9:
+        raise InvalidProblem(
+            f"load.steps: the last must be 1, the full load, got {list(goals)}; steps are fractions of the load, as "
+            "(0.5, 1.0)"
+        )
     expected = load.expected()
     if load.forces_given and problem.finite_strain is not None:  # under approaches bodies that overlap are refused
         _check_apart(problem, expected)

@@ -257,7 +257,8 @@ def contact_area_curve(
     ``options`` as for `solve_height_field`: ``periodic``, ``ends_at_edge``.
     """
     found = (
-        solve_height_field(layer, substrate, heights, cell, normal_force=force, **options) for force in normal_forces
+        solve_height_field(layer, substrate, heights, cell, normal_force=force, **options)
+        for force in np.atleast_1d(normal_forces).tolist()
     )
     return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
 
@@ -306,5 +307,5 @@ def _refuse_clipped(pressure: Array) -> None:
         raise InvalidProblem(
             f"heights: the contact reaches the edge of the grid at {np.count_nonzero(rim)} cells, where the surface is "
             "unknown; give heights farther out or a smaller load, ends_at_edge=True for a body that ends there, or "
-            "periodic=True"
+            "periodic=True; if the highest peaks should touch, negate heights: they are positive away from the layer"
         )

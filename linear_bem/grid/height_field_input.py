@@ -45,7 +45,7 @@ def grid_faults(heights: Array, cell: float) -> list[str]:
         bad = int(np.count_nonzero(~np.isfinite(heights)))
         faults.append(f"heights: must be finite, {bad} of {heights.size} are not; fill them in")
     if not (isinstance(cell, Real) and 0.0 < cell < math.inf):
-        faults.append(f"cell: must be greater than 0 and finite, got {cell} m")
+        faults.append(f"cell: must be one number, the side of a square cell, greater than 0 and finite, got {cell} m")
     return faults
 
 

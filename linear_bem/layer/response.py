@@ -86,7 +86,8 @@ class MeasuredResponse:
             end *= 2.0
             if end > LAST:
                 raise InvalidProblem(
-                    f"layer.response: must tend to 1 exponentially, differs from 1 by more than {UNITY:g} at {LAST:g}; "
+                    f"layer.response: G(t) must tend to 1 exponentially, within {UNITY:g} at t = {LAST:g}, got G = "
+                    f"{self._asked(np.array([LAST]))[0]:.6g} there; "
                     "young and poisson must be those at the surface; add a thin homogeneous skin to a medium that is "
                     "graded up to its surface"
                 )
@@ -110,7 +111,10 @@ class MeasuredResponse:
 
     def _asked(self, t: Array) -> Array:
         """Return the user's G; raises `InvalidProblem` if it is not a positive number."""
-        values = np.asarray(self._medium.response(t), dtype=float)
+        try:
+            values = np.asarray(self._medium.response(t), dtype=float)
+        except TypeError as error:
+            raise InvalidProblem(f"layer.response: must take and return arrays, got {error}; use numpy") from error
         if values.shape != t.shape:
             raise InvalidProblem(
                 f"layer.response: must return an array of shape {t.shape}, that of its argument, got {values.shape}"

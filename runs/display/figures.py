@@ -52,7 +52,7 @@ def draw_comparison(
     beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
-        ("approach", APPROACH, "^", "$S_D$: at equal approach"),
+        ("approach", APPROACH, "^", "$S_D$: at equal approach (drawn a little to the right)"),
     ):
         ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]

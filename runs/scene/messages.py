@@ -156,6 +156,8 @@ def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
     close = difflib.get_close_matches(name, here, n=1)
     if close:
         return f'; did you mean "{close[0]}"?'
+    if key in tables.model_fields:
+        return f"; it is a table of its own: write [{key}]"
     if elsewhere:
         return f"; it belongs in [{'] or ['.join(elsewhere)}]"
     return f"; known here: {', '.join(here)}"

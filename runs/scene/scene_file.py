@@ -23,6 +23,7 @@ from runs.scene.units import Length, Number, Pressure, Table, Units, Whole, unit
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""
+CAUSE = "a possible cause: "
 
 
 class InvalidScene(InvalidProblem):
@@ -35,7 +36,9 @@ class InvalidScene(InvalidProblem):
     def __str__(self) -> str:
         if len(self.faults) == 1:
             return f"{self.path}: {self.faults[0]}"
-        return "\n".join([f"{self.path}: {len(self.faults)} faults", *(f"  {text}" for text in self.faults)])
+        count = sum(not text.startswith(CAUSE) for text in self.faults)
+        heading = f"{self.path}: {count} fault{'' if count == 1 else 's'}"
+        return "\n".join([heading, *(f"  {text}" for text in self.faults)])
 
 
 class LayerTable(Table):
@@ -134,7 +137,7 @@ class PlainTables(Table):
             balls = self._small_balls()
         accuracy = self.accuracy.tangential_force
         if accuracy is not None and not 0.0 < accuracy < 1.0:
-            texts.append(f"accuracy.tangential_force: must lie between 0 and 1, got {accuracy:g}")
+            texts.append(f"accuracy.tangential_force: must be above 0 and below 1 (2 % is 0.02), got {accuracy:g}")
         texts += [
             f"accuracy.{key}: must be greater than 0, got {value:g}"
             for key, value in self.accuracy.budget.items()
@@ -237,7 +240,7 @@ def read_scene(path: Path) -> Scene:
         except InvalidProblem as error:
             texts += [messages.of_problem(t, data) for t in error.faults if not messages.concerns(t, doubtful)]
             if not doubtful and any(word in text for text in error.faults for word in ("overlap", "thickness", "deep")):
-                texts += [f"a possible cause: {note}" for note in unit_notes(data)]
+                texts += [f"{CAUSE}{note}" for note in unit_notes(data)]
     if texts or tables is None or problem is None:
         raise InvalidScene(path, *dict.fromkeys(texts))
     effects = [effect.name for effect, _ in tables.effects()]
@@ -285,6 +288,8 @@ def _read_text(path: Path) -> str:
 
 def _similar_files(path: Path) -> str:
     try:
+        if path.with_name(f"{path.name}.toml").exists():
+            return f"; did you mean {path}.toml?"
         names = [p.name for p in path.parent.glob("*.toml")]
     except OSError:
         return ""

@@ -46,7 +46,8 @@ def _units() -> Any:
 def number(value: object) -> float:
     """Return a dimensionless number as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise fault("must be a plain number")
+        comma = isinstance(value, str) and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", value)
+        raise fault("must be a plain number" + ("; write decimals with a point, without quotes" if comma else ""))
     if not is_number(value):
         raise fault("must be a number below 1.8e308")
     if math.isnan(value):
@@ -99,6 +100,9 @@ def quantity(value: object, unit: str) -> float:
         power = f', did you mean "{meant}"?' if meant else power
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
+        together = name.replace(" ", "")
+        if together != name and UNIT.fullmatch(together) and _units().is_compatible_with(together, unit):
+            raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit, did you mean "{together}"?')
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     converted = float((plain * given).to(unit).magnitude)
     if math.isinf(converted) and "inf" not in match["number"]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from linear_bem.counts import grouped
 from linear_bem.result import Step
-from runs.display.numbers import Scale, attraction, duration, number
+from runs.display.numbers import Scale, attraction, duration, leading_ball, number
 from runs.process import signals
 from runs.session.clock import Clock
 from runs.session.terminal import Bar, on_terminal, print_status
@@ -163,11 +163,11 @@ class Progress:
 
     def _line(self, step: Step) -> str:
         balls = [ball.to_dict() for ball in step.balls]
-        leading = max(range(len(balls)), key=lambda i: balls[i]["normal_force"])
+        leading = leading_ball(balls)
         ball = balls[leading]
         share = f" ({100.0 * ball['approach'] / self.goal:.0f} %)" if self.goal else ""
         number_of = step.record.get("step", "")
-        words = [f"step {number_of}".strip(), *([f"ball {leading}"] if self.scale.unlike else [])]
+        words = [f"step {number_of}".strip(), *([f"ball {leading}"] if self.scale.unlike or len(balls) > 2 else [])]
         words += [
             f"D = {self.scale.both(ball['approach'])}{share}",
             f"Q = {self.scale.units.force(ball['normal_force'])}",

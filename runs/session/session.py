@@ -158,7 +158,8 @@ class Session:
             size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(seconds)
             where = f"{self.model.name} on {ranks_here} rank(s)"
             cores = count(ranks_here, "idle core")
-            print_status(f"{where}: {size}, {self.plan['load_steps']} load steps, {time} on {cores}; into {self.out}")
+            time = f"{self.plan['load_steps']} load steps, the elements take {time}"
+            print_status(f"{where}: {size}, {time} on {cores}; into {self.out}")
             least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:
                 print_status(

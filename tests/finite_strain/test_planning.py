@@ -101,6 +101,12 @@ def test_load_steps_that_do_not_rise_are_refused(steps: tuple[float, ...]) -> No
         plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
 
 
+@pytest.mark.parametrize("steps", [(0.5,), (0.25, 0.5), (1e-4, 2e-4)])
+def test_load_steps_that_end_before_full_load_are_refused(steps: tuple[float, ...]) -> None:
+    with pytest.raises(InvalidProblem, match=r"load\.steps: the last must be 1, the full load, got .*, as \(0\.5, 1"):
+        plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
+
+
 @pytest.mark.parametrize("accuracy", [0.0, 1e-20, 9e-5, 1.0, -0.1])
 def test_an_accuracy_outside_its_range_is_refused(accuracy: float) -> None:
     with pytest.raises(InvalidProblem, match=r"accuracy\.tangential_force"):

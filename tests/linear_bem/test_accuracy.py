@@ -57,8 +57,20 @@ def test_a_note_states_that_the_requested_accuracy_is_not_reached(monkeypatch):
     thin = Problem(Layer(1.0, 0.48, 0.01), problem.balls, problem.load, problem.substrate)
     solution = solve_contact(thin, 1e-8)
     assert isinstance(solution.contacts, GridContacts)
-    assert "requested to 1e-08" in solution.notes[0]
-    assert "requested to 1e-08" in solution.result().solved.notes[0]
+    assert "1.0e-08 was asked for" in solution.notes[0]
+    assert "1.0e-08 was asked for" in solution.result().solved.notes[0]
+
+
+def test_a_stricter_accuracy_is_never_answered_less_accurately(monkeypatch):
+    monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 20_000)
+    rounded = lambda x, y: 0.5 * (np.sqrt(x**2 + y**2 + 0.5625) - 0.75)  # noqa: E731
+    balls = (Ball((-3.0, 0.0), 1.5, rounded), Ball((3.0, 0.0), 3.0))
+    pair = Problem(Layer(2.0, 0.45, 4.0), balls, Load("approach", (0.5, 0.5)))
+    usual, strict = solve(pair, 1e-4), solve(pair, 1e-8)
+    assert not usual.solved.notes
+    assert "1.0e-08 was asked for" in strict.solved.notes[0]
+    assert strict.balls[0].tangential_force_error <= usual.balls[0].tangential_force_error
+    assert strict.balls[0].errors["normal_force"] <= 1e-4 * strict.balls[0].normal_force
 
 
 def test_with_one_grid_only_the_difference_of_the_routes_is_the_error_estimate(monkeypatch):

@@ -101,7 +101,7 @@ HALF_SPACE, MODULUS = Layer(1.0, 0.3, np.inf), 1.0 / 0.91
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"cell": -0.06}, r"cell: must be greater than 0 and finite, got -0\.06 m"),
+        ({"cell": -0.06}, r"cell: must be one number, .* greater than 0 and finite, got -0\.06 m"),
         ({"heights": np.full((8, 8), np.nan)}, r"heights: must be finite, 64 of 64 are not"),
         ({"heights": np.zeros(8)}, r"heights: must have two axes of at least 4 cells each, got shape \(8,\)"),
         ({"approach": None, "normal_force": -1.0}, r"normal_force: must be greater than 0, got -1"),

@@ -267,3 +267,12 @@ def test_an_own_profile_in_another_unit_than_its_radius_is_doubted() -> None:
     assert "of ball 0, 0.0141 m, exceeds the ball's radius, 0.002 m; unless intended, check the units" in note
     (note,) = noted(lambda x, y: (x**2 + y**2) / 4e-6)
     assert "of ball 0, 1.41e-05 m, is less than 1/3 of its approach" in note
+
+
+def test_a_pointed_own_profile_is_said_to_have_no_peak_pressure() -> None:
+    for profile, is_pointed in (
+        (lambda x, y: 0.3 * np.hypot(x, y), True),
+        (lambda x, y: np.sqrt(1e-8 + 0.09 * (x**2 + y**2)) - 1e-4, False),
+    ):
+        problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, profile),), Load("approach", (0.1,)))
+        assert any("peak pressure has no limit" in note for note in solve(problem, 1e-2).solved.notes) == is_pointed

@@ -82,7 +82,7 @@ def problem(**parts):
         ),
         (lambda: problem(layer=Layer(HUGE, 0.3, 1.0)), r"layer\.young: must be a number, got 1000"),
         (lambda: problem(balls=pair(((HUGE, 0), (0, 0)))), r"balls\.positions\[0\]: must be two numbers, x and y, got"),
-        (lambda: problem(load=Load("force", (HUGE, 1))), r"load\.force: must be a tuple of numbers"),
+        (lambda: problem(load=Load("force", (HUGE, 1))), r"load: must be Load\(kind, values\)"),
         (lambda: problem(periodic=Periodic((HUGE, 1))), r"periodic\.lengths: must be two lengths"),
         (lambda: problem(balls=(), load=Load("total_force", (1.0,))), r"balls\.positions: at least one ball is needed"),
     ],

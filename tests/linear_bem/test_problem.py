@@ -30,7 +30,9 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
     ("parts", "words"),
     [
         ({"layer": Layer("1 MPa", 0.3, 1.0)}, r"layer\.young: must be a number, got '1 MPa'"),
-        ({"load": Load("force", 0.1)}, r"load\.force: must be a tuple of numbers, got 0\.1"),
+        ({"load": Load("force", 0.1)}, r"load: must be Load\(kind, values\) with one .*, got 'force', 0\.1"),
+        ({"load": Load((0.1,), "force")}, r"load: must be Load\(kind, values\) with one .*, got \(0\.1,\), 'force'"),
+        ({"substrate": Layer(4.0, 0.3, 1.0)}, r"substrate: must be a half-space, .*, got a layer 1 m thick; a Surface"),
         ({"balls": (Ball((-1, 0, 0), 1),)}, r"balls\.positions\[0\]: must be two numbers, x and y, got \(-1, 0, 0\)"),
         ({"balls": Ball((0.0, 0.0), 1.0)}, r"balls: must be a tuple of Ball, .* as \(Ball\(...\),\), got Ball"),
         ({"balls": (1.0,)}, r"balls: must be a tuple of Ball, .* got \(1\.0,\)"),
@@ -70,7 +72,7 @@ def test_a_note_is_given_for_an_approach_as_large_as_the_thickness():
     for approach, noted in ((2.0, False), (6.0, True)):
         notes = solve(Problem(layer, (Ball((0.0, 0.0), 20.0),), Load("approach", (approach,))), 1e-2).solved.notes
         assert any("of the layer's thickness" in note for note in notes) == noted
-        assert any("up to about 0.9 ball radii" in note for note in notes) == noted
+        assert any("finite_strain solves approaches up to about 0.9 of it" in note for note in notes) == noted
 
 
 def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
@@ -108,6 +110,11 @@ def test_a_force_is_not_refused_for_what_the_base_gives_or_another_ball_bears():
     unlike = (Ball((0.0, 0.0), 10.0), Ball((20.0, 0.0), 0.05))  # a common approach: the small ball bears a hundredth
     assert not depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (10.0,))))
     assert depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (300.0,))))
+
+
+def test_a_load_may_be_an_array():
+    balls = tuple(Ball((x, 0.0), 1.0) for x in (-2.0, 2.0))
+    assert Problem(LAYER, balls, Load("approach", np.full(2, 0.1))).load == Load("approach", (0.1, 0.1))
 
 
 def test_a_depth_that_is_found_has_an_energy_and_its_derivative():

@@ -34,6 +34,18 @@ def test_a_step_that_was_printed_has_been_passed_on(capsys: pytest.CaptureFixtur
     assert "step 3   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   5 iterations" in capsys.readouterr().err
 
 
+def test_the_steps_of_three_balls_are_told_of_the_one_with_the_largest_force(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    balls = [
+        BallResult((x, 0.0), 1.0, 0.1, q, (t, 0.0), 0.0, 1.0, 0.1)
+        for x, q, t in ((-2.0, 0.2, 1e-3), (0.0, 0.2 + 1e-12, 0.0), (2.0, 0.2, -1e-3))
+    ]
+    progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None)
+    progress.step_done(Step(tuple(balls), {"step": 1}), lambda: None)
+    assert "step 1   ball 0   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   T/Q = 0.005" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("root", [True, False])
 def test_a_surface_that_nobody_keeps_is_not_gathered(root: bool) -> None:
     gathered, kept = [], []

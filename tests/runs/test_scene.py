@@ -121,6 +121,13 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ('thickness = "10 mm"', 'thickness = "-10 mm"', ["[layer] thickness", "greater than 0", '"-10 mm"', "example"]),
         ("poisson = 0.48", "poisson = 0.6", ["[layer] poisson", "between 0 and 0.5", "0.6"]),
         ("poisson = 0.48", 'poisson = "0.48"', ["[layer] poisson", "plain number"]),
+        ("poisson = 0.48", 'poisson = "0,48"', ["[layer] poisson", "plain number; write decimals with a point"]),
+        ('young = "57.4 kPa"', 'young = "57 k Pa"', ["[layer] young", '"k Pa" is not a unit, did you mean "kPa"?']),
+        (
+            'radius = "8 mm"',
+            'radius = "8 mm"\nfinite_strain = true',
+            ["it is a table of its own: write [finite_strain]"],
+        ),
         ("poisson = 0.48", "poisson = nan", ["[layer] poisson", "not nan"]),
         ("poisson = 0.48", "poisson = true", ["[layer] poisson", "plain number", "true"]),
         ("poisson = 0.48", "", ["[layer] poisson", "missing"]),
@@ -247,7 +254,7 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
             'force = "1 N"\n[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1',
             ["the plate's height is fixed", "not force", "prints the one D of all balls under total_force"],
         ),
-        ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "between 0 and 1"]),
+        ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "above 0 and below 1"]),
     ],
 )
 def test_a_fault_names_table_key_rule_and_value(old: str, new: str, words: list[str], tmp_path: Path) -> None:
