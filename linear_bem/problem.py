@@ -13,20 +13,17 @@ from typing import Literal
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.counts import listed
 from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem
 from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
-from linear_bem.magnitudes import is_number, range_faults
+from linear_bem.magnitudes import is_number, load_faults, range_faults
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
 from linear_bem.touching import overlap_faults, wrapped
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
-APPROACHES, FORCES = (1e-12, 1e9), (1e-18, 1e18)
-"""Least and largest approach over the radius, and force over E R^2, that are accepted."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
 
 
@@ -173,7 +170,8 @@ class Problem:
         if not balls and not sizes:
             faults += height_faults(ball.shape for ball in self.balls) or self._overlaps()
         if not sizes:
-            faults += self._load_faults()
+            kind, values, radii = self.load.kind, self.load.values, [ball.radius for ball in self.balls]
+            faults += load_faults(kind, values, radii, self.layer.young)
         if self.elements is not None and self.elements.form not in ("displacement", "mixed"):
             faults.append(f'elements.form: must be "displacement" or "mixed", got "{self.elements.form}"')
         if self.finite_strain is not None and isinstance(self.layer, SurfaceResponse):
@@ -301,30 +299,6 @@ class Problem:
             *range_faults(lengths, "m", largest, "the largest ball's radius"),
             *range_faults(moduli, "Pa", young, "the layer's"),
         ]
-
-    def _load_faults(self) -> list[str]:
-        kind, values = self.load.kind, self.load.values
-        if kind not in ("approach", "force", "total_force"):
-            return [f'load: must be "approach", "force" or "total_force", got "{kind}"']
-        expected = 1 if kind == "total_force" else len(self.balls)
-        faults = []
-        if len(values) != expected:
-            faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}")
-        if not all(math.isfinite(v) for v in values):
-            faults.append(f"load.{kind}: must be finite, got {listed(values)}")
-        elif kind == "approach" and values and not any(v > 0.0 for v in values):
-            faults.append(f"load.approach: at least one ball must be pressed in (> 0), got {listed(values)} m")
-        elif kind != "approach" and (min(values, default=0.0) < 0.0 or not any(v > 0.0 for v in values)):
-            faults.append(f"load.{kind}: must not be negative and not all zero, got {listed(values)} N")
-        else:
-            # one total force is compared with the first ball
-            for i, (value, ball) in enumerate(zip(values, self.balls, strict=False)):
-                unit = ball.radius if kind == "approach" else self.layer.young * ball.radius * ball.radius
-                least, most = (limit * unit for limit in (APPROACHES if kind == "approach" else FORCES))
-                if unit > 0.0 and (0.0 < value < least or value > most):
-                    rule = f"at most {most:.3g}" if value > most else f"at least {least:.3g}, or 0"
-                    faults.append(f"load.{kind}[{i}]: must be {rule}, got {value:g}")
-        return faults
 
 
 def _are_numbers(values: object) -> bool:

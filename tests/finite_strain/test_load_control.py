@@ -163,7 +163,7 @@ def test_forces_under_which_contacts_would_meet_are_refused() -> None:
 def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path) -> None:
     problem = pair(0.1).with_load("force", (7.0, 7.0))
     with pytest.raises(
-        UnsupportedProblem, match=r"^load\.force: .* 0\.9 of the layer's thickness, 1\.16 m, got 7 N, 93 % of which"
+        UnsupportedProblem, match=r"^load\.force: .* 0\.9 of the layer's thickness \(1\.16 m\), got 7 N, of which 93 %"
     ):
         finite_strain.solve(problem, tangential_force=0.3, numerics=COARSER, folder=tmp_path)
 

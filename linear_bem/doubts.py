@@ -1,0 +1,69 @@
+"""Notes on a solution that deserves doubt: where small strain does not hold, and own profiles that seem wrong."""
+
+import math
+
+import numpy as np
+
+from linear_bem.depth import MEANINGLESS, ball_depth_note, dent, large_strain_note
+from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
+from linear_bem.lifted_balls import Contacts
+from linear_bem.problem import Ball
+
+POINTED_SLOPE = 1e-3
+"""Slope right beside the axis that only a pointed tip exceeds."""
+NARROW = 3.0
+"""Approach over the contact radius of an own profile from which a note doubts its units."""
+
+
+def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
+    """Return a note on the first own profile that is pointed, or seems to be in another unit than the ball's radius.
+
+    In unlike units its contact is wider than the ball, or far narrower than its approach.
+    """
+    radii = np.sqrt(contacts.contact_areas / np.pi)
+    for number, (ball, radius, approach) in enumerate(
+        zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
+    ):
+        own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
+        if own and _is_pointed(ball):
+            return (f"the profile of ball {number} is pointed at its axis: its peak pressure has no limit",)
+        beside = f"exceeds the ball's radius, {ball.radius:g} m" if radius > ball.radius else ""
+        beside = f"is less than 1/{NARROW:g} of its approach" if approach > NARROW * radius else beside
+        if own and beside:
+            return (
+                f"the contact radius of ball {number}, {radius:.3g} m, {beside}; unless intended, check the units of "
+                "its profile and of its radius",
+            )
+    return ()
+
+
+def _is_pointed(ball: Ball) -> bool:
+    """Return whether an own profile has a tip: a slope right beside its axis, in all directions."""
+    near = 1e-9 * ball.radius
+    x, y = near * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    body = ball.indenter
+    heights = body.height(x, y) if isinstance(body, Indenter) else body(x, y)
+    return bool(np.min(np.asarray(heights)) > POINTED_SLOPE * near)
+
+
+def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
+    """Return notes where small strain does not hold: too deep for the layer, or for a round ball."""
+    problem, approaches = contacts.problem, contacts.approaches
+    notes = large_strain_note(problem.layer, float(np.max(approaches)), _given_by_base(contacts))
+    if any(MEANINGLESS in note for note in notes):
+        return notes
+    deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
+    round_balls = [k for k, ball in enumerate(problem.balls) if isinstance(ball.indenter, Sphere | Paraboloid)]
+    deepest = max((approaches[k] / problem.balls[k].radius for k in round_balls), default=0.0)
+    return deep + ball_depth_note(deepest)
+
+
+def _given_by_base(contacts: Contacts) -> float:
+    """Return about how deep [m] the substrate gives way under the deepest ball, by its own force and by the others'."""
+    problem, ball = contacts.problem, int(np.argmax(contacts.approaches))
+    substrate, forces = problem.substrate, contacts.normal_forces
+    own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(contacts.contact_areas[ball]))
+    if substrate is None or problem.size == 1 or problem.periodic is not None:
+        return own  # in a cell approaches do not contain the mean level of the base
+    away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
+    return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
