@@ -121,17 +121,10 @@ def solve(
     plan = plan_run(
         problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics, None if own is None else own.fit
     )
-    try:
-        from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
-        from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
-        from finite_strain.mpi import working_folder  # noqa: PLC0415
-        from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
-    except MissingDependency:
-        raise
-    except (ImportError, ValueError) as error:  # built for another numpy
-        raise MissingDependency(
-            f"{model} needs DOLFINx, which {sys.executable} cannot import: {error}; `thirdbody doctor` names the remedy"
-        ) from error
+    from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
+    from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
+    from finite_strain.mpi import working_folder  # noqa: PLC0415
+    from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
     check_own_energy(problem)
     with with_options(solver_options or {}), working_folder(None if folder is None else Path(folder), comm) as where:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import MissingDependency, ThirdBodyError, UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
 from runs.process.machine import slowness
@@ -127,10 +128,18 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
         if run.output is not None:
             chosen = {} if run.output.fields is None else {"names": run.output.fields}
             options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
-        return finite_strain.solve(
-            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
-            numerics=finite_strain.Numerics(**run.numerics), **options,
-        )  # fmt: skip
+        try:
+            return finite_strain.solve(
+                problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
+                numerics=finite_strain.Numerics(**run.numerics), **options,
+            )  # fmt: skip
+        except (ImportError, ValueError) as error:
+            if isinstance(error, ThirdBodyError) or "numpy" not in str(error):
+                raise
+            raise MissingDependency(  # built for another numpy
+                f"{kinematics} needs DOLFINx, which {sys.executable} cannot import: {error}; `thirdbody doctor` names "
+                "the remedy"
+            ) from error
 
     return solve
 
