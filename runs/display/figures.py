@@ -52,7 +52,7 @@ def draw_comparison(
     beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
-        ("approach", APPROACH, "^", "$S_D$: at equal approach (drawn a little to the right)"),
+        ("approach", APPROACH, "^", "$S_D$: at equal approach"),
     ):
         ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
         error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
@@ -63,7 +63,7 @@ def draw_comparison(
         x = [row["approach"] / length.size for row in between]
         factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
-    factors.set_xlabel(length.heading("approach $D$"))
+    factors.set_xlabel(f"{length.heading('approach $D$')} ($S_D$ is drawn a little to the right)")
     factors.set_ylabel("T finite / T linear")
     factors.set_xlim(left=0.0)
     factors.set_title("Finite over small strain")
